@@ -1,0 +1,1 @@
+"""Large-deformation frictional contact of rubber-like bodies on FEniCSx."""

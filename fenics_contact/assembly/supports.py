@@ -1,0 +1,60 @@
+"""Prescribed dofs and prescribed or pushed tools as functions of the load parameter t."""
+
+import numpy as np
+
+
+class Supports:
+    """Dofs with prescribed displacement.
+
+    entries: (dofs, value, X) with local dofs (ghosts included), value a number (ramped with t) or a function
+    value(X, t), X (n, 3) reference positions. ValueError if two entries contradict each other at t = 0 or t = 1.
+    """
+
+    def __init__(self, entries, owned_dofs, names):
+        self._entries = entries
+        dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
+        self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
+        self.owned = self.dofs[self.dofs < owned_dofs]
+        self.conflict = None
+        for t in (0.0, 0.5, 1.0):
+            values = self._all(t)
+            gap = np.abs(values - values[self._first][inverse])
+            if gap.size and gap.max() > 1e-12 * max(1.0, np.abs(values).max()):
+                sizes = np.cumsum([len(e[0]) for e in entries])
+                second = int(np.searchsorted(sizes, int(np.argmax(gap)), side="right"))
+                first = int(np.searchsorted(sizes, self._first[inverse[int(np.argmax(gap))]], side="right"))
+                self.conflict = (names[first], names[second])
+
+    def _all(self, t):
+        parts = [value(X, t) if callable(value) else np.full(len(dofs), value * t) for dofs, value, X in self._entries]
+        return np.concatenate(parts) if parts else np.empty(0)
+
+    def values(self, t):
+        """Prescribed displacements [length] of `dofs` at load parameter t."""
+        return self._all(t)[self._first]
+
+
+class ToolMotion:
+    """Rigid tools' travel: prescribed components follow a path, free ones balance a force.
+
+    paths: one function t -> (3,) [length] per tool; forces: one function t -> (3,) [force]; free (tools, 3) bool.
+    """
+
+    def __init__(self, paths, forces, free):
+        self._paths, self._forces = paths, forces
+        self.free = np.asarray(free, dtype=bool).reshape(len(paths), 3)
+
+    def __len__(self):
+        return len(self._paths)
+
+    def prescribed(self, t):
+        """Prescribed travel (tools, 3) at t; zero where the component is free."""
+        return np.where(self.free, 0.0, _stack(self._paths, t))
+
+    def forces(self, t):
+        """External forces (tools, 3) at t."""
+        return _stack(self._forces, t)
+
+
+def _stack(functions, t):
+    return np.array([f(t) for f in functions], dtype=float).reshape(len(functions), 3)

@@ -1,0 +1,175 @@
+"""The nonlinear system R(u, travel, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact import compat
+from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.timing import Timers
+
+
+@dataclass
+class State:
+    """Displacement u (Function, [length]), travel of the tools (tools, 3) [length] and load parameter t."""
+
+    u: object
+    travel: np.ndarray
+    t: float = 0.0
+
+
+class Term(Protocol):
+    """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes."""
+
+    name: str
+    symmetric: bool
+
+    def add_residual(self, state, residual, tool_residual): ...
+
+    def add_tangent(self, state, matrix, border): ...
+
+    def commit(self, state): ...
+
+
+class Border:
+    """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
+
+    def __init__(self, tools, dofs):
+        self.columns = np.zeros((3 * tools, dofs))
+        self.rows = np.zeros((3 * tools, dofs))
+        self.corner = np.zeros((3 * tools, 3 * tools))
+
+    def clear(self):
+        for part in (self.columns, self.rows, self.corner):
+            part[:] = 0.0
+
+
+class FormTerm:
+    """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear)."""
+
+    def __init__(self, name, residual, tangent=None, symmetric=True):
+        self.name, self.symmetric = name, symmetric
+        self.residual_form = compat.compile_form(residual)
+        self.tangent_form = compat.compile_form(tangent) if tangent is not None else None
+
+    def add_residual(self, state, residual, tool_residual):
+        compat.assemble_vector(residual, self.residual_form)
+
+    def add_tangent(self, state, matrix, border):
+        if self.tangent_form is not None:
+            compat.assemble_matrix(matrix, self.tangent_form)
+
+    def commit(self, state):
+        """Forms keep no history."""
+
+
+class System:
+    """Sum of terms with supports and tools; the steppers know nothing else.
+
+    space: vector space of u; terms: the first one has the matrix pattern; supports: Supports; tools: ToolMotion;
+    set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is not admissible.
+    """
+
+    def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None):
+        self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
+        self.set_loads, self.check = set_loads, check
+        self.timers = Timers()
+        self.space = state.u.function_space
+        self.comm = self.space.mesh.comm
+        self.matrix = compat.create_matrix(terms[0].tangent_form)
+        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        self.symmetric = all(term.symmetric for term in terms)
+        if self.symmetric:
+            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.vector = compat.petsc_vector(state.u)
+        self.residual_vector = self.vector.duplicate()
+        self._work = self.vector.duplicate()
+        self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
+        self.tool_residual = np.zeros((len(tools), 3))
+        self.force_scale = 0.0  # largest force norm seen in an accepted state
+        self._committed = self._snapshot()
+
+    # -- steps ----------------------------------------------------------------------------------------------------
+    def _snapshot(self):
+        return self.state.u.x.array.copy(), self.state.travel.copy(), self.state.t
+
+    def begin_step(self, t):
+        """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
+        self.state.t = t
+        self.set_loads(t)
+        owed = self.supports.values(t) - self.state.u.x.array[self.supports.dofs]
+        return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.travel)
+
+    def commit(self):
+        for term in self.terms:
+            term.commit(self.state)
+        self.force_scale = max(self.force_scale, self.forces)
+        self._committed = self._snapshot()
+
+    def rollback(self):
+        """Return to the last committed state."""
+        u, travel, t = self._committed
+        self.state.u.x.array[:] = u
+        self.state.travel[:] = travel
+        self.state.t = t
+        self.set_loads(t)
+
+    @property
+    def committed_t(self):
+        return self._committed[2]
+
+    def update(self, du, dq):
+        """Add a PETSc increment (owned part) and a travel increment to the state."""
+        self.vector.axpy(1.0, du)
+        copy_to_ghosts(self.vector)
+        self.state.travel += dq
+
+    # -- evaluation -----------------------------------------------------------------------------------------------
+    def assemble_residual(self):
+        """Fill residual_vector (supports' dofs zero) and tool_residual; returns the out-of-balance norm [force].
+
+        `forces` is then the largest norm of a single term, reactions included: the scale of the residual.
+        """
+        total = self.residual_vector
+        total.set(0.0)
+        tool_residual = np.zeros_like(self.tool_residual)
+        self.forces = 0.0
+        for term in self.terms:
+            with self.timers(f"residual: {term.name}"):
+                with self._work.localForm() as local:
+                    local.set(0.0)
+                    array = local.array_w
+                    term.add_residual(self.state, array, tool_residual)
+                sum_to_owners(self._work)
+                self.forces = max(self.forces, self._work.norm())
+                total.axpy(1.0, self._work)
+        self.tool_residual = self.comm.allreduce(tool_residual) - self.tools.forces(self.state.t)
+        with total.localForm() as local:
+            self.reactions = local.array_r[self.supports.dofs].copy()
+            local.array_w[self.supports.dofs] = 0.0
+        free = self.tool_residual[self.tools.free]
+        return float(np.hypot(total.norm(), np.linalg.norm(free)))
+
+    def assemble_tangent(self):
+        """Fill the matrix (supports not yet eliminated) and the border."""
+        self.matrix.zeroEntries()
+        if self.border is not None:
+            self.border.clear()
+        for term in self.terms:
+            with self.timers(f"tangent: {term.name}"):
+                term.add_tangent(self.state, self.matrix, self.border)
+        with self.timers("tangent: exchange"):
+            self.matrix.assemble()
+            if self.border is not None:
+                self.border.corner = self.comm.allreduce(self.border.corner)
+
+    def border_vector(self, values):
+        """Local array of a border row or column (owned and ghost dofs) -> PETSc vector summed over ranks."""
+        vector = self.vector.duplicate()
+        with vector.localForm() as local:
+            local.array_w[:] = values
+        sum_to_owners(vector)
+        return vector

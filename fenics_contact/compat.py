@@ -1,0 +1,149 @@
+"""Every difference between dolfinx 0.5, 0.9 and newer, chosen once at import by what the library can do."""
+
+try:
+    import dolfinx
+    from dolfinx import fem
+except ImportError as error:  # the one dependency pip cannot bring
+    raise ImportError(
+        "dolfinx is missing: install Debian's package python3-dolfinx and use /usr/bin/python3 or a virtual "
+        "environment made from it with --system-site-packages (`make demo` does both)"
+    ) from error
+
+import inspect
+
+import basix
+import dolfinx.fem.petsc as fem_petsc
+import dolfinx.mesh as dolfinx_mesh
+import numpy as np
+
+try:
+    from dolfinx.io import gmsh as gmsh_reader  # 0.10 and newer
+except ImportError:
+    from dolfinx.io import gmshio as gmsh_reader
+
+Function, Constant = fem.Function, fem.Constant
+DOLFINX_VERSION = dolfinx.__version__
+
+# A NaN must survive as NaN: solvers recognise an inverted element by it.
+_C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
+_JIT_NAME = "jit_options" if "jit_options" in inspect.signature(fem.form).parameters else "jit_params"
+_HAS_FUNCTIONSPACE = hasattr(fem, "functionspace")
+_HAS_PETSC_VEC = not hasattr(fem.Function, "vector")
+
+
+def lagrange_space(mesh, degree, shape=()):
+    """Continuous Lagrange space of scalars or, with shape (3,), of vectors."""
+    return _space(mesh, "Lagrange", degree, shape)
+
+
+def constant_space(mesh, shape=()):
+    """One value (scalar, vector or tensor of `shape`) per cell."""
+    return _space(mesh, "DG", 0, shape)
+
+
+def _space(mesh, family, degree, shape):
+    if _HAS_FUNCTIONSPACE:
+        return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
+    make = {0: fem.FunctionSpace, 1: fem.VectorFunctionSpace, 2: fem.TensorFunctionSpace}[len(shape)]
+    return make(mesh, (family, degree))
+
+
+def compile_form(form):
+    """UFL form -> compiled form, with flags that let the C compiler vectorise."""
+    return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": _C_FLAGS}})
+
+
+def interpolate_expression(function, ufl_expression):
+    """Interpolate a UFL expression into a Function of a space with point evaluations."""
+    points = function.function_space.element.interpolation_points
+    points = points() if callable(points) else points
+    function.interpolate(fem.Expression(ufl_expression, points))
+
+
+def create_matrix(compiled_form):
+    return fem_petsc.create_matrix(compiled_form)
+
+
+def assemble_matrix(matrix, compiled_form):
+    """Add the form to a PETSc matrix; the caller finalises it."""
+    fem_petsc.assemble_matrix(matrix, compiled_form)
+
+
+def assemble_vector(array, compiled_form):
+    """Add the form to a local array (owned and ghost dofs), without exchange between ranks."""
+    fem.assemble_vector(array, compiled_form)
+
+
+def petsc_vector(function):
+    """Ghosted PETSc vector that shares memory with a Function."""
+    return function.x.petsc_vec if _HAS_PETSC_VEC else function.vector
+
+
+def mesh_from_gmsh(model, comm, rank):
+    """gmsh model on one rank -> (mesh, cell tags, facet tags) on all."""
+    data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
+    if hasattr(data, "cell_tags"):
+        return data.mesh, data.cell_tags, data.facet_tags
+    return data[0], data[1], data[2]
+
+
+def geometry_dofmap(mesh):
+    """(cells, nodes per cell) array of geometry nodes."""
+    dofmap = mesh.geometry.dofmap
+    return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
+
+
+def cell_dofs(space):
+    """(cells, block dofs per cell) array of a space's local block numbers."""
+    dofs = space.dofmap.list
+    return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(space.mesh.topology.connectivity(3, 0).num_nodes, -1)
+
+
+def facet_closure_dofs(space, facet):
+    """Cell-local block dofs on the closure of the cell's facet number `facet`."""
+    return np.asarray(space.dofmap.dof_layout.entity_closure_dofs(2, facet), dtype=np.int32)
+
+
+def cell_name(mesh):
+    """'hexahedron', 'tetrahedron', ..."""
+    return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(".")[-1]
+
+
+def basix_element(cell, degree):
+    """The scalar Lagrange element whose dofs dolfinx numbers."""
+    return basix.create_element(
+        basix.ElementFamily.P, getattr(basix.CellType, cell), degree, basix.LagrangeVariant.gll_warped
+    )
+
+
+def tabulate(element, derivatives, points):
+    """Values of the basis (and derivatives) at points: (1 + 3 d, points, dofs)."""
+    return element.tabulate(derivatives, points)[..., 0]
+
+
+def global_blocks(space):
+    """Global block number of every local (owned, then ghost) block dof."""
+    index_map = space.dofmap.index_map
+    return index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
+
+
+def locate_blocks(space, facets):
+    """Local block dofs on facets, ghosts included on every rank that sees them."""
+    return fem.locate_dofs_topological(space, 2, np.asarray(facets, dtype=np.int32))
+
+
+def meshtags(mesh, dim, entities, values):
+    order = np.argsort(entities)
+    return dolfinx_mesh.meshtags(mesh, dim, entities[order].astype(np.int32), values[order].astype(np.int32))
+
+
+def cell_evaluator(mesh, ufl_expression, points):
+    """Function () -> (owned cells, points * size) of a UFL expression at reference points, on the current state."""
+    expression = fem.Expression(ufl_expression, np.atleast_2d(points))
+    cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    with_mesh = "mesh" in inspect.signature(expression.eval).parameters
+
+    def evaluate():
+        return expression.eval(mesh, cells) if with_mesh else expression.eval(cells)
+
+    return evaluate

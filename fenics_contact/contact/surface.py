@@ -1,0 +1,134 @@
+"""Slave points of a boundary group: nodes with tributary areas, or Gauss points of its facets."""
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.assembly.exchange import sum_to_owners
+
+
+@dataclass
+class SlaveSurface:
+    """Slave points this rank evaluates, grouped into elements whose points move with the same nodes.
+
+    nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point; area (ne, nq) tributary reference
+    area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the height of
+    the cell beneath [pressure/length]; cell_height: largest such height [length] over all ranks.
+    """
+
+    nodes: np.ndarray
+    a: np.ndarray
+    area: np.ndarray
+    X: np.ndarray
+    stiffness: np.ndarray
+    cell_height: float
+
+    @property
+    def points(self):
+        """Number of slave points on this rank."""
+        return self.area.size
+
+
+def slave_surface(space, facets, modulus, points="nodes"):
+    """Slave points on the exterior facets of a group.
+
+    space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes", or the number
+    of Gauss points per direction of a facet. ValueError where nodes have no tributary area (quadratic triangles).
+    """
+    mesh = space.mesh
+    cell = compat.cell_name(mesh)
+    degree = space.ufl_element().degree() if callable(space.ufl_element().degree) else space.ufl_element().degree
+    cells, local = _cells_of(mesh, facets)
+    order = points if points != "nodes" else 2 * degree
+    geometry = [_facet_quadrature(mesh, cell, degree, order, cells[local == f], f) for f in range(_facets_per_cell(cell))]
+    nodes = np.concatenate(
+        [compat.cell_dofs(space)[cells[local == f]][:, compat.facet_closure_dofs(space, f)] for f in range(len(geometry))]
+    )
+    a = np.concatenate([np.broadcast_to(values, (len(area), *values.shape)) for values, area in geometry])
+    area = np.concatenate([area for _, area in geometry])
+    owner = np.concatenate([cells[local == f] for f in range(len(geometry))])
+    height = _cell_volumes(mesh)[owner] / np.maximum(area.sum(axis=1), 1e-300)
+    stiffness = modulus[owner] / height
+    tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
+    X = space.tabulate_dof_coordinates()
+    if points == "nodes":
+        nodes, a, area, stiffness = _gather_to_nodes(space, nodes, a, area, stiffness)
+    return SlaveSurface(
+        np.ascontiguousarray(nodes, dtype=np.int32), np.ascontiguousarray(a), area, X[nodes], stiffness, tallest
+    )
+
+
+def _cells_of(mesh, facets):
+    """The owned cell behind each exterior facet and the facet's number in that cell; other facets are dropped."""
+    facet_cells = mesh.topology.connectivity(2, 3)
+    cell_facets = mesh.topology.connectivity(3, 2)
+    offsets = facet_cells.offsets
+    facets = np.asarray(facets, dtype=np.int64)
+    facets = facets[offsets[facets + 1] - offsets[facets] == 1]
+    cells = facet_cells.array[offsets[facets]]
+    mine = cells < mesh.topology.index_map(3).size_local
+    facets, cells = facets[mine], cells[mine]
+    per_cell = cell_facets.array.reshape(-1, _facets_per_cell(compat.cell_name(mesh)))
+    return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)
+
+
+def _facets_per_cell(cell):
+    return {"hexahedron": 6, "tetrahedron": 4}[cell]
+
+
+def _facet_quadrature(mesh, cell, degree, order, cells, facet):
+    """Weights of the facet's nodes in its Gauss points (nq, k), and the points' reference areas (ncells, nq)."""
+    kind = getattr(basix.CellType, cell)
+    corners = basix.geometry(kind)[basix.topology(kind)[2][facet]]
+    flat = basix.CellType.quadrilateral if len(corners) == 4 else basix.CellType.triangle
+    s, w = basix.make_quadrature(flat, 2 * order - 1)
+    edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]])
+    reference = corners[0] + s @ edges
+
+    element = compat.basix_element(cell, degree)
+    closure = element.entity_closure_dofs[2][facet]
+    values = compat.tabulate(element, 0, reference)[0][:, closure]
+
+    coordinate = compat.basix_element(cell, _geometry_degree(mesh))
+    gradients = compat.tabulate(coordinate, 1, reference)[1:]
+    x = mesh.geometry.x[compat.geometry_dofmap(mesh)[cells]]
+    tangents = np.einsum("tr,rqd,cdx->tcqx", edges, gradients, x)
+    return values, np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1) * w
+
+
+def _geometry_degree(mesh):
+    count = compat.geometry_dofmap(mesh).shape[1]
+    return 1 if count in (4, 8) else 2
+
+
+def _cell_volumes(mesh):
+    """Volume of each local cell (owned and ghost)."""
+    cell = compat.cell_name(mesh)
+    s, w = basix.make_quadrature(getattr(basix.CellType, cell), 4)
+    gradients = compat.tabulate(compat.basix_element(cell, _geometry_degree(mesh)), 1, s)[1:]
+    x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
+    return np.abs(np.linalg.det(np.einsum("rqd,cdx->cqrx", gradients, x))) @ w
+
+
+def _gather_to_nodes(space, nodes, a, area, stiffness):
+    """Tributary areas and mean stiffness of the owned nodes, summed over the facets of all ranks."""
+    sums = compat.Function(space)
+    local = sums.x.array.reshape(-1, 3)
+    share = np.einsum("eq,eqk->ek", area, a)
+    np.add.at(local[:, 0], nodes, share)
+    np.add.at(local[:, 1], nodes, share * stiffness[:, None])
+    np.add.at(local[:, 2], nodes, 1.0)
+    sum_to_owners(compat.petsc_vector(sums))
+    owned = local[: space.dofmap.index_map.size_local]
+    mine = np.flatnonzero(owned[:, 2] > 0)
+    failed = bool(np.any(owned[mine, 0] < 1e-6 * owned[mine, 0].max(initial=0.0)))
+    if space.mesh.comm.allreduce(failed, op=MPI.MAX):
+        raise ValueError(
+            "corner nodes of quadratic triangles have no tributary area: use points=3 (Gauss points) for this contact"
+        )
+    tributary = owned[mine, 0]
+    one = np.ones((len(mine), 1, 1))
+    return mine[:, None], one, tributary[:, None], owned[mine, 1] / tributary

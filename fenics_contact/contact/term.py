@@ -1,0 +1,112 @@
+"""Contact of a slave surface with a rigid tool as one term of a System: forces, tangent, history."""
+
+import numpy as np
+
+from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements
+from fenics_contact.kernels.scatter import scatter_border, scatter_forces
+from fenics_contact.kernels.status import OPEN, STICK
+
+# Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
+TOUCH = 1e-10
+
+
+class RigidContact:
+    """Penalty contact with Coulomb friction between slave points and a rigid tool.
+
+    surface: SlaveSurface; tool: RigidTool; index: row of the tool in the state's travel; friction: Coulomb's mu;
+    normal_penalty, tangential_penalty (ne,) [pressure/length]. Evaluation is pure; `commit` writes the anchors.
+    """
+
+    def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
+        self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
+        self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
+        self.symmetric = friction == 0.0
+        self.touch = TOUCH * surface.cell_height
+        ne, k = surface.nodes.shape
+        nq = surface.area.shape[1]
+        self._force = np.zeros((ne, k, 3))
+        self._tangent = np.zeros((ne, 3 * k, 3 * k))
+        self._arm = np.zeros((ne, k, 3, 3))
+        self.traction = np.zeros((ne, nq, 3))
+        self.gap = np.zeros((ne, nq))
+        self.status = np.zeros((ne, nq), dtype=np.int32)
+        self.excess = np.zeros((ne, nq))
+        self.slip_path = np.zeros((ne, nq))
+        self._anchor = np.zeros((ne, nq, 3))
+
+    def initialise(self, state):
+        """Anchor every point at its projection in the initial state."""
+        self._commit(state, mu=0.0, touch=-np.inf)
+
+    def _tool_arguments(self, state):
+        tool = self.tool
+        return tool.kind, tool.shape, tool.origin, tool.axes, state.travel[self.index]
+
+    def evaluate(self, state, want_tangent):
+        """Evaluate all points; returns the numbers of the elements in contact."""
+        s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
+        contact_elements(
+            s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
+            self.normal_penalty, self.tangential_penalty, self.friction, self.touch, want_tangent,
+            self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess,
+        )  # fmt: skip
+        return np.flatnonzero((self.status != OPEN).any(axis=1))
+
+    def add_residual(self, state, residual, tool_residual):
+        """Add a area T to the slave nodes' forces and its opposite to the tool's, (14)."""
+        active = self.evaluate(state, False)
+        scatter_forces(active, self.surface.nodes, self._force, residual)
+        tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
+
+    def add_tangent(self, state, matrix, border):
+        active = self.evaluate(state, True)
+        nodes = self.surface.nodes[active]
+        if len(active):
+            matrix.setValuesBlockedLocalRCV(nodes, nodes, self._tangent[active], addv=True)
+        if border is not None:
+            mine = slice(3 * self.index, 3 * self.index + 3)
+            scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
+            border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
+
+    def commit(self, state):
+        """Accept the state: the only place where friction history changes."""
+        self.evaluate(state, False)
+        self._commit(state, self.friction, self.touch)
+
+    def _commit(self, state, mu, touch):
+        s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
+        new = np.empty_like(self._anchor)
+        sliding = np.empty_like(self.gap)
+        committed_anchors(
+            s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
+            self.normal_penalty, self.tangential_penalty, mu, touch, new, sliding,
+        )  # fmt: skip
+        self._anchor = new
+        self.slip_path = self.slip_path + sliding
+
+    def statuses(self):
+        """Status code of every point of this rank, flat."""
+        return self.status.ravel()
+
+    def measures(self, state, comm):
+        """Sums over all ranks for the history: force and moment on the body [force, force x length], areas, counts."""
+        s = self.surface
+        x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
+        force = -self.traction * s.area[..., None]
+        closed = self.status != OPEN
+        sums = np.concatenate([
+            force.sum(axis=(0, 1)),
+            np.cross(x, force).sum(axis=(0, 1)),
+            [s.area[closed].sum(), closed.sum(), (self.status == STICK).sum(), s.area.size],
+        ])  # fmt: skip
+        sums = comm.allreduce(sums)
+        deepest = -min(comm.allgather(self.gap.min(initial=0.0)))
+        return {
+            "force": sums[:3],
+            "moment": sums[3:6],
+            "area": sums[6],
+            "active": int(sums[7]),
+            "sticking": int(sums[8]),
+            "points": int(sums[9]),
+            "penetration": deepest,
+        }

@@ -1,0 +1,94 @@
+"""Rigid tools as analytic surfaces: what the user states, checked, and what the kernels need of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.kernels import rigid_shapes
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTool:
+    """A rigid body without mesh and without dofs; scenes move it along a path or push it with a force.
+
+    kind, shape (4,): kernel's shape code and lengths; axes (3, 3): columns are the tool's axes; origin (3,): its frame's
+    place at the start [length]; size: a length of the tool; edge: what the output says of its edges.
+    """
+
+    name: str
+    kind: int
+    shape: np.ndarray
+    axes: np.ndarray
+    origin: np.ndarray
+    edge: str = "none"
+
+
+def _vector(values, what):
+    vector = np.asarray(values, dtype=float)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise ValueError(f"{what} must be three finite numbers, not {values!r}")
+    return vector
+
+
+def _axes(third, what):
+    """Right-handed orthonormal axes whose third is along `third`, aligned with x, y, z where that is possible."""
+    third = _vector(third, what)
+    length = np.linalg.norm(third)
+    if length == 0.0:
+        raise ValueError(f"{what} must not be the zero vector")
+    third = third / length
+    helper = np.eye(3)[0] if abs(third[0]) < 0.9 else np.eye(3)[1]
+    second = np.cross(third, helper)
+    second /= np.linalg.norm(second)
+    return np.column_stack([np.cross(second, third), second, third])
+
+
+def _length(value, what, zero=False):
+    if not np.isfinite(value) or value < 0.0 or (value == 0.0 and not zero):
+        raise ValueError(f"{what} = {value} must be a positive length" + (" or zero" if zero else ""))
+    return float(value)
+
+
+def rigid_plane(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), name="plane"):
+    """Half-space behind the plane through `point` whose outward `normal` points at the body."""
+    axes = _axes(normal, f"{name}: normal")
+    return RigidTool(name, rigid_shapes.PLANE, np.zeros(4), axes, _vector(point, f"{name}: point"))
+
+
+def rigid_punch(
+    half_width,
+    height,
+    face=(0.0, 0.0, 0.0),
+    half_depth=None,
+    direction=(0.0, 0.0, -1.0),
+    fillet=0.0,
+    name="punch",
+):
+    """Flat rectangular punch: `face` is the centre of its flat face, `direction` points out of that face at the body.
+
+    half_width along its first axis (x for a punch along z), half_depth along its second (square by default), height of
+    the sides, fillet: radius of all its edges; 0 is a sharp edge [all lengths].
+    """
+    half = _length(half_width, f"{name}: half_width")
+    depth = half if half_depth is None else _length(half_depth, f"{name}: half_depth")
+    tall = _length(height, f"{name}: height") / 2
+    fillet = _length(fillet, f"{name}: fillet", zero=True)
+    if fillet > min(half, depth, tall):
+        raise ValueError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
+    axes = _axes(direction, f"{name}: direction")
+    origin = _vector(face, f"{name}: face") - tall * axes[:, 2]
+    edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
+    return RigidTool(name, rigid_shapes.BOX, np.array([half, depth, tall, fillet]), axes, origin, edge)
+
+
+def rigid_sphere(radius, centre, name="sphere"):
+    """Ball of `radius` about `centre` [lengths]."""
+    shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
+    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), _vector(centre, f"{name}: centre"))
+
+
+def rigid_cylinder(radius, point, axis=(0.0, 1.0, 0.0), name="cylinder"):
+    """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]."""
+    shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
+    axes = _axes(axis, f"{name}: axis")
+    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, _vector(point, f"{name}: point"))

@@ -1,0 +1,1 @@
+"""Pure Numba functions on float64 arrays: shapes, gaps, normals, laws and contact elements."""

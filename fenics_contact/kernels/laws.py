@@ -1,0 +1,73 @@
+"""Normal penalty law and Coulomb return mapping of one slave point, with their exact derivatives."""
+
+import math
+
+from numba import njit
+
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+
+
+@njit(cache=True)
+def coulomb_return(trial, limit, traction):
+    """Return the trial traction (3,) radially to the cone |T_T| <= limit (16); fills traction (3,), gives the status."""
+    size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
+    if size <= limit:
+        traction[:] = trial
+        return STICK
+    traction[:] = trial * (limit / size)
+    return SLIP
+
+
+@njit(cache=True)
+def point_traction(
+    gap, n, H, elastic_slip, eps_n, eps_t, mu, touch, want_tangent, trial, traction, tangential, dtrial, dT
+):
+    """Contact traction T = N n + T_T of a slave point on a fixed surface, and dT/dx of the slave position.
+
+    gap: signed distance [length]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,): x_M - anchor.
+    eps_n, eps_t: penalties [pressure/length]; mu: friction coefficient; touch: gaps up to this round-off length count
+    as closed. Fills traction (3,) and its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted;
+    trial (3,) and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
+    """
+    tangential[:] = 0.0
+    if gap > touch:
+        traction[:] = 0.0
+        dT[:, :] = 0.0
+        return OPEN
+    N = eps_n * gap  # penalty law before (15)
+    traction[:] = N * n
+    if want_tangent:
+        for i in range(3):
+            for j in range(3):
+                dT[i, j] = eps_n * n[i] * n[j] + N * H[i, j]  # (26) for a surface of normal gradient H
+    if mu == 0.0:
+        return CLOSED
+
+    along = n[0] * elastic_slip[0] + n[1] * elastic_slip[1] + n[2] * elastic_slip[2]
+    trial[:] = eps_t * (elastic_slip - along * n)  # P(n) (x_M - x_anchor) replaces xi(k+1) - xi(k), theory section 2
+    limit = mu * max(-N, 0.0)
+    status = coulomb_return(trial, limit, tangential)
+    traction[:] += tangential
+    if want_tangent:
+        _friction_tangent(gap, n, H, elastic_slip, along, eps_n, eps_t, mu, limit, status, trial, dtrial, dT)
+    return status
+
+
+@njit(cache=True)
+def _friction_tangent(gap, n, H, z, along, eps_n, eps_t, mu, limit, status, trial, dtrial, dT):
+    """Add d(T_T)/dx: (27) in stick, (28) with the d|N| block in slip."""
+    for j in range(3):
+        Hz = H[0, j] * z[0] + H[1, j] * z[1] + H[2, j] * z[2]
+        for i in range(3):
+            # d(x_M)/dx = I - n n - g H and dP z = -(dn (n.z) + n (dn.z))
+            dtrial[i, j] = eps_t * (-n[i] * n[j] - gap * H[i, j] - along * H[i, j] - n[i] * Hz)
+        dtrial[j, j] += eps_t
+    if status == STICK:
+        dT[:, :] += dtrial
+        return
+    size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
+    for j in range(3):
+        t_dtrial = (trial[0] * dtrial[0, j] + trial[1] * dtrial[1, j] + trial[2] * dtrial[2, j]) / size
+        for i in range(3):
+            t = trial[i] / size
+            dT[i, j] += limit / size * (dtrial[i, j] - t * t_dtrial) - mu * eps_n * t * n[j]

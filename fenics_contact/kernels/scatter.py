@@ -1,0 +1,23 @@
+"""Addition of element forces and couplings into arrays of local dofs, three per node."""
+
+from numba import njit
+
+
+@njit(cache=True)
+def scatter_forces(elements, nodes, force, out):
+    """out[3 node + c] += force[e, i, c] over the listed elements; nodes (ne, k), force (ne, k, 3), out (dofs,)."""
+    for e in elements:
+        for i in range(nodes.shape[1]):
+            for c in range(3):
+                out[3 * nodes[e, i] + c] += force[e, i, c]
+
+
+@njit(cache=True)
+def scatter_border(elements, nodes, arm, column, row):
+    """Couplings with a tool's travel: column[d, dof] = dR_dof/dq_d and row[c, dof] = dR_c/du_dof, both (3, dofs)."""
+    for e in elements:
+        for i in range(nodes.shape[1]):
+            for c in range(3):
+                for d in range(3):
+                    column[d, 3 * nodes[e, i] + c] -= arm[e, i, c, d]
+                    row[c, 3 * nodes[e, i] + d] -= arm[e, i, c, d]

@@ -1,0 +1,305 @@
+"""The user's vocabulary: bodies, supports, loads and contacts; checks them and builds the System."""
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.supports import Supports, ToolMotion
+from fenics_contact.assembly.system import FormTerm, State, System
+from fenics_contact.contact.surface import slave_surface
+from fenics_contact.contact.term import RigidContact
+from fenics_contact.contact.tools import RigidTool
+from fenics_contact.materials import Hyperelastic, Isotropic
+from fenics_contact.mesh_io import NamedMesh
+
+AXES = {"x": 0, "y": 1, "z": 2}
+# Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
+PENALTY_FACTOR = 100.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """A named volume of a mesh and the strain energy of its material."""
+
+    mesh: NamedMesh
+    group: str
+    material: Isotropic | Hyperelastic
+
+
+@dataclass(frozen=True)
+class _Contact:
+    name: str
+    slave: tuple
+    master: RigidTool
+    friction: float
+    penalty: float | None
+    tangential_penalty: float | None
+    points: object
+
+
+class SceneError(ValueError):
+    """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
+
+
+def young(material):
+    """Young's modulus at rest [pressure]."""
+    mu, K = material.shear_modulus, material.bulk_modulus
+    return 9 * K * mu / (3 * K + mu)
+
+
+class Scene:
+    """Bodies of one mesh with their supports, loads and contacts.
+
+    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2.
+    """
+
+    def __init__(self, *bodies, degree=1):
+        if not bodies:
+            raise SceneError("a scene needs at least one Body")
+        if degree not in (1, 2):
+            raise SceneError(f"degree = {degree}: displacements of degree 1 and 2 are supported")
+        self.mesh = bodies[0].mesh
+        if any(body.mesh is not self.mesh for body in bodies):
+            raise SceneError("all bodies of a scene live in one mesh: give them as named volumes of one gmsh model")
+        left = set(self.mesh.volumes) - {body.group for body in bodies}
+        for body in bodies:
+            self.mesh.volume_tag(body.group)
+        if left:
+            raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
+        self.bodies, self.degree = bodies, degree
+        self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
+        self.contacts, self.loads, self._supports = [], [], []
+
+    # -- statements -----------------------------------------------------------------------------------------------
+    def fix(self, group, axis="xyz"):
+        """No displacement of a surface along the axes named, e.g. axis="x" for a symmetry plane."""
+        for letter in axis:
+            self.prescribe(group, letter, 0.0)
+
+    def prescribe(self, group, axis, value):
+        """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t)."""
+        if axis not in AXES:
+            raise SceneError(f"axis '{axis}' is not one of x, y, z")
+        if not callable(value) and not np.isfinite(value):
+            raise SceneError(f"prescribed displacement of '{group}' along {axis} is {value}; give a finite number")
+        self._facets(group)
+        self._supports.append((_names(group), AXES[axis], value))
+
+    def traction(self, group, vector):
+        """Dead traction per reference area on a surface [pressure], reached at t = 1; fixed in direction."""
+        self._facets(group)
+        self.loads.append((_names(group), _finite(vector, f"traction on '{group}'")))
+
+    def body_force(self, vector):
+        """Force per reference volume on all bodies [force/length^3], reached at t = 1."""
+        self.loads.append((None, _finite(vector, "body force")))
+
+    def contact(
+        self, slave, master, friction=0.0, penalty=None, tangential_penalty=None, points="nodes", name=None
+    ):
+        """Contact of a surface (or a tuple of surfaces) with a rigid tool.
+
+        friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
+        slave point; points: "nodes" (the paper), or Gauss points per direction of each facet.
+        """
+        name = name or f"{'+'.join(_names(slave))} on {getattr(master, 'name', master)}"
+        if not isinstance(master, RigidTool):
+            raise SceneError(f"contact '{name}': master must be a rigid tool, e.g. rigid_plane(...), not {master!r}")
+        if not (np.isfinite(friction) and friction >= 0.0):
+            raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
+        for label, value in (("penalty", penalty), ("tangential_penalty", tangential_penalty)):
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise SceneError(f"contact '{name}': {label} = {value} must be positive [pressure/length]")
+        if points != "nodes" and (not isinstance(points, int) or points < 1):
+            raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes' or a count of Gauss points")
+        if any(name == other.name for other in self.contacts):
+            raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
+        self._facets(slave)
+        self.contacts.append(_Contact(name, _names(slave), master, friction, penalty, tangential_penalty, points))
+
+    @property
+    def tools(self):
+        """The rigid tools of all contacts, each once, in order of appearance."""
+        return list(dict.fromkeys(contact.master for contact in self.contacts))
+
+    def _facets(self, group):
+        try:
+            facets = self.mesh.facets(*_names(group))
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+        if self.mesh.comm.allreduce(len(facets)) == 0:
+            raise SceneError(f"surface '{group}' has no facets; give it some in the gmsh script")
+        return facets
+
+    # -- construction ---------------------------------------------------------------------------------------------
+    def system(self, move=None, push=None):
+        """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
+        or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
+        motion = self._motion(move or {}, push or {})
+        u = compat.Function(self.space, name="displacement")
+        state = State(u, np.zeros((len(self.tools), 3)))
+        loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, value) for group, value in self.loads]
+        terms = [self._solid(u, loads)]
+        supports = self._support_dofs()
+        modulus = self._modulus_by_cell()
+        contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
+        for term in contacts:
+            term.initialise(state)
+        self._refuse_loose(contacts, supports)
+
+        def set_loads(t):
+            for constant, _, value in loads:
+                constant.value[:] = t * value
+
+        smallest = self.volume_ratio(u)
+
+        def check():
+            worst = smallest()
+            return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
+
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
+        system.contacts = contacts
+        self._refuse_deep_start(system)
+        return system
+
+    def dx(self, body):
+        degree = 2 * self.degree + 1
+        measure = ufl.Measure(
+            "dx", domain=self.mesh.domain, subdomain_data=self.mesh.cell_tags, metadata={"quadrature_degree": degree}
+        )
+        return measure(self.mesh.volume_tag(body.group))
+
+    def ds(self, group):
+        measure = ufl.Measure(
+            "ds",
+            domain=self.mesh.domain,
+            subdomain_data=self.mesh.facet_tags,
+            metadata={"quadrature_degree": 2 * self.degree + 1},
+        )
+        return measure(self.mesh.surface_tags(*_names(group)))
+
+    def _solid(self, u, loads):
+        v, du = ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        power = sum(vp.stress_power(body.material, u, v, self.dx(body)) for body in self.bodies)
+        rate = sum(vp.stress_power_rate(body.material, u, du, v, self.dx(body)) for body in self.bodies)
+        for constant, group, _ in loads:
+            if group is None:
+                power -= sum(vp.body_force_power(constant, v, self.dx(body)) for body in self.bodies)
+            else:
+                power -= vp.dead_traction_power(constant, v, self.ds(group))
+        return FormTerm("solid", power, rate)
+
+    def _support_dofs(self):
+        X = self.space.tabulate_dof_coordinates()
+        entries, names = [], []
+        for group, axis, value in self._supports:
+            blocks = compat.locate_blocks(self.space, self.mesh.facets(*group))
+            prescribed = (lambda value, axis: lambda X, t: value(X, t))(value, axis) if callable(value) else value
+            entries.append((3 * blocks + axis, prescribed, X[blocks]))
+            names.append(f"{'+'.join(group)} along {'xyz'[axis]}")
+        owned = 3 * self.space.dofmap.index_map.size_local
+        supports = Supports(entries, owned, names)
+        conflicts = [c for c in self.mesh.comm.allgather(supports.conflict) if c]
+        if conflicts:
+            raise SceneError(f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}")
+        return supports
+
+    def _motion(self, move, push):
+        for tool in [*move, *push]:
+            if tool not in self.tools:
+                raise SceneError(f"tool '{getattr(tool, 'name', tool)}' is moved or pushed but is in no contact")
+        paths, forces, free = [], [], []
+        for tool in self.tools:
+            if tool in move and tool in push:
+                raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
+            paths.append(_ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
+            forces.append(_ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
+            free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
+            if tool in push and not free[-1].any():
+                raise SceneError(f"push of '{tool.name}' has no force in any direction")
+        return ToolMotion(paths, forces, free)
+
+    def _modulus_by_cell(self):
+        cells = self.mesh.domain.topology.index_map(3)
+        modulus = np.zeros(cells.size_local + cells.num_ghosts)
+        for body in self.bodies:
+            mine = self.mesh.cell_tags.indices[self.mesh.cell_tags.values == self.mesh.volume_tag(body.group)]
+            modulus[mine] = young(body.material)
+        return modulus
+
+    def _contact_term(self, contact, modulus):
+        surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, contact.points)
+        default = PENALTY_FACTOR * surface.stiffness
+        normal = np.full_like(default, contact.penalty) if contact.penalty else default
+        tangential = np.full_like(default, contact.tangential_penalty) if contact.tangential_penalty else normal
+        index = self.tools.index(contact.master)
+        return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
+
+    def _refuse_loose(self, contacts, supports):
+        """No body may be free to translate where neither a support nor a contact holds it."""
+        comm = self.mesh.comm
+        for body in self.bodies:
+            tags = self.mesh.cell_tags
+            cells = tags.indices[tags.values == self.mesh.volume_tag(body.group)]
+            blocks = np.unique(compat.cell_dofs(self.space)[cells])
+            held = {
+                letter
+                for letter, axis in AXES.items()
+                if comm.allreduce(int(np.isin(3 * blocks + axis, supports.dofs).sum()))
+            }
+            for contact in contacts:
+                if comm.allreduce(int(np.isin(contact.surface.nodes, blocks).sum())):
+                    held |= set("xyz") if contact.friction > 0.0 else _directions(contact.tool)
+            if loose := sorted(set("xyz") - held):
+                raise SceneError(
+                    f"nothing holds body '{body.group}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
+                    "add a contact that holds it"
+                )
+
+    def _refuse_deep_start(self, system):
+        for contact in system.contacts:
+            contact.evaluate(system.state, False)
+            deepest = -min(self.mesh.comm.allgather(contact.gap.min(initial=0.0)))
+            if deepest > contact.surface.cell_height:
+                raise SceneError(
+                    f"contact '{contact.name}': the tool starts {deepest:.3g} inside the body, deeper than a cell of height "
+                    f"{contact.surface.cell_height:.3g}; move its starting place outwards"
+                )
+
+    def volume_ratio(self, u):
+        """Function () -> smallest J = det F over the quadrature points of all ranks."""
+        cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
+        points, _ = basix.make_quadrature(cell, 2 * self.degree + 1)
+        evaluate = compat.cell_evaluator(self.mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
+        return lambda: self.mesh.comm.allreduce(float(np.min(evaluate(), initial=np.inf)), op=MPI.MIN)
+
+
+def _names(group):
+    return (group,) if isinstance(group, str) else tuple(group)
+
+
+def _directions(tool):
+    """Axes along which a frictionless tool can hold a body: those its normals have a part in."""
+    if tool.kind == 0:
+        return {letter for letter, axis in AXES.items() if abs(tool.axes[axis, 2]) > 1e-6}
+    return set("xyz")
+
+
+def _finite(vector, what):
+    vector = np.asarray(vector, dtype=float)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise SceneError(f"{what} must be three finite numbers, not {vector}")
+    return vector
+
+
+def _ramp(value, what):
+    """(3,) vector reached at t = 1, or a function of t, as a function of t."""
+    if callable(value):
+        return lambda t: _finite(value(t), f"{what} at t = {t}")
+    end = _finite(value, what)
+    return lambda t: t * end

@@ -1,0 +1,154 @@
+"""Linear solves with a System's tangent: elimination of supports, direct or iterative solver, the tools' border."""
+
+import numpy as np
+from petsc4py import PETSc
+
+PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
+# Above this many unknowns smoothed aggregation beats factorisation (README, speed).
+ITERATIVE_ABOVE = 30_000
+
+
+class LinearFailure(RuntimeError):
+    """The linear solver could not solve the tangent system; the message says why."""
+
+
+class LinearSolver:
+    """Solves K du + C dq = -R with prescribed du and dq.
+
+    system: System; method: "direct" (MUMPS: Cholesky where the tangent is symmetric, else LU), "iterative" (CG or GMRES with
+    smoothed aggregation and the rigid-body modes), or "auto" by size.
+    """
+
+    def __init__(self, system, method="auto"):
+        if method not in ("auto", "direct", "iterative"):
+            raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
+        self.system = system
+        size = system.vector.getSize()
+        self.method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
+        self.iterations = 0
+        self._pivot = None
+        self.ksp = PETSc.KSP().create(system.comm)
+        self.ksp.setOptionsPrefix(PREFIX)
+        self.ksp.setOperators(system.matrix)
+        (self._use_iterative if self.method == "iterative" else self._use_direct)()
+        self.ksp.setFromOptions()
+
+    def _use_direct(self):
+        self.ksp.setType("preonly")
+        pc = self.ksp.getPC()
+        pc.setType("cholesky" if self.system.symmetric else "lu")
+        pc.setFactorSolverType("mumps")
+
+    def _use_iterative(self):
+        self.ksp.setType("cg" if self.system.symmetric else "gmres")
+        self.ksp.setTolerances(rtol=1e-8, max_it=400)
+        if not self.system.symmetric:
+            self.ksp.setGMRESRestart(100)
+        self.system.matrix.setNearNullSpace(_rigid_body_modes(self.system))
+        options = PETSc.Options()
+        for key, value in (
+            ("pc_gamg_threshold", 0.01),
+            ("pc_gamg_square_graph", 1),
+            ("pc_gamg_aggressive_coarsening", 1),
+            ("pc_gamg_reuse_interpolation", True),
+            ("mg_levels_ksp_type", "chebyshev"),
+            ("mg_levels_pc_type", "jacobi"),
+            ("mg_levels_ksp_max_it", 3),
+        ):
+            if not options.hasName(PREFIX + key):
+                options[PREFIX + key] = value
+        self.ksp.getPC().setType("gamg")
+
+    def solve(self, du_supports, dq):
+        """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
+
+        du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
+        Raises LinearFailure, on all ranks, if the solver fails.
+        """
+        system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
+        rhs = system.residual_vector.copy()
+        rhs.scale(-1.0)
+        self._add_prescribed_travel(rhs, dq)
+        du = self._eliminate(rhs, du_supports)
+        self._solve(rhs, du)
+        if not free.size:
+            return du, dq
+        columns = [self._response(c) for c in free]
+        rows = [system.border_vector(system.border.rows[c]) for c in free]
+        schur = system.border.corner[np.ix_(free, free)].copy()
+        right = -system.tool_residual.ravel()[free] - system.border.corner[free] @ dq.ravel()
+        for i, row in enumerate(rows):
+            right[i] -= row.dot(du)
+            schur[i] += [row.dot(column) for column in columns]
+        try:
+            travel = np.linalg.solve(schur, right)
+        except np.linalg.LinAlgError:
+            raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
+        for amount, column in zip(travel, columns):
+            du.axpy(amount, column)
+        total = dq.ravel().copy()
+        total[free] += travel
+        return du, total.reshape(-1, 3)
+
+    def _add_prescribed_travel(self, rhs, dq):
+        if self.system.border is None:
+            return
+        for c in np.flatnonzero(dq.ravel()):
+            rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
+
+    def _eliminate(self, rhs, du_supports):
+        """Put the supports' increments into matrix and right-hand side, keeping symmetry and pattern."""
+        system = self.system
+        du = system.vector.duplicate()
+        if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
+            self._pivot = max(system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), 1e-300)
+        with du.localForm() as local:
+            local.set(0.0)
+            local.array_w[system.supports.dofs] = du_supports
+        system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot, du, rhs)
+        return du
+
+    def _response(self, component):
+        """du/dq of one free travel component: K^-1 (-C)."""
+        values = -self.system.border.columns[component]
+        column = self.system.border_vector(values)
+        with column.localForm() as local:
+            local.array_w[self.system.supports.dofs] = 0.0
+        out = column.duplicate()
+        self._solve(column, out)
+        return out
+
+    def _solve(self, rhs, out):
+        with self.system.timers("factorisation"):
+            self.ksp.setOperators(self.system.matrix)
+            try:
+                self.ksp.setUp()
+            except PETSc.Error as error:
+                raise LinearFailure(f"the factorisation failed (PETSc error {error.ierr}): singular tangent or memory") from None
+        with self.system.timers("linear solve"):
+            self.ksp.solve(rhs, out)
+        self.iterations += self.ksp.getIterationNumber()
+        reason = self.ksp.getConvergedReason()
+        if reason < 0:
+            raise LinearFailure(
+                f"the {self.method} linear solver stopped with reason {reason} after {self.ksp.getIterationNumber()} "
+                "iterations: singular tangent (is a body free to move?) or, for iterative, try linear='direct'"
+            )
+
+
+def _rigid_body_modes(system):
+    """Six rigid-body motions of the reference mesh: the near-null space of the tangent."""
+    X = system.space.tabulate_dof_coordinates()
+    owned = system.space.dofmap.index_map.size_local
+    X = X[:owned] - X[:owned].mean(axis=0) if owned else X[:0]
+    modes = np.zeros((6, owned, 3))
+    for i in range(3):
+        modes[i, :, i] = 1.0
+        j, k = (i + 1) % 3, (i + 2) % 3
+        modes[3 + i, :, j], modes[3 + i, :, k] = -X[:, k], X[:, j]
+    vectors = [PETSc.Vec().createWithArray(mode.ravel().copy(), comm=system.comm) for mode in modes]
+    for i, vector in enumerate(vectors):
+        for other in vectors[:i]:
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+    return PETSc.NullSpace().create(vectors=vectors, comm=system.comm)

@@ -1,0 +1,78 @@
+"""Steppers from one load parameter to the next: full Newton, and the paper's incremental scheme."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fenics_contact.solvers.linear import LinearFailure
+
+
+class StepFailed(RuntimeError):
+    """A step did not converge; the message says why."""
+
+
+@dataclass
+class StepReport:
+    """What a step took: tangent solves and the out-of-balance norm over the force scale after each of them."""
+
+    iterations: int = 0
+    residuals: list = field(default_factory=list)
+
+
+class Newton:
+    """Newton's method within a load step.
+
+    The first solve is a predictor: the tangent of the last accepted state carries supports and tools to their new places.
+    tolerance: out-of-balance force over the largest force seen (1e-8: below it the penalty's own error rules by far and
+    the last quadratic iteration usually lands near round-off); limit: largest number of tangent solves.
+    """
+
+    def __init__(self, linear, tolerance=1e-8, limit=20):
+        self.linear, self.tolerance, self.limit = linear, tolerance, limit
+
+    def step(self, system, t):
+        """Carry the system from its committed state to t; StepFailed if it does not get there."""
+        du, dq = system.begin_step(t)
+        system.assemble_residual()
+        report = StepReport()
+        while True:
+            solve_once(system, self.linear, du, dq)
+            report.iterations += 1
+            size = relative_residual(system)
+            report.residuals.append(size)
+            if size <= self.tolerance:
+                return report
+            if report.iterations >= self.limit:
+                raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
+            du, dq = np.zeros_like(du), np.zeros_like(dq)
+
+
+class Incremental:
+    """The paper's step equation: one linear solve per step, the out-of-balance force carried into the next."""
+
+    def __init__(self, linear):
+        self.linear = linear
+
+    def step(self, system, t):
+        du, dq = system.begin_step(t)
+        system.assemble_residual()
+        solve_once(system, self.linear, du, dq)
+        return StepReport(1, [relative_residual(system)])
+
+
+def solve_once(system, linear, du, dq):
+    """One tangent solve with the assembled residual, and the update of the state."""
+    system.assemble_tangent()
+    try:
+        system.update(*linear.solve(du, dq))
+    except LinearFailure as failure:
+        raise StepFailed(str(failure)) from None
+
+
+def relative_residual(system):
+    """Out-of-balance norm over the largest force of any term, now or before; StepFailed where it is not a number."""
+    size = system.assemble_residual()
+    if not np.isfinite(size):
+        raise StepFailed("an element turned inside out")
+    scale = max(system.forces, system.force_scale)
+    return size / scale if scale > 0.0 else size

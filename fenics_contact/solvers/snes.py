@@ -1,0 +1,107 @@
+"""PETSc SNES on a System: its vector holds the displacement and the tools' travel, its tangent is the bordered one."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact.solvers.linear import LinearFailure
+from fenics_contact.solvers.newton import StepFailed, StepReport, relative_residual, solve_once
+
+PREFIX = "fc_snes_"
+
+
+class Snes:
+    """A load step by SNES (newtonls, overridable with options prefixed fc_snes_), after the same predictor as Newton."""
+
+    def __init__(self, linear, tolerance=1e-8, limit=20):
+        self.linear, self.tolerance, self.limit = linear, tolerance, limit
+
+    def step(self, system, t):
+        """Carry the system from its committed state to t; StepFailed if SNES does not converge."""
+        du, dq = system.begin_step(t)
+        system.assemble_residual()
+        solve_once(system, self.linear, du, dq)
+        report = StepReport(1, [relative_residual(system)])
+        problem = _Problem(system, self.linear, np.zeros_like(du), np.zeros_like(dq))
+        scale = max(system.forces, system.force_scale, 1e-300)
+        snes = problem.solver(self.tolerance * scale, self.limit)
+        x = problem.start()
+        try:
+            snes.solve(None, x)
+        except LinearFailure as failure:
+            raise StepFailed(str(failure)) from None
+        problem.put(x)
+        report.iterations += snes.getLinearSolveIterations() or snes.getIterationNumber()
+        report.residuals.append(relative_residual(system))
+        reason = snes.getConvergedReason()
+        snes.destroy()
+        if reason < 0:
+            raise StepFailed(f"SNES stopped with reason {reason} at {report.residuals[-1]:.1e} of the force")
+        return report
+
+
+class _Problem:
+    """SNES callbacks. The travel of the tools rides on the last rank behind its displacements."""
+
+    def __init__(self, system, linear, du, dq):
+        self.system, self.linear, self.du, self.dq = system, linear, du, dq
+        self.owned = system.vector.getLocalSize()
+        self.free = np.flatnonzero(system.tools.free.ravel())
+        comm = system.comm
+        self.tail = self.free.size if comm.rank == comm.size - 1 else 0
+        self.root = comm.size - 1
+
+    def solver(self, absolute, limit):
+        snes = PETSc.SNES().create(self.system.comm)
+        snes.setOptionsPrefix(PREFIX)
+        residual = self._vector()
+        snes.setFunction(self._function, residual)
+        size = (residual.getLocalSize(), residual.getSize())
+        jacobian = PETSc.Mat().createPython((size, size), context=self, comm=self.system.comm)
+        jacobian.setUp()
+        snes.setJacobian(self._jacobian, jacobian)
+        snes.setType("newtonls")
+        # a full step: contact tangents are exact, and the residual norm need not fall while points change status
+        PETSc.Options()[PREFIX + "snes_linesearch_type"] = "basic"
+        snes.setTolerances(rtol=0.0, atol=absolute, stol=0.0, max_it=limit)
+        ksp = snes.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(self)
+        snes.setFromOptions()
+        return snes
+
+    def _vector(self):
+        return PETSc.Vec().createMPI((self.owned + self.tail, None), comm=self.system.comm)
+
+    def start(self):
+        x = self._vector()
+        x.array[: self.owned] = self.system.vector.array_r
+        x.array[self.owned :] = self.system.state.travel.ravel()[self.free][: self.tail]
+        return x
+
+    def put(self, x):
+        """State <- SNES vector."""
+        system = self.system
+        du = system.vector.copy()
+        du.array[:] = x.array_r[: self.owned] - du.array_r
+        travel = system.comm.bcast(x.array_r[self.owned :].copy(), root=self.root)
+        dq = np.zeros(system.state.travel.size)
+        dq[self.free] = travel - system.state.travel.ravel()[self.free]
+        system.update(du, dq.reshape(-1, 3))
+
+    def _function(self, snes, x, f):
+        self.put(x)
+        self.system.assemble_residual()
+        f.array[: self.owned] = self.system.residual_vector.array_r
+        f.array[self.owned :] = self.system.tool_residual.ravel()[self.free][: self.tail]
+
+    def _jacobian(self, snes, x, jacobian, preconditioner):
+        self.put(x)
+        self.system.assemble_residual()
+        self.system.assemble_tangent()
+
+    def apply(self, pc, b, y):
+        """Preconditioner of the one-iteration KSP: the exact bordered solve. SNES solves J y = F, y is subtracted."""
+        du, dq = self.linear.solve(self.du, self.dq)
+        y.array[: self.owned] = -du.array_r
+        y.array[self.owned :] = -dq.ravel()[self.free][: self.tail]

@@ -1,0 +1,22 @@
+"""Seconds spent by stage."""
+
+import time
+from collections import defaultdict
+from contextlib import contextmanager
+
+
+class Timers:
+    """`with timers("stage"):` adds the wall time of the block to `seconds["stage"]` and one to `calls`."""
+
+    def __init__(self):
+        self.seconds = defaultdict(float)
+        self.calls = defaultdict(int)
+
+    @contextmanager
+    def __call__(self, stage):
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] += time.perf_counter() - start
+            self.calls[stage] += 1

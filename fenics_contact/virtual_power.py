@@ -1,0 +1,97 @@
+"""The solid's virtual power (19) and its rate linearisation (25), pulled back to the reference mesh, in UFL.
+
+With tau = J sigma, h = grad v F^-1 and dOmega = J dX the power of the stresses is tau : delta h dX, and its rate is
+(Dtau - tau h^T) : delta h dX.
+"""
+
+import ufl
+
+from fenics_contact.materials import Isotropic
+
+
+def deviator(A):
+    return A - ufl.tr(A) / 3 * ufl.Identity(3)
+
+
+def deformation_gradient(u):
+    return ufl.Identity(3) + ufl.grad(u)
+
+
+def kirchhoff_and_rate(material, F, h):
+    """Kirchhoff stress tau(F) and its rate under the velocity gradient h, both (3, 3) UFL tensors [pressure]."""
+    if isinstance(material, Isotropic):
+        return _isotropic(material.psi, F, h)
+    return _from_deformation_gradient(material.psi, F, h)
+
+
+def _isotropic(psi, F, h):
+    """(20) and the rate of J sigma for psi(I1, I2, J): tau = 2 psi_1 dev B^ + 4 psi_2 dev B^2 + J psi_J I."""
+    one = ufl.Identity(3)
+    det = ufl.det(F)
+    B = det ** (-2 / 3) * ufl.dot(F, F.T)
+    B2 = ufl.dot(B, B)
+    invariants = [ufl.variable(ufl.tr(B)), ufl.variable(ufl.tr(B2)), ufl.variable(det)]
+    J = invariants[2]
+    energy = psi(*invariants)
+    slope = [ufl.diff(energy, i) for i in invariants]
+
+    dI1, dI2 = 2 * deviator(B), 4 * deviator(B2)  # 2 B . dI/dB of the first two invariants
+    tau = slope[0] * dI1 + slope[1] * dI2 + J * slope[2] * one
+
+    rate = [ufl.inner(dI1, h), ufl.inner(dI2, h), J * ufl.tr(h)]
+    dslope = [sum(ufl.diff(s, i) * r for i, r in zip(invariants, rate)) for s in slope]
+    hd = deviator(h)
+    dB = ufl.dot(hd, B) + ufl.dot(B, hd.T)
+    dB2 = ufl.dot(dB, B) + ufl.dot(B, dB)
+    dtau = dslope[0] * dI1 + 2 * slope[0] * deviator(dB) + dslope[1] * dI2 + 4 * slope[1] * deviator(dB2)
+    return tau, dtau + (rate[2] * slope[2] + J * dslope[2]) * one
+
+
+def _from_deformation_gradient(psi, F, h):
+    """tau = P F^T with P = dpsi/dF, and its rate under dF = h F."""
+    F = ufl.variable(F)
+    P = ufl.diff(psi(F), F)
+    dF = ufl.dot(h, F)
+    i, j, k, m = ufl.indices(4)
+    dP = ufl.as_tensor(ufl.diff(P, F)[i, j, k, m] * dF[k, m], (i, j))
+    return ufl.dot(P, F.T), ufl.dot(dP, F.T) + ufl.dot(P, dF.T)
+
+
+def stress_power(material, u, v, dx):
+    """The first integral of (19) [power per unit velocity, force]."""
+    F = deformation_gradient(u)
+    tau, _ = kirchhoff_and_rate(material, F, ufl.Identity(3))
+    return ufl.inner(tau, ufl.dot(ufl.grad(v), ufl.inv(F))) * dx
+
+
+def stress_power_rate(material, u, du, v, dx):
+    """The first integral of (25): (Dtau - tau h^T) : delta h."""
+    F = deformation_gradient(u)
+    Finv = ufl.inv(F)
+    h = ufl.dot(ufl.grad(du), Finv)
+    tau, dtau = kirchhoff_and_rate(material, F, h)
+    return ufl.inner(dtau - ufl.dot(tau, h.T), ufl.dot(ufl.grad(v), Finv)) * dx
+
+
+def cauchy_stress(material, u):
+    """(20): sigma = tau / J."""
+    F = deformation_gradient(u)
+    tau, _ = kirchhoff_and_rate(material, F, ufl.Identity(3))
+    return tau / ufl.det(F)
+
+
+def dead_traction_power(traction, v, ds):
+    """Power of a traction [pressure] fixed in direction, per reference area."""
+    return ufl.inner(traction, v) * ds
+
+
+def body_force_power(force, v, dx):
+    """Power of a force per reference volume, the last integral of (19)."""
+    return ufl.inner(force, v) * dx
+
+
+def current_area(u, v, mesh, ds):
+    """Current area that belongs to each node: int N_a |cof F N| dS, by Nanson's formula."""
+    F = deformation_gradient(u)
+    cofactor_normal = ufl.det(F) * ufl.dot(ufl.inv(F).T, ufl.FacetNormal(mesh))
+    return ufl.sqrt(ufl.inner(cofactor_normal, cofactor_normal)) * v * ds
