@@ -10,6 +10,8 @@ except ImportError as error:  # the one dependency pip cannot bring
     ) from error
 
 import inspect
+import logging
+from contextlib import contextmanager
 
 import basix
 import dolfinx.fem.petsc as fem_petsc
@@ -42,6 +44,11 @@ def constant_space(mesh, shape=()):
 
 
 def _space(mesh, family, degree, shape):
+    with _quiet():
+        return _make_space(mesh, family, degree, shape)
+
+
+def _make_space(mesh, family, degree, shape):
     if _HAS_FUNCTIONSPACE:
         return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
     make = {0: fem.FunctionSpace, 1: fem.VectorFunctionSpace, 2: fem.TensorFunctionSpace}[len(shape)]
@@ -50,14 +57,28 @@ def _space(mesh, family, degree, shape):
 
 def compile_form(form):
     """UFL form -> compiled form, with flags that let the C compiler vectorise."""
-    return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": _C_FLAGS}})
+    with _quiet():
+        return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": _C_FLAGS}})
+
+
+@contextmanager
+def _quiet():
+    """Keep the compiler's command lines out of the user's terminal."""
+    before = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def interpolate_expression(function, ufl_expression):
     """Interpolate a UFL expression into a Function of a space with point evaluations."""
     points = function.function_space.element.interpolation_points
     points = points() if callable(points) else points
-    function.interpolate(fem.Expression(ufl_expression, points))
+    with _quiet():
+        expression = fem.Expression(ufl_expression, points)
+    function.interpolate(expression)
 
 
 def create_matrix(compiled_form):
@@ -139,7 +160,8 @@ def meshtags(mesh, dim, entities, values):
 
 def cell_evaluator(mesh, ufl_expression, points):
     """Function () -> (owned cells, points * size) of a UFL expression at reference points, on the current state."""
-    expression = fem.Expression(ufl_expression, np.atleast_2d(points))
+    with _quiet():
+        expression = fem.Expression(ufl_expression, np.atleast_2d(points))
     cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
     with_mesh = "mesh" in inspect.signature(expression.eval).parameters
 

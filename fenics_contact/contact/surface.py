@@ -16,7 +16,8 @@ class SlaveSurface:
 
     nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point; area (ne, nq) tributary reference
     area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the height of
-    the cell beneath [pressure/length]; cell_height: largest such height [length] over all ranks.
+    the cell beneath [pressure/length]; spacing (ne,): shortest side of its facets over the points along it [length];
+    cell_height: largest such height [length] over all ranks.
     """
 
     nodes: np.ndarray
@@ -24,6 +25,7 @@ class SlaveSurface:
     area: np.ndarray
     X: np.ndarray
     stiffness: np.ndarray
+    spacing: np.ndarray
     cell_height: float
 
     @property
@@ -54,11 +56,23 @@ def slave_surface(space, facets, modulus, points="nodes"):
     stiffness = modulus[owner] / height
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     X = space.tabulate_dof_coordinates()
+    spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points == "nodes" else points)
     if points == "nodes":
-        nodes, a, area, stiffness = _gather_to_nodes(space, nodes, a, area, stiffness)
-    return SlaveSurface(
-        np.ascontiguousarray(nodes, dtype=np.int32), np.ascontiguousarray(a), area, X[nodes], stiffness, tallest
-    )
+        nodes, a, area, (stiffness, spacing) = _gather_to_nodes(space, nodes, a, area, (stiffness, spacing))
+    nodes = np.ascontiguousarray(nodes, dtype=np.int32)
+    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, spacing, tallest)
+
+
+def _shortest_sides(mesh, cell, cells, local):
+    """Shortest side of each facet, facets in the order of their number in the cell."""
+    dofs = compat.geometry_dofmap(mesh)
+    sides = []
+    for f, corners in enumerate(basix.topology(getattr(basix.CellType, cell))[2]):
+        # quadrilaterals are numbered like a grid: 0 1 / 2 3
+        ring = [corners[i] for i in ((0, 1, 3, 2) if len(corners) == 4 else (0, 1, 2))]
+        x = mesh.geometry.x[dofs[cells[local == f]]][:, ring]
+        sides.append(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).min(axis=1, initial=np.inf))
+    return np.concatenate(sides)
 
 
 def _cells_of(mesh, facets):
@@ -113,22 +127,24 @@ def _cell_volumes(mesh):
     return np.abs(np.linalg.det(np.einsum("rqd,cdx->cqrx", gradients, x))) @ w
 
 
-def _gather_to_nodes(space, nodes, a, area, stiffness):
-    """Tributary areas and mean stiffness of the owned nodes, summed over the facets of all ranks."""
-    sums = compat.Function(space)
-    local = sums.x.array.reshape(-1, 3)
+def _gather_to_nodes(space, nodes, a, area, means):
+    """Tributary areas of the owned nodes and area-weighted means of facet values, summed over the facets of all ranks."""
     share = np.einsum("eq,eqk->ek", area, a)
-    np.add.at(local[:, 0], nodes, share)
-    np.add.at(local[:, 1], nodes, share * stiffness[:, None])
-    np.add.at(local[:, 2], nodes, 1.0)
-    sum_to_owners(compat.petsc_vector(sums))
-    owned = local[: space.dofmap.index_map.size_local]
-    mine = np.flatnonzero(owned[:, 2] > 0)
-    failed = bool(np.any(owned[mine, 0] < 1e-6 * owned[mine, 0].max(initial=0.0)))
-    if space.mesh.comm.allreduce(failed, op=MPI.MAX):
+    tributary, touched = _sum_at_nodes(space, nodes, share), _sum_at_nodes(space, nodes, np.ones_like(share))
+    mine = np.flatnonzero(touched > 0)
+    tributary = tributary[mine]
+    vanishing = bool(np.any(tributary < 1e-6 * tributary.max(initial=0.0)))
+    if space.mesh.comm.allreduce(vanishing, op=MPI.MAX):
         raise ValueError(
             "corner nodes of quadratic triangles have no tributary area: use points=3 (Gauss points) for this contact"
         )
-    tributary = owned[mine, 0]
-    one = np.ones((len(mine), 1, 1))
-    return mine[:, None], one, tributary[:, None], owned[mine, 1] / tributary
+    means = [_sum_at_nodes(space, nodes, share * mean[:, None])[mine] / tributary for mean in means]
+    return mine[:, None], np.ones((len(mine), 1, 1)), tributary[:, None], means
+
+
+def _sum_at_nodes(space, nodes, values):
+    """Sum of values (ne, k) at the owned nodes over the elements of all ranks."""
+    sums = compat.Function(space)
+    np.add.at(sums.x.array, 3 * nodes, values)
+    sum_to_owners(compat.petsc_vector(sums))
+    return sums.x.array[: 3 * space.dofmap.index_map.size_local : 3].copy()

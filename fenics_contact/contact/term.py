@@ -20,7 +20,7 @@ class RigidContact:
     def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
         self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
-        self.symmetric = friction == 0.0
+        self.symmetric = friction == 0.0 and tool.edge != "sharp"
         self.touch = TOUCH * surface.cell_height
         ne, k = surface.nodes.shape
         nq = surface.area.shape[1]
@@ -31,6 +31,7 @@ class RigidContact:
         self.gap = np.zeros((ne, nq))
         self.status = np.zeros((ne, nq), dtype=np.int32)
         self.excess = np.zeros((ne, nq))
+        self.cover = np.ones((ne, nq))
         self.slip_path = np.zeros((ne, nq))
         self._anchor = np.zeros((ne, nq, 3))
 
@@ -47,8 +48,8 @@ class RigidContact:
         s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
         contact_elements(
             s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
-            self.normal_penalty, self.tangential_penalty, self.friction, self.touch, want_tangent,
-            self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess,
+            self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, self.friction, self.touch, want_tangent,
+            self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess, self.cover,
         )  # fmt: skip
         return np.flatnonzero((self.status != OPEN).any(axis=1))
 
@@ -79,7 +80,7 @@ class RigidContact:
         sliding = np.empty_like(self.gap)
         committed_anchors(
             s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
-            self.normal_penalty, self.tangential_penalty, mu, touch, new, sliding,
+            self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, mu, touch, new, sliding,
         )  # fmt: skip
         self._anchor = new
         self.slip_path = self.slip_path + sliding
@@ -100,7 +101,8 @@ class RigidContact:
             [s.area[closed].sum(), closed.sum(), (self.status == STICK).sum(), s.area.size],
         ])  # fmt: skip
         sums = comm.allreduce(sums)
-        deepest = -min(comm.allgather(self.gap.min(initial=0.0)))
+        held = self.gap[self.cover >= 1.0]  # points half out under a sharp edge are meant to sink in
+        deepest = -min(comm.allgather(held.min(initial=0.0)))
         return {
             "force": sums[:3],
             "moment": sums[3:6],

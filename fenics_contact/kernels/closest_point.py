@@ -87,18 +87,25 @@ def _foot_triangle(x, c):
 
 @njit(cache=True)
 def _newton_step(terms, free1, free2):
-    """Newton step of paper (2) in the directions that are free, with a matrix that makes it descend."""
+    """Newton step of paper (2) in the directions that are free, with a matrix that makes it descend.
+
+    Scaled by sqrt(a_11) and sqrt(a_22), H = a_ab - (x - r).r_ab (minus the Jacobian of f) is [[1, h], [h, 1]]: its
+    eigenvalues are 1 + h and 1 - h, on (1, 1) and (1, -1).  Above a strongly warped patch one of them turns negative;
+    its sign is flipped, so that the step leaves the saddle of the distance instead of seeking it.
+    """
     f1, f2, a11, a12, a22, curve, _ = terms
     if free1 and free2:
-        h12 = a12 - curve  # minus the Jacobian of f: a_12 - (x - r).r_12
-        det = a11 * a22 - h12 * h12
-        if det <= 1e-10 * a11 * a22:  # not a minimum here (strong warp): Gauss-Newton, lifted off singularity
-            h12 = a12
-            a11, a22 = a11 * (1.0 + 1e-8), a22 * (1.0 + 1e-8)
-            det = a11 * a22 - h12 * h12
-        if not det > 0.0:  # the facet has shrunk to a line or a point
+        if not (a11 > 0.0 and a22 > 0.0):  # the facet has shrunk to a line or a point
             return 0.0, 0.0
-        return (a22 * f1 - h12 * f2) / det, (a11 * f2 - h12 * f1) / det
+        scale1, scale2 = math.sqrt(a11), math.sqrt(a22)
+        h = (a12 - curve) / (scale1 * scale2)
+        plus, minus = 1.0 + h, 1.0 - h
+        if plus < 1e-8:
+            plus = max(-plus, 1e-2)
+        if minus < 1e-8:
+            minus = max(-minus, 1e-2)
+        along, across = (f1 / scale1 + f2 / scale2) / plus, (f1 / scale1 - f2 / scale2) / minus
+        return 0.5 * (along + across) / scale1, 0.5 * (along - across) / scale2
     if free1:
         return (f1 / a11 if a11 > 0.0 else 0.0), 0.0
     if free2:
@@ -112,11 +119,11 @@ def _foot_quad(x, c):
     limit = 1.0 + OVERLAP
     s = t = 0.0
     best = np.inf
-    for i in range(-1, 2):  # a warped patch may have two minima: start beside the lower one
-        for j in range(-1, 2):
-            dd = _terms(x, c, 0.7 * i, 0.7 * j)[6]
+    for i in range(2):  # a warped patch may have two minima and, by symmetry, a saddle in the middle: start beside it
+        for j in range(2):
+            dd = _terms(x, c, i - 0.5, j - 0.5)[6]
             if dd < best:
-                best, s, t = dd, 0.7 * i, 0.7 * j
+                best, s, t = dd, i - 0.5, j - 0.5
     for _ in range(MAX_NEWTON):
         terms = _terms(x, c, s, t)
         # a bound is active while the descent direction f points out of it

@@ -6,7 +6,8 @@ image x_a = sum W_i x_i moves with the master body, knows no parametrisation and
 continuous over facet edges and frame-indifferent.
 
 Nodes of an element in order: k slave nodes, 4 master facet nodes, 4 anchor nodes: k + 8.  Rows of the anchor nodes
-are zero, since T acts at x_M; their columns are not.  No node number below is repeated on purpose or forbidden to be.
+are zero, since T acts at x_M; their columns are not.  A node may occur twice (anchor on the projection's facet):
+insertion adds.
 
 Arrays travel in groups (tuples, C-contiguous, float64 and int64):
     slaves     (nodes (np, k), weights a (np, k), area (np,) [length^2])

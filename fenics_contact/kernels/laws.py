@@ -20,12 +20,12 @@ def coulomb_return(trial, limit, traction):
 
 @njit(cache=True)
 def point_traction(
-    gap, n, H, elastic_slip, eps_n, eps_t, mu, touch, want_tangent, trial, traction, tangential, dtrial, dT
+    gap, n, H, elastic_slip, eps_n, deps, eps_t, mu, touch, want_tangent, trial, traction, tangential, dtrial, dT
 ):
     """Contact traction T = N n + T_T of a slave point on a fixed surface, and dT/dx of the slave position.
 
     gap: signed distance [length]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,): x_M - anchor.
-    eps_n, eps_t: penalties [pressure/length]; mu: friction coefficient; touch: gaps up to this round-off length count
+    eps_n, eps_t: penalties [pressure/length]; deps (3,): gradient of eps_n, zero away from a sharp edge; mu: friction coefficient; touch: gaps up to this round-off length count
     as closed. Fills traction (3,) and its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted;
     trial (3,) and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
     """
@@ -39,7 +39,7 @@ def point_traction(
     if want_tangent:
         for i in range(3):
             for j in range(3):
-                dT[i, j] = eps_n * n[i] * n[j] + N * H[i, j]  # (26) for a surface of normal gradient H
+                dT[i, j] = n[i] * (eps_n * n[j] + gap * deps[j]) + N * H[i, j]  # (26) for a surface of normal gradient H
     if mu == 0.0:
         return CLOSED
 
@@ -49,12 +49,12 @@ def point_traction(
     status = coulomb_return(trial, limit, tangential)
     traction[:] += tangential
     if want_tangent:
-        _friction_tangent(gap, n, H, elastic_slip, along, eps_n, eps_t, mu, limit, status, trial, dtrial, dT)
+        _friction_tangent(gap, n, H, elastic_slip, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT)
     return status
 
 
 @njit(cache=True)
-def _friction_tangent(gap, n, H, z, along, eps_n, eps_t, mu, limit, status, trial, dtrial, dT):
+def _friction_tangent(gap, n, H, z, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT):
     """Add d(T_T)/dx: (27) in stick, (28) with the d|N| block in slip."""
     for j in range(3):
         Hz = H[0, j] * z[0] + H[1, j] * z[1] + H[2, j] * z[2]
@@ -70,4 +70,31 @@ def _friction_tangent(gap, n, H, z, along, eps_n, eps_t, mu, limit, status, tria
         t_dtrial = (trial[0] * dtrial[0, j] + trial[1] * dtrial[1, j] + trial[2] * dtrial[2, j]) / size
         for i in range(3):
             t = trial[i] / size
-            dT[i, j] += limit / size * (dtrial[i, j] - t * t_dtrial) - mu * eps_n * t * n[j]
+            dT[i, j] += limit / size * (dtrial[i, j] - t * t_dtrial) - mu * t * (eps_n * n[j] + gap * deps[j])
+
+
+@njit(cache=True)
+def edge_penalty(eps, body, cover, dcover, ddcover, deps, ddeps):
+    """Penalty of a point of which only the share `cover` lies under a sharp edge, with its gradient and Hessian.
+
+    In series with the penalty acts the spring of the body beneath, (1/cover - 1)/body: half the cover carries about half
+    the force, whatever eps. A plain eps * cover would hold the point until the cover is nearly gone and then drop it.
+    eps, body [pressure/length]; dcover (3,), ddcover (3, 3); fills deps (3,), ddeps (3, 3).
+    """
+    m = cover / eps + (1.0 - cover) / body
+    slope = 1.0 / (body * m * m)
+    curve = -2.0 * slope * (1.0 / eps - 1.0 / body) / m
+    for i in range(3):
+        deps[i] = slope * dcover[i]
+        for j in range(3):
+            ddeps[i, j] = slope * ddcover[i, j] + curve * dcover[i] * dcover[j]
+    return cover / m
+
+
+@njit(cache=True)
+def add_edge_force(gap, n, deps, ddeps, traction, dT):
+    """The part of the gradient of the energy eps(x) g^2 / 2 that eps itself contributes, and its derivative."""
+    for i in range(3):
+        traction[i] += 0.5 * gap * gap * deps[i]
+        for j in range(3):
+            dT[i, j] += gap * deps[i] * n[j] + 0.5 * gap * gap * ddeps[i, j]

@@ -38,7 +38,7 @@ def project(points, normals, coords, nodes, size, search=10.0, facing=0.0, lists
 
 
 def scipy_distance(x, m, xf):
-    """Least distance over nine starts of a bounded minimiser; a triangle is a collapsed square: its bounds are simple."""
+    """Least distance over nine starts of a bounded minimiser; a triangle is a collapsed square."""
 
     def square(z):
         N = np.array([(1 - z[0]) * (1 - z[1]), z[0] * (1 - z[1]), z[0] * z[1], (1 - z[0]) * z[1]])
@@ -72,6 +72,23 @@ def test_distance_is_the_least_that_scipy_finds_on_warped_and_turned_facets(m):
         # SciPy stops when the square of the distance stalls at 1e-16: the distance is then good to 1e-8
         assert abs(np.sqrt(dd) - scipy_distance(x, m, xf)) < 3e-8
     assert kinds == {INTERIOR, EDGE, VERTEX}
+
+
+def test_a_saddle_with_several_minima_gives_the_lowest():
+    """Above the middle of a strongly warped patch the centre is a saddle of the distance, with a minimum beside it."""
+    rng = np.random.default_rng(20)
+    inside = 0
+    for i in range(60):
+        xf = 2 * SQUARE + [[0, 0, 0.8], [0, 0, -0.8], [0, 0, 0.8], [0, 0, -0.8]]
+        x = np.array([1.0, 1.0, rng.choice([-1.4, 1.4])])
+        Q = np.eye(3)
+        if i > 4:  # the first few lie exactly above the saddle
+            x += rng.uniform(-0.1, 0.1, 3)
+            Q = rotation(rng)
+        kind, _, _, _, dd = foot(x @ Q.T, 4, xf @ Q.T)
+        inside += kind == INTERIOR
+        assert abs(np.sqrt(dd) - scipy_distance(x, 4, xf)) < 3e-8  # as above
+    assert inside > 50
 
 
 def test_inside_the_foot_is_orthogonal_to_machine_precision():
@@ -193,6 +210,19 @@ def test_vertices_of_pits_and_peaks():
     # a steep pit: d leaves the mean normal by more than a free border would allow
     r = project([0.15, 0.0, -0.15], DOWN, *pit(2.0, 4))
     assert r["kind"][0] in (VERTEX, EDGE) and r["gap"][0] < 0
+
+
+def test_the_sign_at_a_vertex_does_not_depend_on_how_a_flank_is_split():
+    """A spike with one flank cut into twenty slivers; the point lies outside the opposite flank, beyond the tip."""
+    coords, _, _ = pit(-5.0, 4)
+    cuts = np.linspace(coords[1], coords[2], 21)[1:-1]
+    rim = [1, *range(5, 24), 2]
+    coords = np.vstack([coords, cuts])
+    nodes = np.array([[0, a, b, b] for a, b in zip(rim, rim[1:])] + [[0, 2, 3, 3], [0, 3, 4, 4], [0, 4, 1, 1]])
+    opposite = np.cross(coords[3], coords[4])
+    x = 0.1 * opposite / np.linalg.norm(opposite) + [0, 0, 0.01]
+    r = project(x, DOWN, coords, nodes, np.full(len(nodes), 3), facing=2.0)  # 2: no facet is taken to look away
+    assert r["kind"][0] == VERTEX and r["gap"][0] > 0
 
 
 def test_beyond_a_free_border_a_point_falls_off_but_a_tilted_one_stays():

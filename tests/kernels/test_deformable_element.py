@@ -291,6 +291,48 @@ def test_committing_changes_no_traction(name):
     assert abs(pair.anchors[1].sum() - 1.0) < 1e-14
 
 
+def test_a_batch_is_its_pairs_one_by_one():
+    """Many points in one call, in an order that mixes states: nothing leaks from one pair into the next."""
+    coords, nodes = pit(0.5)
+    rng = np.random.default_rng(6)
+    n_points = 60
+    points = np.vstack([rng.uniform(-1.5, 1.5, (n_points - 20, 2)), rng.uniform(-0.2, 0.2, (20, 2))])
+    depth = rng.uniform(-0.4, 0.1, n_points)
+    points = np.column_stack([points, 0.5 * np.abs(points).max(axis=1) + depth])
+    points[:10, 2] = -0.3
+    points = points[rng.permutation(n_points)]
+    single = []
+    for i, p in enumerate(points):
+        anchor = (nodes[i % 4], [0.3, 0.3, 0.2, 0.2]) if i % 3 else None
+        single.append(make(coords, nodes, 0, at=p, tilt=False, mu=0.5, anchor=anchor))
+    alone = [pair.evaluate() for pair in single]
+    assert {(r["status"], r["kind"]) for r in alone} >= {
+        (OPEN, NONE), (OPEN, INTERIOR), (CLOSED, INTERIOR), (STICK, INTERIOR), (SLIP, INTERIOR), (SLIP, EDGE)
+    }  # fmt: skip
+
+    first = len(coords)
+    points = np.array([pair.coords[-1] for pair in single])  # make() may have rounded
+    together = Pair(np.vstack([coords, points]), nodes, [first], mu=0.5)
+    slaves = (np.arange(first, first + n_points)[:, None], np.ones((n_points, 1)), np.full(n_points, AREA))
+    anchors = tuple(np.concatenate([pair.anchors[i] for pair in single]) for i in (0, 1))
+    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0)
+    lists = (4 * np.arange(n_points + 1), np.tile(np.arange(4), n_points))
+    ints = [np.zeros(n_points, np.int64) for _ in range(3)]
+    projection = (*ints, np.zeros((n_points, 2)), np.zeros(n_points), np.zeros((n_points, 3)))
+    up = np.tile(DOWN, (n_points, 1))
+    closest_points(points, up, together.coords, together.surface, lists, 5.0, 0.0, projection)
+    R, K = np.full((n_points, 27), np.nan), np.full((n_points, 27, 27), np.nan)
+    status, T, gap, slip = np.zeros(n_points, np.int64), np.zeros((n_points, 3)), np.zeros(n_points), np.zeros(n_points)
+    element.contact_elements(
+        together.coords, slaves, together.surface, projection, anchors, law, True, R, K, status, T, gap, slip
+    )
+    for i, r in enumerate(alone):
+        assert status[i] == r["status"] and np.array_equal(T[i], r["T"]) and gap[i] == r["gap"]
+        assert np.array_equal(R[i, :3], r["R"][-3:])
+        assert np.array_equal(K[i, :3, :3], r["K"][-3:, -3:])
+        assert not R[i, 15:].any() and not K[i, 15:].any()  # rows of the anchor
+
+
 def test_sliding_is_the_way_of_the_anchor():
     pair = make(FLAT, QUADS, -0.1, tilt=False, mu=0.3, anchor=([0, 1, 2, 3], [0.25] * 4))
     trial = np.linalg.norm(pair.coords[-1, :2] - [0.5, 0.525])
@@ -413,7 +455,10 @@ def all_numbers():
 def test_compiled_equals_plain_python(tmp_path):
     """A process in which nothing is compiled, closest point included, gives the same numbers."""
     out = tmp_path / "plain.npy"
-    code = f"import numpy, test_deformable_element as t; numpy.save({str(out)!r}, t.all_numbers())"
+    code = (
+        "import numpy, test_deformable_element as t; assert not hasattr(t.element.contact_elements, 'py_func');"
+        f"numpy.save({str(out)!r}, t.all_numbers())"
+    )
     path = os.pathsep.join([os.path.dirname(__file__), *[p for p in sys.path if p]])
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     subprocess.run([sys.executable, "-c", code], check=True, env=plain)
