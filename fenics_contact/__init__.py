@@ -1,1 +1,29 @@
 """Large-deformation frictional contact of rubber-like bodies on FEniCSx."""
+
+from fenics_contact.contact.tools import rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
+from fenics_contact.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
+from fenics_contact.mesh_io import NamedMesh, read_gmsh
+from fenics_contact.output.units import Units
+from fenics_contact.run import Result, solve
+from fenics_contact.scene import Body, Scene, SceneError
+
+__all__ = [
+    "Body",
+    "NamedMesh",
+    "Result",
+    "Scene",
+    "SceneError",
+    "Units",
+    "from_elastic",
+    "mooney_paper",
+    "mooney_rivlin",
+    "neo_hooke",
+    "read_gmsh",
+    "rigid_cylinder",
+    "rigid_plane",
+    "rigid_punch",
+    "rigid_sphere",
+    "solve",
+    "user_energy",
+    "yeoh",
+]

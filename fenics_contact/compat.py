@@ -3,6 +3,7 @@
 try:
     import dolfinx
     from dolfinx import fem
+    from dolfinx.io import XDMFFile
 except ImportError as error:  # the one dependency pip cannot bring
     raise ImportError(
         "dolfinx is missing: install Debian's package python3-dolfinx and use /usr/bin/python3 or a virtual "
@@ -111,13 +112,21 @@ def mesh_from_gmsh(model, comm, rank):
 def geometry_dofmap(mesh):
     """(cells, nodes per cell) array of geometry nodes."""
     dofmap = mesh.geometry.dofmap
-    return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
+    return (
+        dofmap
+        if isinstance(dofmap, np.ndarray)
+        else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
+    )
 
 
 def cell_dofs(space):
     """(cells, block dofs per cell) array of a space's local block numbers."""
     dofs = space.dofmap.list
-    return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(space.mesh.topology.connectivity(3, 0).num_nodes, -1)
+    return (
+        dofs
+        if isinstance(dofs, np.ndarray)
+        else dofs.array.reshape(space.mesh.topology.connectivity(3, 0).num_nodes, -1)
+    )
 
 
 def facet_closure_dofs(space, facet):
@@ -127,7 +136,9 @@ def facet_closure_dofs(space, facet):
 
 def cell_name(mesh):
     """'hexahedron', 'tetrahedron', ..."""
-    return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(".")[-1]
+    return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(
+        "."
+    )[-1]
 
 
 def basix_element(cell, degree):
@@ -169,3 +180,15 @@ def cell_evaluator(mesh, ufl_expression, points):
         return expression.eval(mesh, cells) if with_mesh else expression.eval(cells)
 
     return evaluate
+
+
+def exterior_facets(mesh):
+    """Owned exterior facets as (cells, facet number in the cell)."""
+    facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
+    counts = np.diff(facet_cells.offsets)
+    facets = np.flatnonzero(counts[: mesh.topology.index_map(2).size_local] == 1)
+    cells = facet_cells.array[facet_cells.offsets[facets]]
+    mine = cells < mesh.topology.index_map(3).size_local
+    facets, cells = facets[mine], cells[mine]
+    per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
+    return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)

@@ -16,6 +16,7 @@ from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
+from fenics_contact.output.units import Units
 
 AXES = {"x": 0, "y": 1, "z": 2}
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
@@ -55,10 +56,10 @@ def young(material):
 class Scene:
     """Bodies of one mesh with their supports, loads and contacts.
 
-    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2.
+    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; units: names for the output.
     """
 
-    def __init__(self, *bodies, degree=1):
+    def __init__(self, *bodies, degree=1, units=Units()):  # noqa: B008 - frozen
         if not bodies:
             raise SceneError("a scene needs at least one Body")
         if degree not in (1, 2):
@@ -71,7 +72,7 @@ class Scene:
             self.mesh.volume_tag(body.group)
         if left:
             raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
-        self.bodies, self.degree = bodies, degree
+        self.bodies, self.degree, self.units = bodies, degree, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
         self.contacts, self.loads, self._supports = [], [], []
 
@@ -99,9 +100,7 @@ class Scene:
         """Force per reference volume on all bodies [force/length^3], reached at t = 1."""
         self.loads.append((None, _finite(vector, "body force")))
 
-    def contact(
-        self, slave, master, friction=0.0, penalty=None, tangential_penalty=None, points="nodes", name=None
-    ):
+    def contact(self, slave, master, friction=0.0, penalty=None, tangential_penalty=None, points="nodes", name=None):
         """Contact of a surface (or a tuple of surfaces) with a rigid tool.
 
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
@@ -163,7 +162,7 @@ class Scene:
             return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
-        system.contacts = contacts
+        system.contacts, system.units = contacts, self.units
         self._refuse_deep_start(system)
         return system
 
@@ -219,7 +218,9 @@ class Scene:
                 raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
             paths.append(_ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
             forces.append(_ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
-            free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
+            free.append(
+                np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool)
+            )
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
         return ToolMotion(paths, forces, free)

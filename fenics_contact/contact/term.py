@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements
+from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, point_normals
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
 from fenics_contact.kernels.status import OPEN, STICK
 
@@ -85,9 +85,14 @@ class RigidContact:
         self._anchor = new
         self.slip_path = self.slip_path + sliding
 
-    def statuses(self):
-        """Status code of every point of this rank, flat."""
-        return self.status.ravel()
+    def split_traction(self, state):
+        """Contact pressure (ne, nq) and friction traction on the body (ne, nq, 3) [pressure, per reference area]."""
+        kind, shape, origin, axes, travel = self._tool_arguments(state)
+        s = self.surface
+        normal = np.empty_like(self.traction)
+        point_normals(s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, s.spacing, normal)
+        pressure = -np.einsum("eqc,eqc->eq", self.traction, normal)
+        return pressure, -self.traction - pressure[..., None] * normal
 
     def measures(self, state, comm):
         """Sums over all ranks for the history: force and moment on the body [force, force x length], areas, counts."""

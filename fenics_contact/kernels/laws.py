@@ -39,7 +39,9 @@ def point_traction(
     if want_tangent:
         for i in range(3):
             for j in range(3):
-                dT[i, j] = n[i] * (eps_n * n[j] + gap * deps[j]) + N * H[i, j]  # (26) for a surface of normal gradient H
+                dT[i, j] = (
+                    n[i] * (eps_n * n[j] + gap * deps[j]) + N * H[i, j]
+                )  # (26) for a surface of normal gradient H
     if mu == 0.0:
         return CLOSED
 
@@ -74,27 +76,13 @@ def _friction_tangent(gap, n, H, z, along, eps_n, deps, eps_t, mu, limit, status
 
 
 @njit(cache=True)
-def edge_penalty(eps, body, cover, dcover, ddcover, deps, ddeps):
-    """Penalty of a point of which only the share `cover` lies under a sharp edge, with its gradient and Hessian.
+def edge_penalty(eps, body, cover, dcover, deps):
+    """Penalty of a point that lies only by the share `cover` under a sharp edge, and its gradient deps (3,).
 
     In series with the penalty acts the spring of the body beneath, (1/cover - 1)/body: half the cover carries about half
     the force, whatever eps. A plain eps * cover would hold the point until the cover is nearly gone and then drop it.
-    eps, body [pressure/length]; dcover (3,), ddcover (3, 3); fills deps (3,), ddeps (3, 3).
+    eps, body [pressure/length]; dcover (3,).
     """
     m = cover / eps + (1.0 - cover) / body
-    slope = 1.0 / (body * m * m)
-    curve = -2.0 * slope * (1.0 / eps - 1.0 / body) / m
-    for i in range(3):
-        deps[i] = slope * dcover[i]
-        for j in range(3):
-            ddeps[i, j] = slope * ddcover[i, j] + curve * dcover[i] * dcover[j]
+    deps[:] = dcover / (body * m * m)
     return cover / m
-
-
-@njit(cache=True)
-def add_edge_force(gap, n, deps, ddeps, traction, dT):
-    """The part of the gradient of the energy eps(x) g^2 / 2 that eps itself contributes, and its derivative."""
-    for i in range(3):
-        traction[i] += 0.5 * gap * gap * deps[i]
-        for j in range(3):
-            dT[i, j] += gap * deps[i] * n[j] + 0.5 * gap * gap * ddeps[i, j]

@@ -7,7 +7,7 @@ area, the quadrature points of a slave facet otherwise. The tool translates by `
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.laws import add_edge_force, edge_penalty, point_traction
+from fenics_contact.kernels.laws import edge_penalty, point_traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
 
@@ -24,17 +24,14 @@ def _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x):
 
 
 @njit(cache=True)
-def _gap_and_penalty(kind, shape, y, eps, body, spacing, active, n, H, ds, dds, deps, ddeps):
-    """Gap with n and H, and the penalty with its derivatives: softened where y slides out under a sharp edge."""
+def _gap_and_penalty(kind, shape, y, eps, body, spacing, active, n, H, ds, deps):
+    """Gap with n (3,) and H (3, 3), and the penalty with its gradient: softened where y slides out under a sharp edge."""
     deps[:] = 0.0
-    cover = edge_cover(kind, shape, y, spacing, ds, dds)
+    cover = edge_cover(kind, shape, y, spacing, ds)
     if 0.0 < cover < 1.0:
         gap = face_distance(shape, y, n, H)
-        return gap, edge_penalty(eps, body, cover, ds, dds, deps, ddeps), True
-    gap = signed_distance(kind, shape, y, active, n, H)
-    if cover == 0.0:
-        gap = max(gap, 1.0e300)
-    return gap, eps, False
+        return gap, edge_penalty(eps, body, cover, ds, deps)
+    return signed_distance(kind, shape, y, active, n, H), eps
 
 
 @njit(cache=True)
@@ -46,18 +43,19 @@ def _rotate(axes, local, out):
 @njit(cache=True)
 def contact_elements(
     X, nodes, a, area, u, kind, shape, origin, axes, travel, anchor, eps_n, eps_t, body, spacing,
-    mu, touch, want_tangent,     force, tangent, arm, traction, gap, status, slip, cover,
+    mu, touch, want_tangent, force, tangent, arm, traction, gap, status, slip, cover,
 ):  # fmt: skip
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
     X (ne, k, 3) reference positions; nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point;
     area (ne, nq) tributary reference areas; u local displacements, three per node; anchor (ne, nq, 3) in the tool's
-    frame; eps_n, eps_t, body (ne,) penalties and stiffness beneath [pressure/length]; spacing (ne,) of the points. Fills force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative,
+    frame; eps_n, eps_t, body (ne,) penalties and stiffness beneath [pressure/length]; spacing (ne,) of the points.
+    Fills force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative,
     arm (ne, k, 3, 3) its derivative against a motion of all slave nodes at once (minus that against the tool's
     travel); per point traction (ne, nq, 3), gap, status, slip (ne, nq) = trial over Coulomb limit minus one,
     and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge.
     """
-    ds, dds, deps, ddeps = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    ds, deps = np.empty(3), np.empty(3)
     ne, k = nodes.shape
     nq = area.shape[1]
     x, y, n, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -70,9 +68,7 @@ def contact_elements(
             arm[e] = 0.0
         for q in range(nq):
             _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
-            g, eps, edge = _gap_and_penalty(
-                kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, dds, deps, ddeps
-            )
+            g, eps = _gap_and_penalty(kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, deps)
             gap[e, q] = g
             cover[e, q] = eps / eps_n[e]
             traction[e, q] = 0.0
@@ -123,14 +119,31 @@ def _scatter_tangent(a, area, e, q, k, D, tangent, arm):
 
 @njit(cache=True)
 def committed_anchors(
-    X, nodes, a, u, kind, shape, origin, axes, travel, anchor, eps_n, eps_t, body, spacing, mu, touch, new_anchor, sliding
+    X,
+    nodes,
+    a,
+    u,
+    kind,
+    shape,
+    origin,
+    axes,
+    travel,
+    anchor,
+    eps_n,
+    eps_t,
+    body,
+    spacing,
+    mu,
+    touch,
+    new_anchor,
+    sliding,
 ):
     """The anchors to keep when a step is accepted (tool's frame), and the slip distance of the step per point.
 
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
     the elastic slip T_T/eps_T ends: the return mapping of (16). Fills new_anchor and sliding (ne, nq) [length].
     """
-    ds, dds, deps, ddeps = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    ds, deps = np.empty(3), np.empty(3)
     ne, nq = anchor.shape[0], anchor.shape[1]
     x, y, n, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     active, trial, T, tangential = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -138,13 +151,9 @@ def committed_anchors(
     for e in range(ne):
         for q in range(nq):
             _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
-            g, eps, _ = _gap_and_penalty(
-                kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, dds, deps, ddeps
-            )
+            g, eps = _gap_and_penalty(kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, deps)
             z[:] = y - g * n - anchor[e, q]
-            state = point_traction(
-                g, n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT
-            )
+            state = point_traction(g, n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT)
             sliding[e, q] = 0.0
             if state == OPEN:
                 new_anchor[e, q] = y - g * n
@@ -154,3 +163,19 @@ def committed_anchors(
                 sliding[e, q] = np.sqrt(moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2)
             else:
                 new_anchor[e, q] = anchor[e, q]
+
+
+@njit(cache=True)
+def point_normals(X, nodes, a, u, kind, shape, origin, axes, travel, spacing, normal):
+    """Unit normals (ne, nq, 3) of the tool at the slave points, in world axes: what splits a traction for the output."""
+    x, y, n = np.empty(3), np.empty(3), np.empty(3)
+    active, ds, H = np.empty(3), np.empty(3), np.empty((3, 3))
+    for e in range(normal.shape[0]):
+        for q in range(normal.shape[1]):
+            _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
+            cover = edge_cover(kind, shape, y, spacing[e], ds)
+            if 0.0 < cover < 1.0:
+                face_distance(shape, y, n, H)
+            else:
+                signed_distance(kind, shape, y, active, n, H)
+            _rotate(axes, n, normal[e, q])

@@ -81,39 +81,31 @@ def signed_distance(kind, parameters, y, active, n, H):
 
 
 @njit(cache=True)
-def edge_cover(kind, parameters, y, spacing, ds, dds):
-    """Covered share s of the tributary area about y under a sharp-edged face, with ds (3,) and dds (3, 3).
+def edge_cover(kind, parameters, y, spacing, ds):
+    """How far a slave point counts as lying under a sharp-edged face: a share s from 1 to 0, and its gradient ds (3,).
 
-    A patch of width `spacing` [length] that slides out under a sharp edge loses its cover over that width (smoothed to
-    one continuous derivative): s is 1 inside and for shapes without sharp edges, 0 outside. Only the face normal to
-    the last axis (the punch's flat face) is treated so; what rises beyond `spacing` beside it belongs to the sides.
+    Points are `spacing` [length] apart. A contact that ends at the edge lies between the last point under the face and
+    the next one outside; letting the share of the outer point fall from 1 at the edge to 0 one spacing outside it
+    interpolates the contact's end between the two, so that the force does not jump when rows of points slide out. s has
+    one continuous derivative. Shapes without sharp edges give 1. Only the faces normal to the last axis (the punch's
+    flat face) are treated so; what rises beyond `spacing` beside them meets the sides.
     """
     ds[:] = 0.0
-    dds[:, :] = 0.0
     if kind != BOX or parameters[3] > 0.0 or abs(y[2]) < parameters[2] - spacing:
         return 1.0
-    value = 1.0
-    slope0 = slope1 = curve0 = curve1 = 0.0
     share0 = share1 = 1.0
     for i in range(2):
         t = 1.0 + (parameters[i] - abs(y[i])) / spacing
-        sign = -1.0 if y[i] > 0.0 else 1.0
-        share, slope, curve = 1.0, 0.0, 0.0
         if t <= 0.0:
+            ds[:] = 0.0
             return 0.0
         if t < 1.0:
             share = t * t * (3.0 - 2.0 * t)
-            slope = sign * 6.0 * t * (1.0 - t) / spacing
-            curve = (6.0 - 12.0 * t) / spacing**2
-        if i == 0:
-            share0, slope0, curve0 = share, slope, curve
-        else:
-            share1, slope1, curve1 = share, slope, curve
-        value *= share
-    ds[0], ds[1] = slope0 * share1, share0 * slope1
-    dds[0, 0], dds[1, 1] = curve0 * share1, share0 * curve1
-    dds[0, 1] = dds[1, 0] = slope0 * slope1
-    return value
+            share0, share1 = (share, share1) if i == 0 else (share0, share)
+            ds[i] = math.copysign(6.0 * t * (1.0 - t) / spacing, -y[i])
+    ds[0] *= share1
+    ds[1] *= share0
+    return share0 * share1
 
 
 @njit(cache=True)

@@ -83,7 +83,9 @@ class LinearSolver:
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
-            raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
+            raise LinearFailure(
+                "a pushed tool meets no resistance: bring it into contact before the force acts"
+            ) from None
         for amount, column in zip(travel, columns):
             du.axpy(amount, column)
         total = dq.ravel().copy()
@@ -124,7 +126,9 @@ class LinearSolver:
             try:
                 self.ksp.setUp()
             except PETSc.Error as error:
-                raise LinearFailure(f"the factorisation failed (PETSc error {error.ierr}): singular tangent or memory") from None
+                raise LinearFailure(
+                    f"the factorisation failed (PETSc error {error.ierr}): singular tangent or memory"
+                ) from None
         with self.system.timers("linear solve"):
             self.ksp.solve(rhs, out)
         self.iterations += self.ksp.getIterationNumber()

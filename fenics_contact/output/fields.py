@@ -1,0 +1,161 @@
+"""Fields of a solution on the mesh: displacement, Cauchy stress, J and the contact fields at the nodes."""
+
+import numpy as np
+import ufl
+
+from fenics_contact import compat
+from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+
+# A node shared by points of different status shows the most constrained of them.
+_RANK_OF_STATUS = {OPEN: 0, CLOSED: 1, SLIP: 2, STICK: 3}
+
+
+class Fields:
+    """Functions of a scene's solution, refreshed by `update`; all are of degree 1 or constant per cell.
+
+    displacement [length]; cauchy_stress, J per cell [pressure, 1]; contact_pressure, friction_traction [pressure, on the
+    current area]; gap [length], status (0 open, 1 closed, 2 stick, 3 slip) at the nodes of slave surfaces.
+    """
+
+    def __init__(self, scene, system):
+        mesh = scene.mesh.domain
+        self.scene, self.system = scene, system
+        flat = compat.lagrange_space(mesh, 1)
+        vector = compat.lagrange_space(mesh, 1, (3,))
+        self.displacement = compat.Function(vector, name="displacement")
+        self.cauchy_stress = compat.Function(compat.constant_space(mesh, (3, 3)), name="cauchy_stress")
+        self.J = compat.Function(compat.constant_space(mesh), name="J")
+        self.contact_pressure = compat.Function(flat, name="contact_pressure")
+        self.friction_traction = compat.Function(vector, name="friction_traction")
+        self.gap = compat.Function(flat, name="gap")
+        self.status = compat.Function(flat, name="contact_status")
+        self._nodal = compat.lagrange_space(mesh, scene.degree)
+        self._prepare_stress()
+        self._prepare_area()
+
+    @property
+    def all(self):
+        return [self.displacement, self.cauchy_stress, self.J, *self._contact_fields()]
+
+    def _contact_fields(self):
+        if not self.system.contacts:
+            return []
+        return [self.contact_pressure, self.friction_traction, self.gap, self.status]
+
+    def _prepare_stress(self):
+        scene, u = self.scene, self.system.state.u
+        centre = {"hexahedron": [0.5, 0.5, 0.5], "tetrahedron": [0.25, 0.25, 0.25]}[compat.cell_name(scene.mesh.domain)]
+        self._centre_J = compat.cell_evaluator(scene.mesh.domain, ufl.det(vp.deformation_gradient(u)), centre)
+        self._centre_stress = [
+            (self._cells(body), compat.cell_evaluator(scene.mesh.domain, vp.cauchy_stress(body.material, u), centre))
+            for body in scene.bodies
+        ]
+
+    def _cells(self, body):
+        tags = self.scene.mesh.cell_tags
+        cells = tags.indices[tags.values == self.scene.mesh.volume_tag(body.group)]
+        return cells[cells < self.scene.mesh.domain.topology.index_map(3).size_local]
+
+    def _prepare_area(self):
+        groups = sorted({name for contact in self.scene.contacts for name in contact.slave})
+        if not groups:
+            return
+        v = ufl.TestFunction(self._nodal)
+        self._slave_groups = groups
+        form = vp.current_area(self.system.state.u, v, self.scene.mesh.domain, self.scene.ds(groups))
+        self._area_form = compat.compile_form(form)
+
+    def update(self):
+        """Evaluate all fields at the system's state."""
+        u = self.system.state.u
+        if self.scene.degree == 1:
+            self.displacement.x.array[:] = u.x.array
+        else:
+            self.displacement.interpolate(u)
+        self._per_cell(self.J, self._centre_J(), slice(None))
+        for cells, evaluate in self._centre_stress:
+            self._per_cell(self.cauchy_stress, evaluate(), cells)
+        if self.system.contacts:
+            self._update_contact()
+
+    def _per_cell(self, function, values, cells):
+        width = values.shape[1]
+        owned = function.x.array[: values.size].reshape(-1, width)  # one block per cell, numbered like the cells
+        owned[cells] = values[cells]
+        copy_to_ghosts(compat.petsc_vector(function))
+
+    def _update_contact(self):
+        area = self._sum_at_nodes([])
+        compat.assemble_vector(area.x.array, self._area_form)
+        sum_to_owners(compat.petsc_vector(area))
+        normal, weight = self._sum_at_nodes([]), self._sum_at_nodes([])
+        tangential = [self._sum_at_nodes([]) for _ in range(3)]
+        gap, rank = self._sum_at_nodes([]), self._sum_at_nodes([])
+        for contact in self.system.contacts:
+            self._add_contact(contact, normal, tangential, weight, gap, rank)
+        for function in (normal, weight, gap, rank, *tangential):
+            sum_to_owners(compat.petsc_vector(function))
+        touched = weight.x.array > 0
+        per_area = np.where(touched, 1.0 / np.where(area.x.array > 0, area.x.array, 1.0), 0.0)
+        self._publish(self.contact_pressure, normal.x.array * per_area)
+        mean = np.where(touched, gap.x.array / np.where(touched, weight.x.array, 1.0), 0.0)
+        self._publish(self.gap, mean)
+        codes = np.array(sorted(_RANK_OF_STATUS, key=_RANK_OF_STATUS.get), dtype=float)
+        share = np.where(touched, rank.x.array / np.where(touched, weight.x.array, 1.0), 0.0)
+        self._publish(self.status, codes[np.clip(np.rint(share), 0, 3).astype(int)])
+        self._publish_vector(self.friction_traction, [t.x.array * per_area for t in tangential])
+
+    def _sum_at_nodes(self, _):
+        return compat.Function(self._nodal)
+
+    def _add_contact(self, contact, normal, tangential, weight, gap, rank):
+        s = contact.surface
+        share = s.area[..., None] * s.a
+        pressure, friction = contact.split_traction(self.system.state)
+        for target, values in (
+            (normal, pressure),
+            (weight, np.ones_like(pressure)),
+            (gap, np.clip(contact.gap, None, 1e30)),
+            (rank, np.vectorize(_RANK_OF_STATUS.get, otypes=[float])(contact.status) if s.points else contact.gap),
+        ):
+            np.add.at(target.x.array, s.nodes, np.einsum("eqk,eq->ek", share, values))
+        for axis in range(3):
+            np.add.at(tangential[axis].x.array, s.nodes, np.einsum("eqk,eq->ek", share, friction[..., axis]))
+
+    def _publish(self, function, values):
+        source = compat.Function(self._nodal)
+        source.x.array[:] = values
+        copy_to_ghosts(compat.petsc_vector(source))
+        if self.scene.degree == 1:
+            function.x.array[:] = source.x.array
+        else:
+            function.interpolate(source)
+
+    def _publish_vector(self, function, components):
+        scalar = compat.Function(self.contact_pressure.function_space)
+        for axis, values in enumerate(components):
+            self._publish(scalar, values)
+            function.x.array[axis::3] = scalar.x.array
+
+
+def exterior_surface(scene, u, values=None):
+    """Deformed boundary on rank 0 for pictures: corners (facets, 3 or 4, 3) [length] and the field at them.
+
+    values: (nodes,) array over the local nodes of the scene's space, e.g. u.x.array[2::3]. Other ranks get (None, None).
+    """
+    mesh = scene.mesh.domain
+    cells, local = compat.exterior_facets(mesh)
+    x = scene.space.tabulate_dof_coordinates() + u.x.array.reshape(-1, 3)
+    values = np.zeros(len(x)) if values is None else values
+    ring = [0, 1, 3, 2] if compat.cell_name(mesh) == "hexahedron" else [0, 1, 2]
+    corners, colours = [], []
+    for facet in range(6 if len(ring) == 4 else 4):
+        dofs = compat.cell_dofs(scene.space)[cells[local == facet]][:, compat.facet_closure_dofs(scene.space, facet)[ring]]
+        corners.append(x[dofs])
+        colours.append(values[dofs])
+    parts = mesh.comm.gather((np.concatenate(corners), np.concatenate(colours)))
+    if parts is None:
+        return None, None
+    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

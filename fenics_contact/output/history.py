@@ -1,0 +1,68 @@
+"""history.csv, a row per accepted step, and summary.json, both with units in their names."""
+
+import csv
+import json
+import platform
+from pathlib import Path
+
+import numpy as np
+
+AXES = "xyz"
+
+
+def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
+    """One step's numbers under names that carry their units.
+
+    travel: {tool name: (3,)} ; measures: {contact name: measures of its term}.
+    """
+    row = {"step": step, "t": t, "iterations": report.iterations, "residual": report.residuals[-1]}
+    row["seconds"], row["smallest_J"] = seconds, smallest_J
+    for tool, values in travel.items():
+        row |= {f"{tool}_travel_{a}_{units.length}": values[i] for i, a in enumerate(AXES)}
+    for contact, m in measures.items():
+        row |= {f"{contact}_force_{a}_{units.force}": m["force"][i] for i, a in enumerate(AXES)}
+        row |= {f"{contact}_moment_{a}_{units.force}{units.length}": m["moment"][i] for i, a in enumerate(AXES)}
+        row[f"{contact}_area_{units.length}2"] = m["area"]
+        row[f"{contact}_active_points"] = m["active"]
+        row[f"{contact}_sticking_points"] = m["sticking"]
+        row[f"{contact}_penetration_{units.length}"] = m["penetration"]
+    return row
+
+
+class HistoryFile:
+    """Appends rows to history.csv and flushes each, so that a killed run keeps its accepted steps."""
+
+    def __init__(self, folder):
+        self._file = open(Path(folder) / "history.csv", "w", newline="")  # noqa: SIM115 - lives as long as the run
+        self._writer = None
+
+    def write(self, row):
+        if self._writer is None:
+            self._writer = csv.DictWriter(self._file, list(row))
+            self._writer.writeheader()
+        self._writer.writerow({k: f"{v:.12g}" if isinstance(v, float) else v for k, v in row.items()})
+        self._file.flush()
+
+    def close(self):
+        self._file.close()
+
+
+def write_summary(folder, content):
+    """summary.json, replaced in one move so that readers never see half of it."""
+    target = Path(folder) / "summary.json"
+    draft = target.with_suffix(".part")
+    draft.write_text(json.dumps(content, indent=2, default=_plain) + "\n")
+    draft.replace(target)
+
+
+def _plain(value):
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return str(value)
+
+
+def machine():
+    """Names of the interpreter and the machine's architecture for the summary."""
+    return {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}

@@ -1,0 +1,35 @@
+"""PNG pictures: the deformed body coloured by a field, and curves."""
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+COLOURS = "viridis"
+
+
+def draw_body(axes, corners, values, limits=None, view=(28, 40)):
+    """Draw facets (n, 3 or 4, 3) coloured by their mean value into 3-D axes; returns the colour map for a colour bar."""
+    colour = values.mean(axis=1)
+    low, high = limits or (colour.min(), colour.max())
+    scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(low, high), COLOURS)
+    facets = Poly3DCollection(corners, facecolors=scale.to_rgba(colour), edgecolors=(0, 0, 0, 0.25), linewidths=0.2)
+    axes.add_collection3d(facets)
+    lowest, highest = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    for name, a, b in zip("xyz", lowest, highest, strict=True):
+        getattr(axes, f"set_{name}lim")(a, b)
+    axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])))
+    axes.view_init(*view)
+    return scale
+
+
+def body_picture(path, corners, values, label, title="", view=(28, 40)):
+    """One PNG of a deformed body with a colour bar named `label`."""
+    figure = Figure(figsize=(8, 5), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    scale = draw_body(axes, corners, values, view=view)
+    figure.colorbar(scale, ax=axes, label=label, shrink=0.7)
+    axes.set_title(title)
+    figure.savefig(Path(path), dpi=150)

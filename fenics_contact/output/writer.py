@@ -1,0 +1,62 @@
+"""The results folder of a run: history, XDMF for ParaView, summary and a picture, written as the run goes."""
+
+import os
+from pathlib import Path
+
+from fenics_contact import compat
+from fenics_contact.output.fields import Fields, exterior_surface
+from fenics_contact.output.history import HistoryFile, write_summary
+from fenics_contact.output.pictures import body_picture
+
+
+class FolderError(ValueError):
+    """The output folder cannot be written; raised on all ranks before work starts."""
+
+
+def prepare_folder(path, comm):
+    """Make the folder on rank 0 and see that it can be written."""
+    problem = None
+    if comm.rank == 0:
+        try:
+            Path(path).mkdir(parents=True, exist_ok=True)
+            if not os.access(path, os.W_OK):
+                problem = "it is not writable"
+        except OSError as error:
+            problem = error.strerror
+    if problem := comm.bcast(problem):
+        raise FolderError(f"output folder '{path}': {problem}; choose another with out=...")
+    return Path(path)
+
+
+class Writer:
+    """Writes every accepted step of a run into a folder: history.csv, results.xdmf, and at the end summary.json, body.png."""
+
+    def __init__(self, folder, scene, system):
+        self.comm = system.comm
+        self.folder, self.scene, self.system = folder, scene, system
+        self.fields = Fields(scene, system)
+        self._history = HistoryFile(folder) if self.comm.rank == 0 else None
+        self._xdmf = compat.XDMFFile(self.comm, str(folder / "results.xdmf"), "w")
+        self._xdmf.write_mesh(scene.mesh.domain)
+        self._write_fields()
+
+    def _write_fields(self):
+        self.fields.update()
+        for field in self.fields.all:
+            self._xdmf.write_function(field, self.system.state.t)
+
+    def step(self, row, on_schedule):
+        if self._history:
+            self._history.write(row)
+        if on_schedule:
+            self._write_fields()
+
+    def finish(self, summary):
+        self._xdmf.close()
+        u = self.system.state.u
+        corners, values = exterior_surface(self.scene, u, u.x.array[2::3])
+        if self.comm.rank == 0:
+            self._history.close()
+            write_summary(self.folder, summary)
+            label = f"vertical displacement [{self.scene.units.length}]"
+            body_picture(self.folder / "body.png", corners, values, label, f"t = {self.system.state.t:.4g}")

@@ -1,0 +1,160 @@
+"""solve(scene, ...): run a scene along its load path and keep what it gave."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import petsc4py
+from tqdm import tqdm
+
+from fenics_contact import compat
+from fenics_contact.output.history import history_row, machine
+from fenics_contact.output.writer import Writer, prepare_folder
+from fenics_contact.scene import SceneError
+from fenics_contact.solvers.control import run
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Incremental, Newton
+from fenics_contact.solvers.snes import Snes
+
+STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes}
+
+
+@dataclass
+class Result:
+    """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
+    summary: what summary.json holds. `result.u` is the displacement Function."""
+
+    history: list
+    verdict: object
+    system: object
+    summary: dict
+
+    @property
+    def u(self):
+        return self.system.state.u
+
+    @property
+    def converged(self):
+        return self.verdict.converged
+
+    def column(self, name):
+        """A history column at all accepted steps; KeyError lists the columns."""
+        if self.history and name not in self.history[0]:
+            raise KeyError(f"no column '{name}' in the history; it has: {', '.join(self.history[0])}")
+        return np.array([row[name] for row in self.history])
+
+
+def solve(
+    scene,
+    move=None,
+    push=None,
+    steps=10,
+    out=None,
+    method="newton",
+    linear="auto",
+    tolerance=None,
+    progress=True,
+):
+    """Carry a scene from t = 0 to t = 1.
+
+    move: {tool: travel (3,) at t = 1 [length], or a function of t}; push: {tool: force (3,) at t = 1 [force], or a function
+    of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
+    results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's) or "snes"; linear: "auto",
+    "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8).
+
+    Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
+    cannot go on returns with result.converged False and the reason in result.verdict.reason.
+    """
+    start = time.perf_counter()
+    times = _times(steps)
+    if method not in STEPPERS:
+        raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
+    folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
+    system = scene.system(move, push)
+    solver = LinearSolver(system, linear)
+    stepper = _stepper(method, solver, tolerance)
+    smallest_J = scene.volume_ratio(system.state.u)
+    with system.timers("output"):
+        writer = Writer(folder, scene, system) if folder else None
+    history = []
+    setup = time.perf_counter() - start
+    bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
+
+    def on_step(report, seconds, on_schedule):
+        with system.timers("output"):
+            state = system.state
+            travel = {tool.name: state.travel[i] for i, tool in enumerate(scene.tools)}
+            measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
+            row = history_row(
+                len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units
+            )
+            history.append(row)
+            if writer:
+                writer.step(row, on_schedule)
+        bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
+        bar.update(state.t - bar.n)
+
+    verdict = run(system, stepper, times, on_step)
+    bar.close()
+    summary = _summary(scene, system, solver, method, verdict, history)
+    summary["seconds"] = {"set-up": setup, "total": time.perf_counter() - start, **system.timers.seconds}
+    if writer:
+        writer.finish(summary)
+    return Result(history, verdict, system, summary)
+
+
+def _times(steps):
+    if np.ndim(steps) == 0:
+        if steps != int(steps) or steps < 1:
+            raise SceneError(f"steps = {steps}: give a whole number of at least one, or the increasing list of t")
+        return np.arange(1, int(steps) + 1) / int(steps)
+    times = np.asarray(steps, dtype=float)
+    if times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(np.concatenate([[0.0], times])) <= 0.0):
+        raise SceneError("steps must be a non-empty, increasing list of load parameters above 0")
+    return times
+
+
+def _stepper(method, solver, tolerance):
+    options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
+    return STEPPERS[method](solver, **options)
+
+
+def _summary(scene, system, solver, method, verdict, history):
+    domain = scene.mesh.domain
+    return {
+        "verdict": {"converged": verdict.converged, "t": verdict.t, "reason": verdict.reason, "cut_backs": verdict.cuts},
+        "scene": {
+            "units": vars(scene.units),
+            "degree": scene.degree,
+            "materials": {body.group: body.material.name for body in scene.bodies},
+            "contacts": [_contact_summary(c, system) for c in system.contacts],
+        },
+        "sizes": {
+            "cells": domain.topology.index_map(3).size_global,
+            "unknowns": system.vector.getSize(),
+            "supported_unknowns": system.comm.allreduce(len(system.supports.owned)),
+        },
+        "method": {"stepper": method, "linear_solver": solver.method, "symmetric": system.symmetric},
+        "iterations": verdict.iterations,
+        "residuals_per_step": verdict.residuals,
+        "last_step": history[-1] if history else {},
+        "ranks": system.comm.size,
+        "versions": {"dolfinx": compat.DOLFINX_VERSION, "petsc4py": petsc4py.__version__, **machine()},
+    }
+
+
+def _contact_summary(contact, system):
+    """What a reader must know of a contact: its edge, its penalties and its points. Collective."""
+    comm, units = system.comm, system.units
+    low, high = (
+        choose(comm.allgather(choose(contact.normal_penalty, default=start)))
+        for choose, start in ((min, np.inf), (max, 0.0))
+    )
+    return {
+        "name": contact.name,
+        "tool": contact.tool.name,
+        "tool_edge": contact.tool.edge,
+        "friction": contact.friction,
+        "slave_points": comm.allreduce(contact.surface.points),
+        f"penalty_{units.pressure}_per_{units.length}": [low, high],
+    }
