@@ -6,12 +6,18 @@ from numba import njit
 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
+ON_CONE = 1e-10  # round-off of a traction rebuilt from its anchor, relative
+
 
 @njit(cache=True)
 def coulomb_return(trial, limit, traction):
-    """Return the trial traction (3,) radially to the cone |T_T| <= limit (16); fills traction (3,), gives the status."""
+    """Return the trial traction (3,) radially to the cone |T_T| <= limit (16); fills traction (3,), gives the status.
+
+    A point that slipped when the last step was accepted starts the next one on the cone to round-off. It counts as
+    slipping, so that the next step's first tangent lets it go on; the traction is the same either way.
+    """
     size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
-    if size <= limit:
+    if size == 0.0 or size <= limit * (1.0 - ON_CONE):
         traction[:] = trial
         return STICK
     traction[:] = trial * (limit / size)

@@ -7,6 +7,9 @@ import numpy as np
 from fenics_contact.solvers.linear import LinearFailure
 
 
+SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
+
+
 class StepFailed(RuntimeError):
     """A step did not converge; the message says why."""
 
@@ -35,16 +38,50 @@ class Newton:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         report = StepReport()
+        before = np.inf  # the predictor carries supports and tools, so it is taken whole
         while True:
-            solve_once(system, self.linear, du, dq)
+            du, dq = solve_once(system, self.linear, du, dq)
             report.iterations += 1
-            size = relative_residual(system)
+            size = relative_residual(system) if before == np.inf else self._shorten(system, du, dq, before)
+            before = size
             report.residuals.append(size)
             if size <= self.tolerance:
                 return report
             if report.iterations >= self.limit:
                 raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
-            du, dq = np.zeros_like(du), np.zeros_like(dq)
+            du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
+
+    def _shorten(self, system, du, dq, before):
+        """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
+
+        A residual costs about a hundredth of a tangent solve.
+        """
+        share, size = 1.0, _finite_residual(system)
+        while size > before and share > SHORTEST:
+            shorter = _move(system, du, dq, -0.5 * share)
+            if shorter >= size:
+                _move(system, du, dq, 0.5 * share)
+                break
+            share, size = 0.5 * share, shorter
+        if not np.isfinite(size):
+            raise StepFailed("an element turned inside out")
+        return size
+
+
+def _move(system, du, dq, share):
+    """Move along an increment; returns the out-of-balance share there."""
+    step = du.copy()
+    step.scale(share)
+    system.update(step, share * dq)
+    return _finite_residual(system)
+
+
+def _finite_residual(system):
+    """Out-of-balance share, infinite where an element is inside out."""
+    try:
+        return relative_residual(system)
+    except StepFailed:
+        return np.inf
 
 
 class Incremental:
@@ -64,9 +101,11 @@ def solve_once(system, linear, du, dq):
     """One tangent solve with the assembled residual, and the update of the state."""
     system.assemble_tangent()
     try:
-        system.update(*linear.solve(du, dq))
+        increment = linear.solve(du, dq)
     except LinearFailure as failure:
         raise StepFailed(str(failure)) from None
+    system.update(*increment)
+    return increment
 
 
 def relative_residual(system):
