@@ -1,0 +1,139 @@
+"""A rigid square punch pressed into a rubber plate on a rigid plane: the second example of Abdrakhmanova & Sultanov (2018).
+
+A quarter of the plate 80 x 80 x 10 mm under a punch of 40 x 40 mm, in four friction cases, each driven by displacement
+(2 mm) and by force (what the frictionless punch needs for 2 mm). Units: mm, N, MPa.
+
+    mpirun -n 2 python3 demos/punch_on_plate.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.output.fields import exterior_surface
+from fenics_contact.output.pictures import draw_body
+from meshes import punch_plate
+
+OUT = Path("results/punch_on_plate")
+CASES = [(0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (0.0, 1.0)]  # (punch on plate, plate on plane)
+TRAVEL = 2.0
+ROOT = MPI.COMM_WORLD.rank == 0
+
+
+def say(*words):
+    if ROOT:
+        print(*words, flush=True)
+
+
+def press(mesh, case, out, force=None, tangential_share=None):
+    """One run; returns numbers of the last step, the force-travel curve and the deformed boundary (on rank 0)."""
+    scene = Scene(Body(mesh, "plate", mooney_paper(a1=0.1863, a2=0.0098, K=5.0)))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    punch, floor = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10)), rigid_plane(name="floor")
+    scene.contact("top", punch, case[0], name="top", tangential_share=tangential_share)
+    scene.contact("bottom", floor, case[1], name="bottom", tangential_share=tangential_share)
+    drive = {"move": {punch: (0, 0, -TRAVEL)}} if force is None else {"push": {punch: (0, 0, -force)}}
+    result = solve(scene, **drive, steps=10, out=out)
+    if not result.converged:
+        raise SystemExit(f"friction {case}: {result.verdict.reason}")
+    u = result.u.x.array[2::3]
+    corners, uz = exterior_surface(scene, result.u, u)
+    comm = mesh.comm
+    x = scene.space.tabulate_dof_coordinates()
+    lowest = comm.allreduce(u.min(initial=0.0), op=MPI.MIN)
+    top, bottom = (
+        comm.allreduce(u[np.abs(x[:, 2] - z) < 1e-6].max(initial=-9.0), op=MPI.MAX) for z in (10.0, 0.0)
+    )
+    return {
+        "indentation": -result.history[-1]["punch_travel_z_mm"],
+        "deflection": -lowest,
+        "uplift": top,
+        "floor_lift": bottom,
+        "force": -result.history[-1]["top_force_z_N"],
+        "curve": (-result.column("punch_travel_z_mm"), -result.column("top_force_z_N")),
+        "surface": (corners, uz),
+        "iterations": [row["iterations"] for row in result.history],
+        "edge": punch.edge,
+    }
+
+
+def four_quarters(runs, path):
+    """The paper's Figs 3-6: vertical displacement of the deformed quarter."""
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    limits = min(r["surface"][1].min() for r in runs), max(r["surface"][1].max() for r in runs)
+    for i, (case, run) in enumerate(zip(CASES, runs, strict=True)):
+        axes = figure.add_subplot(2, 2, i + 1, projection="3d")
+        scale = draw_body(axes, *run["surface"], limits=limits)
+        axes.set_title(f"μ₁ = {case[0]:g} (punch), μ₂ = {case[1]:g} (floor): {run['force']:.0f} N")
+        axes.set_xlabel("x [mm]"), axes.set_ylabel("y [mm]")
+    figure.colorbar(scale, ax=figure.axes, label="vertical displacement [mm]", shrink=0.6)
+    figure.savefig(path, dpi=150)
+
+
+def curves(moved, path):
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    axes = figure.add_subplot()
+    for case, run in zip(CASES, moved, strict=True):
+        travel, force = (np.concatenate([[0.0], values]) for values in run["curve"])
+        axes.plot(travel, force, marker="o", markersize=3, label=f"μ₁ = {case[0]:g}, μ₂ = {case[1]:g}")
+    axes.set_xlabel("travel of the punch [mm]")
+    axes.set_ylabel("force on the quarter [N]")
+    axes.legend()
+    figure.savefig(path, dpi=150)
+
+
+def table(moved, pushed):
+    lines = ["drive         μ1   μ2   indentation  uplift of top  lift off floor   force   iterations"]
+    lines.append("                            [mm]          [mm]           [mm]        [N]   per step")
+    for drive, runs in (("displacement", moved), ("force", pushed)):
+        for case, r in zip(CASES, runs, strict=True):
+            lines.append(
+                f"{drive:12} {case[0]:4.1f} {case[1]:4.1f} {r['indentation']:10.4f} {r['uplift']:13.4f} "
+                f"{r['floor_lift']:14.4f} {r['force']:11.3f}   {np.mean(r['iterations']):.1f}"
+            )
+    return lines
+
+
+def statements(moved, pushed):
+    """Which of the paper's two sentences holds for which measure and drive."""
+    lines = ["the paper: friction at the top increases the plate's deflection, friction at the bottom decreases it; here:"]
+    measures = {"displacement": ("uplift", "floor_lift", "force"), "force": ("indentation", "uplift", "floor_lift")}
+    for drive, runs in (("displacement", moved), ("force", pushed)):
+        for measure in measures[drive]:
+            free, _, rough_top, rough_bottom = (run[measure] for run in runs)
+            first, second = ("holds" if yes else "does not hold" for yes in (rough_top > free, rough_bottom < free))
+            lines.append(
+                f"  {drive}-driven, measured by {measure.replace('_', ' ')}: top {first} "
+                f"({free:.3f} -> {rough_top:.3f}), bottom {second} ({free:.3f} -> {rough_bottom:.3f})"
+            )
+    return lines
+
+
+def main():
+    mesh = read_gmsh(punch_plate.build, inside=12, outside=10, layers=6, ratio=1.1)
+    name = "mu1_{:g}_mu2_{:g}".format
+    moved = [press(mesh, case, OUT / f"moved_{name(*case)}") for case in CASES]
+    force = moved[0]["force"]
+    pushed = [press(mesh, case, OUT / f"pushed_{name(*case)}", force) for case in CASES]
+    share = {s: press(mesh, (1.0, 0.0), None, None, s)["force"] for s in (0.01, 1.0)}
+
+    lines = [f"punch edge: {moved[0]['edge']}; second invariant: the paper's, tr(B.B)", *table(moved, pushed)]
+    lines += statements(moved, pushed)
+    lines.append(
+        f"tangential penalty, μ1 = 1, 2 mm: {share[0.01]:.3f} N at 0.01, {moved[2]['force']:.3f} N at 0.1 (default), "
+        f"{share[1.0]:.3f} N at 1 times the normal one"
+    )
+    if ROOT:
+        four_quarters(moved, OUT / "deformed_quarters.png")
+        curves(moved, OUT / "force_travel.png")
+        (OUT / "table.txt").write_text("\n".join(lines) + "\n")
+    say("\n".join(lines))
+    say(f"pictures: {OUT / 'deformed_quarters.png'}, {OUT / 'force_travel.png'}; every run's files: {OUT}/")
+
+
+if __name__ == "__main__":
+    main()
