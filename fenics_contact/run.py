@@ -85,9 +85,7 @@ def solve(
             state = system.state
             travel = {tool.name: state.travel[i] for i, tool in enumerate(scene.tools)}
             measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
-            row = history_row(
-                len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units
-            )
+            row = history_row(len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units)
             history.append(row)
             if writer:
                 writer.step(row, on_schedule)
@@ -122,7 +120,12 @@ def _stepper(method, solver, tolerance):
 def _summary(scene, system, solver, method, verdict, history):
     domain = scene.mesh.domain
     return {
-        "verdict": {"converged": verdict.converged, "t": verdict.t, "reason": verdict.reason, "cut_backs": verdict.cuts},
+        "verdict": {
+            "converged": verdict.converged,
+            "t": verdict.t,
+            "reason": verdict.reason,
+            "cut_backs": verdict.cuts,
+        },
         "scene": {
             "units": vars(scene.units),
             "degree": scene.degree,

@@ -136,7 +136,9 @@ class Scene:
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
         share = tangential_share or TANGENTIAL_SHARE
-        self.contacts.append(_Contact(name, _names(slave), master, friction, penalty, tangential_penalty, share, points))
+        self.contacts.append(
+            _Contact(name, _names(slave), master, friction, penalty, tangential_penalty, share, points)
+        )
 
     @property
     def tools(self):
@@ -254,7 +256,11 @@ class Scene:
         surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, contact.points)
         default = PENALTY_FACTOR * surface.stiffness
         normal = np.full_like(default, contact.penalty) if contact.penalty else default
-        tangential = np.full_like(default, contact.tangential_penalty) if contact.tangential_penalty else contact.tangential_share * normal
+        tangential = (
+            np.full_like(default, contact.tangential_penalty)
+            if contact.tangential_penalty
+            else contact.tangential_share * normal
+        )
         index = self.tools.index(contact.master)
         return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.laws import edge_penalty, point_traction
-from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, signed_distance
+from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
 
 
@@ -28,10 +28,10 @@ def _gap_and_penalty(kind, shape, y, eps, body, spacing, active, n, H, ds, deps)
     """Gap with n (3,) and H (3, 3), and the penalty with its gradient: softened where y slides out under a sharp edge."""
     deps[:] = 0.0
     cover = edge_cover(kind, shape, y, spacing, ds)
-    if 0.0 < cover < 1.0:
-        gap = face_distance(shape, y, n, H)
-        return gap, edge_penalty(eps, body, cover, ds, deps)
-    return signed_distance(kind, shape, y, active, n, H), eps
+    if not meets_face(kind, shape, y, spacing, cover):
+        return signed_distance(kind, shape, y, active, n, H), eps
+    gap = face_distance(shape, y, n, H)
+    return gap, edge_penalty(eps, body, cover, ds, deps)
 
 
 @njit(cache=True)
@@ -174,7 +174,7 @@ def point_normals(X, nodes, a, u, kind, shape, origin, axes, travel, spacing, no
         for q in range(normal.shape[1]):
             _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
             cover = edge_cover(kind, shape, y, spacing[e], ds)
-            if 0.0 < cover < 1.0:
+            if meets_face(kind, shape, y, spacing[e], cover):
                 face_distance(shape, y, n, H)
             else:
                 signed_distance(kind, shape, y, active, n, H)

@@ -81,6 +81,16 @@ def signed_distance(kind, parameters, y, active, n, H):
 
 
 @njit(cache=True)
+def _fade(t):
+    """Smooth step from 0 (t <= 0) to 1 (t >= 1), and its slope."""
+    if t <= 0.0:
+        return 0.0, 0.0
+    if t >= 1.0:
+        return 1.0, 0.0
+    return t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)
+
+
+@njit(cache=True)
 def edge_cover(kind, parameters, y, spacing, ds):
     """How far a slave point counts as lying under a sharp-edged face: a share s from 1 to 0, and its gradient ds (3,).
 
@@ -88,24 +98,30 @@ def edge_cover(kind, parameters, y, spacing, ds):
     the next one outside; letting the share of the outer point fall from 1 at the edge to 0 one spacing outside it
     interpolates the contact's end between the two, so that the force does not jump when rows of points slide out. s has
     one continuous derivative. Shapes without sharp edges give 1. Only the faces normal to the last axis (the punch's
-    flat face) are treated so; what rises beyond `spacing` beside them meets the sides.
+    flat face) are treated so: the share fades where a point rises one to two spacings beside the punch.
     """
     ds[:] = 0.0
-    if kind != BOX or parameters[3] > 0.0 or abs(y[2]) < parameters[2] - spacing:
+    if kind != BOX or parameters[3] > 0.0 or (abs(y[0]) <= parameters[0] and abs(y[1]) <= parameters[1]):
         return 1.0
-    share0 = share1 = 1.0
-    for i in range(2):
-        t = 1.0 + (parameters[i] - abs(y[i])) / spacing
-        if t <= 0.0:
-            ds[:] = 0.0
-            return 0.0
-        if t < 1.0:
-            share = t * t * (3.0 - 2.0 * t)
-            share0, share1 = (share, share1) if i == 0 else (share0, share)
-            ds[i] = math.copysign(6.0 * t * (1.0 - t) / spacing, -y[i])
-    ds[0] *= share1
-    ds[1] *= share0
-    return share0 * share1
+    s0, d0 = _fade(1.0 + (parameters[0] - abs(y[0])) / spacing)
+    s1, d1 = _fade(1.0 + (parameters[1] - abs(y[1])) / spacing)
+    s2, d2 = _fade(2.0 + (abs(y[2]) - parameters[2]) / spacing)
+    ds[0] = -math.copysign(d0 * s1 * s2 / spacing, y[0])
+    ds[1] = -math.copysign(s0 * d1 * s2 / spacing, y[1])
+    ds[2] = math.copysign(s0 * s1 * d2 / spacing, y[2])
+    return s0 * s1 * s2
+
+
+@njit(cache=True)
+def meets_face(kind, parameters, y, spacing, cover):
+    """Whether y belongs to a sharp-edged flat face rather than to the nearest side.
+
+    True for covered points less than `spacing` deep, however near to the edge they are: a point next to the edge is held
+    by the face until it has slid out, and does not flip to the side by being a little nearer to it.
+    """
+    if kind != BOX or parameters[3] > 0.0 or cover == 0.0:
+        return False
+    return cover < 1.0 or abs(y[2]) > parameters[2] - spacing
 
 
 @njit(cache=True)
