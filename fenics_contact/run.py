@@ -137,7 +137,12 @@ def _summary(scene, system, solver, method, verdict, history):
             "unknowns": system.vector.getSize(),
             "supported_unknowns": system.comm.allreduce(len(system.supports.owned)),
         },
-        "method": {"stepper": method, "linear_solver": solver.method, "symmetric": system.symmetric},
+        "method": {
+            "stepper": method,
+            "linear_solver": solver.method,
+            "solver_changes": solver.fallbacks,
+            "symmetric": system.symmetric,
+        },
         "iterations": verdict.iterations,
         "residuals_per_step": verdict.residuals,
         "last_step": history[-1] if history else {},

@@ -25,7 +25,9 @@ class LinearSolver:
         self.system = system
         size = system.vector.getSize()
         self.method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
+        self._forced = method == "iterative"
         self.iterations = 0
+        self.fallbacks = []  # what the log and the summary say of a change of solver
         self._pivot = None
         self.ksp = PETSc.KSP().create(system.comm)
         self.ksp.setOptionsPrefix(PREFIX)
@@ -121,23 +123,36 @@ class LinearSolver:
         return out
 
     def _solve(self, rhs, out):
+        """Solve with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
+        reason = self._attempt(rhs, out)
+        if reason < 0 and self.method == "iterative" and not self._forced:
+            self.method = "direct"
+            self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
+            self.ksp.reset()
+            self._use_direct()
+            reason = self._attempt(rhs, out)
+        if reason < 0:
+            raise LinearFailure(
+                f"the {self.method} linear solver failed (reason {reason}): the tangent is singular (is a body free to "
+                "move?) or memory ran out"
+            )
+
+    def _attempt(self, rhs, out):
+        """One solve; returns PETSc's converged reason, negative where it failed."""
+        guess = out.copy() if self.method == "iterative" else None
         with self.system.timers("factorisation"):
             self.ksp.setOperators(self.system.matrix)
             try:
                 self.ksp.setUp()
             except PETSc.Error as error:
-                raise LinearFailure(
-                    f"the factorisation failed (PETSc error {error.ierr}): singular tangent or memory"
-                ) from None
+                return -abs(error.ierr)
         with self.system.timers("linear solve"):
             self.ksp.solve(rhs, out)
         self.iterations += self.ksp.getIterationNumber()
         reason = self.ksp.getConvergedReason()
-        if reason < 0:
-            raise LinearFailure(
-                f"the {self.method} linear solver stopped with reason {reason} after {self.ksp.getIterationNumber()} "
-                "iterations: singular tangent (is a body free to move?) or, for iterative, try linear='direct'"
-            )
+        if reason < 0 and guess is not None:
+            guess.copy(out)
+        return reason
 
 
 def _rigid_body_modes(system):
