@@ -45,9 +45,7 @@ def press(mesh, case, out, force=None, tangential_share=None):
     comm = mesh.comm
     x = scene.space.tabulate_dof_coordinates()
     lowest = comm.allreduce(u.min(initial=0.0), op=MPI.MIN)
-    top, bottom = (
-        comm.allreduce(u[np.abs(x[:, 2] - z) < 1e-6].max(initial=-9.0), op=MPI.MAX) for z in (10.0, 0.0)
-    )
+    top, bottom = (comm.allreduce(u[np.abs(x[:, 2] - z) < 1e-6].max(initial=-9.0), op=MPI.MAX) for z in (10.0, 0.0))
     return {
         "indentation": -result.history[-1]["punch_travel_z_mm"],
         "deflection": -lowest,

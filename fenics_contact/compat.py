@@ -3,7 +3,7 @@
 try:
     import dolfinx
     from dolfinx import fem
-    from dolfinx.io import XDMFFile
+    from dolfinx.io import XDMFFile  # noqa: F401 - the one door to dolfinx
 except ImportError as error:  # the one dependency pip cannot bring
     raise ImportError(
         "dolfinx is missing: install Debian's package python3-dolfinx and use /usr/bin/python3 or a virtual "
@@ -112,21 +112,13 @@ def mesh_from_gmsh(model, comm, rank):
 def geometry_dofmap(mesh):
     """(cells, nodes per cell) array of geometry nodes."""
     dofmap = mesh.geometry.dofmap
-    return (
-        dofmap
-        if isinstance(dofmap, np.ndarray)
-        else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
-    )
+    return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
 
 
 def cell_dofs(space):
     """(cells, block dofs per cell) array of a space's local block numbers."""
     dofs = space.dofmap.list
-    return (
-        dofs
-        if isinstance(dofs, np.ndarray)
-        else dofs.array.reshape(space.mesh.topology.connectivity(3, 0).num_nodes, -1)
-    )
+    return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(space.mesh.topology.connectivity(3, 0).num_nodes, -1)
 
 
 def facet_closure_dofs(space, facet):
@@ -136,9 +128,9 @@ def facet_closure_dofs(space, facet):
 
 def cell_name(mesh):
     """'hexahedron', 'tetrahedron', ..."""
-    return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(
-        "."
-    )[-1]
+    return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(".")[
+        -1
+    ]
 
 
 def basix_element(cell, degree):

@@ -5,8 +5,8 @@ the left Cauchy-Green tensor: I1 = tr B^, I2 = tr(B^ . B^) and J (paper, section
 units of pressure (MPa with lengths in mm and forces in N).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import ufl
 
@@ -23,7 +23,7 @@ class Isotropic:
 
 @dataclass(frozen=True)
 class Hyperelastic:
-    """Any energy psi(F) [pressure], a UFL function of the deformation gradient; moduli at rest [pressure] scale penalties."""
+    """Any energy psi(F) [pressure], a UFL function of the deformation gradient; its moduli at rest scale penalties."""
 
     name: str
     psi: Callable
@@ -62,7 +62,7 @@ def mooney_paper(a1, a2, K):
 
 
 def mooney_rivlin(a1, a2, K):
-    """Psi = a1 (I1 - 3) + a2 ((I1^2 - tr(B^.B^))/2 - 3) + K/2 (J - 1)^2: the classical Mooney (1940, doi:10.1063/1.1712836).
+    """Psi = a1 (I1 - 3) + a2 ((I1^2 - tr(B^.B^))/2 - 3) + K/2 (J - 1)^2: classical Mooney (1940, doi:10.1063/1.1712836).
 
     The shear modulus at rest is 2 a1 + 2 a2. All parameters in units of pressure; ValueError if not positive.
     """
@@ -105,6 +105,6 @@ def from_elastic(E, nu):
 def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):
     """A user's own UFL energy psi(F) [pressure]; the moduli at rest [pressure] are used for penalties only."""
     _positive(name, shear_modulus=shear_modulus, bulk_modulus=bulk_modulus)
-    if not isinstance(psi(ufl.Identity(3)), (ufl.core.expr.Expr, float, int)):
+    if not isinstance(psi(ufl.Identity(3)), ufl.core.expr.Expr | float | int):
         raise TypeError(f"{name}: psi(F) must return a scalar UFL expression of the deformation gradient F")
     return Hyperelastic(name, psi, shear_modulus, bulk_modulus)

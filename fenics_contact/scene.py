@@ -136,9 +136,7 @@ class Scene:
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
         share = tangential_share or TANGENTIAL_SHARE
-        self.contacts.append(
-            _Contact(name, _names(slave), master, friction, penalty, tangential_penalty, share, points)
-        )
+        self.contacts.append(_Contact(name, _names(slave), master, friction, penalty, tangential_penalty, share, points))
 
     @property
     def tools(self):
@@ -237,9 +235,7 @@ class Scene:
                 raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
             paths.append(_ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
             forces.append(_ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
-            free.append(
-                np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool)
-            )
+            free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
         return ToolMotion(paths, forces, free)

@@ -39,7 +39,7 @@ def _isotropic(psi, F, h):
     tau = slope[0] * dI1 + slope[1] * dI2 + J * slope[2] * one
 
     rate = [ufl.inner(dI1, h), ufl.inner(dI2, h), J * ufl.tr(h)]
-    dslope = [sum(ufl.diff(s, i) * r for i, r in zip(invariants, rate)) for s in slope]
+    dslope = [sum(ufl.diff(s, i) * r for i, r in zip(invariants, rate, strict=False)) for s in slope]
     hd = deviator(h)
     dB = ufl.dot(hd, B) + ufl.dot(B, hd.T)
     dB2 = ufl.dot(dB, B) + ufl.dot(B, dB)

@@ -35,7 +35,5 @@ def build(half_width=40.0, height=10.0, punch=20.0, inside=14, outside=10, layer
 
     gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag for dim, tag in volumes if dim == 3]), "plate")
     for name, axis, place in (("symmetry_x", 0, 0), ("symmetry_y", 1, 0), ("bottom", 2, 0), ("top", 2, height)):
-        faces = [
-            f for _, f in gmsh.model.getEntities(2) if abs(gmsh.model.occ.getCenterOfMass(2, f)[axis] - place) < 1e-9
-        ]
+        faces = [f for _, f in gmsh.model.getEntities(2) if abs(gmsh.model.occ.getCenterOfMass(2, f)[axis] - place) < 1e-9]
         gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), name)

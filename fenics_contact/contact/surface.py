@@ -45,14 +45,9 @@ def slave_surface(space, facets, modulus, points="nodes"):
     degree = space.ufl_element().degree() if callable(space.ufl_element().degree) else space.ufl_element().degree
     cells, local = _cells_of(mesh, facets)
     order = points if points != "nodes" else 2 * degree
-    geometry = [
-        _facet_quadrature(mesh, cell, degree, order, cells[local == f], f) for f in range(_facets_per_cell(cell))
-    ]
+    geometry = [_facet_quadrature(mesh, cell, degree, order, cells[local == f], f) for f in range(_facets_per_cell(cell))]
     nodes = np.concatenate(
-        [
-            compat.cell_dofs(space)[cells[local == f]][:, compat.facet_closure_dofs(space, f)]
-            for f in range(len(geometry))
-        ]
+        [compat.cell_dofs(space)[cells[local == f]][:, compat.facet_closure_dofs(space, f)] for f in range(len(geometry))]
     )
     a = np.concatenate([np.broadcast_to(values, (len(area), *values.shape)) for values, area in geometry])
     area = np.concatenate([area for _, area in geometry])

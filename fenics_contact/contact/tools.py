@@ -74,9 +74,7 @@ def rigid_punch(
     tall = _length(height, f"{name}: height") / 2
     fillet = _length(fillet, f"{name}: fillet", zero=True)
     if fillet > min(half, depth, tall):
-        raise ValueError(
-            f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller"
-        )
+        raise ValueError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
     axes = _axes(direction, f"{name}: direction")
     origin = _vector(face, f"{name}: face") - tall * axes[:, 2]
     edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"

@@ -234,9 +234,9 @@ def _scan(x, x_normal, coords, surface, listed, search, facing, feet, work):
         nearest = min(nearest, distance)
     winner = -1
     for j in range(listed.shape[0]):  # among ties: inside before edge before vertex, then the first listed
-        if kinds[j, 0] != NONE and places[j, 2] <= nearest + SAME * places[j, 3]:
-            if winner < 0 or kinds[j, 0] < kinds[winner, 0]:
-                winner = j
+        tied = kinds[j, 0] != NONE and places[j, 2] <= nearest + SAME * places[j, 3]
+        if tied and (winner < 0 or kinds[j, 0] < kinds[winner, 0]):
+            winner = j
     return winner
 
 

@@ -255,9 +255,7 @@ def _scatter_tangent(k, nd, area, work, tangent):
                 n1, n2 = dN[0, i - k] * vec[TRACTION, a], dN[1, i - k] * vec[TRACTION, a]
             for j in range(nd):
                 for b in range(3):
-                    tangent[3 * i + a, 3 * j + b] = area * (
-                        jump[i] * dT[j, a, b] - n1 * beta[0, j, b] - n2 * beta[1, j, b]
-                    )
+                    tangent[3 * i + a, 3 * j + b] = area * (jump[i] * dT[j, a, b] - n1 * beta[0, j, b] - n2 * beta[1, j, b])
 
 
 @njit(cache=True)
@@ -354,7 +352,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
             continue
         g = _place(q, coords, slaves, surface, projection, anchors, work)
         status, _, _ = _point_traction(q, g, anchors[0][q, 0] >= 0, law, vec)
-        if status == OPEN or status == CLOSED or status == SLIP:
+        if status != STICK:
             for i in range(4):
                 nodes[q, i], weights[q, i] = surface[0][facet[q], i], N[i]
         else:

@@ -31,8 +31,8 @@ def point_traction(
     """Contact traction T = N n + T_T of a slave point on a fixed surface, and dT/dx of the slave position.
 
     gap: signed distance [length]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,): x_M - anchor.
-    eps_n, eps_t: penalties [pressure/length]; deps (3,): gradient of eps_n, zero away from a sharp edge; mu: friction coefficient; touch: gaps up to this round-off length count
-    as closed. Fills traction (3,) and its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted;
+    eps_n, eps_t: penalties [pressure/length]; deps (3,): gradient of eps_n, zero away from a sharp edge;
+    mu: friction coefficient; touch: gaps up to this round-off length count as closed. Fills traction (3,) and its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted;
     trial (3,) and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
     """
     tangential[:] = 0.0
@@ -45,9 +45,7 @@ def point_traction(
     if want_tangent:
         for i in range(3):
             for j in range(3):
-                dT[i, j] = (
-                    n[i] * (eps_n * n[j] + gap * deps[j]) + N * H[i, j]
-                )  # (26) for a surface of normal gradient H
+                dT[i, j] = n[i] * (eps_n * n[j] + gap * deps[j]) + N * H[i, j]  # (26) for a surface of normal gradient H
     if mu == 0.0:
         return CLOSED
 

@@ -152,9 +152,7 @@ def exterior_surface(scene, u, values=None):
     ring = [0, 1, 3, 2] if compat.cell_name(mesh) == "hexahedron" else [0, 1, 2]
     corners, colours = [], []
     for facet in range(6 if len(ring) == 4 else 4):
-        dofs = compat.cell_dofs(scene.space)[cells[local == facet]][
-            :, compat.facet_closure_dofs(scene.space, facet)[ring]
-        ]
+        dofs = compat.cell_dofs(scene.space)[cells[local == facet]][:, compat.facet_closure_dofs(scene.space, facet)[ring]]
         corners.append(x[dofs])
         colours.append(values[dofs])
     parts = mesh.comm.gather((np.concatenate(corners), np.concatenate(colours)))

@@ -29,7 +29,7 @@ def prepare_folder(path, comm):
 
 
 class Writer:
-    """Writes every accepted step of a run into a folder: history.csv, results.xdmf, and at the end summary.json, body.png."""
+    """Writes every accepted step into a folder: history.csv and results.xdmf, at the end summary.json and body.png."""
 
     def __init__(self, folder, scene, system):
         self.comm = system.comm

@@ -85,10 +85,8 @@ class LinearSolver:
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
-            raise LinearFailure(
-                "a pushed tool meets no resistance: bring it into contact before the force acts"
-            ) from None
-        for amount, column in zip(travel, columns):
+            raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
+        for amount, column in zip(travel, columns, strict=False):
             du.axpy(amount, column)
         total = dq.ravel().copy()
         total[free] += travel

@@ -6,7 +6,6 @@ import numpy as np
 
 from fenics_contact.solvers.linear import LinearFailure
 
-
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 
 

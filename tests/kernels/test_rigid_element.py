@@ -1,0 +1,477 @@
+"""The element of slave points and a rigid tool: exact tangent in every status on every shape, and friction history."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fenics_contact.kernels import rigid_element as element
+from fenics_contact.kernels.rigid_shapes import BOX, CYLINDER, PLANE, SPHERE
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+
+pytestmark = pytest.mark.serial
+
+EPS_N, EPS_T, BODY, SPACING = 50.0, 20.0, 5.0, 0.4
+HALF = [2.0, 1.5, 1.0]
+SHARP, ROUND, BALL = np.array([*HALF, 0.0]), np.array([*HALF, 0.6]), np.array([1.5, 0.0, 0.0, 0.0])
+# four Gauss points of a quadrilateral whose nodes run along the rows
+GAUSS = np.array([[(1 + s * p) * (1 + t * q) / 4 for q in (-1, 1) for p in (-1, 1)]
+                  for t in (-3**-0.5, 3**-0.5) for s in (-3**-0.5, 3**-0.5)])  # fmt: skip
+
+
+def rotation_about(axis, angle):
+    a = np.asarray(axis, float) / np.linalg.norm(axis)
+    cross = np.cross(np.eye(3), a)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+class Tool:
+    """A shape in tilted axes at an odd place."""
+
+    def __init__(self, kind, shape, tilted=True):
+        self.kind, self.shape, self.tilted = kind, shape, tilted
+        self.axes = rotation_about([0.3, -0.8, 0.5], 1.1) if tilted else np.eye(3)
+        self.origin = np.array([0.4, -1.1, 0.7]) if tilted else np.zeros(3)
+        self.travel = np.array([0.02, 0.3, -0.1]) if tilted else np.zeros(3)
+
+    def world(self, y):
+        return np.asarray(y) @ self.axes.T + self.origin + self.travel
+
+
+class Contact:
+    """One element (k nodes among nine, nq points) and a tool; evaluates at any displacement and travel."""
+
+    def __init__(self, tool, y, normal, k=1, mu=0.0, touch=0.0, elastic=(0.0, 0.0, 0.0), eps_t=EPS_T):
+        rng = np.random.default_rng(2)
+        self.tool, self.mu, self.touch, self.eps_t = tool, mu, touch, eps_t
+        y = np.asarray(y, float)
+        if k == 1:
+            self.nodes, self.a, self.area = np.array([[4]], np.int32), np.ones((1, 1, 1)), np.array([[0.3]])
+            corners = y[None, :]
+        else:
+            first = np.cross(normal, [0.2, 0.5, -0.7])
+            first /= np.linalg.norm(first)
+            second = np.cross(normal, first)
+            corners = np.array([y + 0.02 * (p * first + q * second) for q in (-1, 1) for p in (-1, 1)])
+            corners += 0.002 * rng.uniform(-1, 1, (4, 3))
+            self.nodes, self.a = np.array([[5, 2, 7, 0]], np.int32), GAUSS[None].copy()
+            self.area = np.array([[0.1, 0.07, 0.05, 0.08]])
+        reference = rng.uniform(-1, 1, (9, 3))
+        self.u = rng.uniform(-1, 1, (9, 3))
+        self.u[self.nodes[0]] = tool.world(corners) - reference[self.nodes[0]]
+        self.X = reference[self.nodes]
+        self.travel = tool.travel.copy()
+        # anchors behind the projections: trial = eps_t * elastic slip
+        self.anchor = np.zeros((1, self.a.shape[1], 3))
+        self.anchor = self.commit(mu=0.0, touch=-np.inf)[0] - np.asarray(elastic, float)
+
+    def _tool(self, travel):
+        return self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel
+
+    def _law(self):
+        return tuple(np.array([v]) for v in (EPS_N, self.eps_t, BODY, SPACING))
+
+    def evaluate(self, u=None, travel=None, want_tangent=True):
+        """Everything the kernel fills, over outputs that started as NaN."""
+        u, travel = (self.u if u is None else u), (self.travel if travel is None else travel)
+        (_, nq, k), before = self.a.shape, self.anchor.copy()
+        force, tangent, arm = np.full((1, k, 3), np.nan), np.full((1, 3 * k, 3 * k), np.nan), np.full((1, k, 3, 3), np.nan)
+        T, gap, slip, cover = np.full((1, nq, 3), np.nan), *(np.full((1, nq), np.nan) for _ in range(3))
+        status = np.full((1, nq), -7, np.int32)
+        element.contact_elements(
+            self.X, self.nodes, self.a, self.area, u.ravel(), *self._tool(travel), self.anchor, *self._law(),
+            self.mu, self.touch, want_tangent, force, tangent, arm, T, gap, status, slip, cover,
+        )  # fmt: skip
+        assert np.array_equal(before, self.anchor)  # evaluation writes no history
+        return dict(force=force[0], K=tangent[0], arm=arm[0], T=T[0], gap=gap[0], status=status[0], slip=slip[0],
+                    cover=cover[0], normal=self.normals(u, travel))  # fmt: skip
+
+    def normals(self, u, travel):
+        normal = np.full((1, self.a.shape[1], 3), np.nan)
+        element.point_normals(
+            self.X, self.nodes, self.a, u.ravel(), *self._tool(travel), np.array([SPACING]), normal
+        )  # fmt: skip
+        return normal[0]
+
+    def commit(self, mu=None, touch=None):
+        """(new anchors, sliding); the caller decides whether to keep them."""
+        new, sliding, before = np.full_like(self.anchor, np.nan), np.full(self.area.shape, np.nan), self.anchor.copy()
+        mu, touch = (self.mu if mu is None else mu), (self.touch if touch is None else touch)
+        element.committed_anchors(
+            self.X, self.nodes, self.a, self.u.ravel(), *self._tool(self.travel), self.anchor, *self._law(),
+            mu, touch, new, sliding,
+        )  # fmt: skip
+        assert np.array_equal(before, self.anchor)
+        return new, sliding[0]
+
+    def accept(self):
+        self.anchor, sliding = self.commit()
+        return sliding
+
+
+# ---- places: tool, point of its surface and outward normal there, tangent directions
+
+S2, S3 = 0.5**0.5, 3**-0.5
+CORE = np.array(HALF) - 0.6
+PLACES = {
+    "plane": (PLANE, np.zeros(4), [0.2, -0.4, 0.0], [0, 0, 1]),
+    "punch face": (BOX, SHARP, [0.7, -0.4, 1.0], [0, 0, 1]),
+    "punch back": (BOX, SHARP, [0.7, -0.4, -1.0], [0, 0, -1]),
+    "punch side": (BOX, SHARP, [0.7, -1.5, -0.05], [0, -1, 0]),
+    "fillet face": (BOX, ROUND, [0.7, -0.4, 1.0], [0, 0, 1]),
+    "fillet edge": (BOX, ROUND, [CORE[0] + 0.6 * S2, -0.4, CORE[2] + 0.6 * S2], [S2, 0, S2]),
+    "fillet edge along z": (BOX, ROUND, [-CORE[0] - 0.36, CORE[1] + 0.48, 0.1], [-0.6, 0.8, 0]),
+    "fillet corner": (BOX, ROUND, CORE * [1, -1, 1] + 0.6 * S3 * np.array([1, -1, 1]), [S3, -S3, S3]),
+    "sharp edge": (BOX, SHARP, [2.2, 0.3, 1.0], [0, 0, 1]),
+    "sharp edge, nearly out": (BOX, SHARP, [0.3, -1.8, 1.0], [0, 0, 1]),
+    "sharp corner": (BOX, SHARP, [-2.2, -1.7, -1.0], [0, 0, -1]),
+    "sharp edge outside": (BOX, SHARP, [2.6, 0.3, 1.0], [0, 0, 1]),
+    "sphere": (SPHERE, BALL, 1.5 * np.array([0.48, -0.6, 0.64]), [0.48, -0.6, 0.64]),
+    "cylinder": (CYLINDER, BALL, [0.9, -1.2, 4.0], [0.6, -0.8, 0]),
+}
+FLAT = ("plane", "punch face", "punch back", "punch side", "fillet face")
+EDGES = ("sharp edge", "sharp edge, nearly out", "sharp corner")
+LAWS = {"open": OPEN, "closed": CLOSED, "stick": STICK, "slip": SLIP}
+DEPTH = 0.1
+CASES = [(p, law, k) for p in PLACES for law in LAWS for k in (1, 4) if p != "sharp edge outside" or law == "open"]
+TOUCHING = [case for case in CASES if case[1] != "open"]
+RUBBING = [case for case in CASES if case[1] in ("stick", "slip")]
+
+
+def build(place, law, k, depth=DEPTH):
+    kind, shape, y, normal = PLACES[place]
+    normal = np.asarray(normal, float)
+    across = np.cross(normal, [0.5, 0.3, -0.6])
+    across /= np.linalg.norm(across)
+    mu = {"open": 0.3, "closed": 0.0, "stick": 200.0 if place in EDGES else 9.0, "slip": 0.3}[law]
+    at = np.asarray(y) + (0.3 * depth if law == "open" else -depth) * normal
+    contact = Contact(Tool(kind, shape), at, normal, k, mu, elastic=0.2 * across)
+    r = contact.evaluate()
+    assert (r["status"] == LAWS[law]).all()
+    assert ((r["cover"] < 1) == (place in EDGES)).all()
+    return contact, r
+
+
+def taylor(contact, r, du, dq, largest):
+    """Remainders of the forces along displacements du (9, 3) and travel dq (3,), under halving of the step."""
+    linear = r["K"] @ du[contact.nodes[0]].ravel() - np.einsum("icd,d->ic", r["arm"], dq).ravel()
+    remainders = []
+    for i in range(4):
+        h = largest / 2**i
+        moved = contact.evaluate(contact.u + h * du, contact.travel + h * dq, want_tangent=False)
+        assert np.array_equal(moved["status"], r["status"])
+        remainders.append(np.linalg.norm((moved["force"] - r["force"]).ravel() - h * linear))
+    return np.array(remainders), largest * np.linalg.norm(linear)
+
+
+STEP = 2e-3  # against the depth 0.1, the distances 0.1 to the ends of the edge zone and the curvature 1/0.5
+
+
+def check_order(remainders, linear, is_linear):
+    if is_linear:
+        assert remainders.max() < 1e-13 * 10  # rounding of forces of size 10
+        return
+    # far above rounding (1e-15), else the order means nothing; third-order terms shift it by a few STEP / length
+    assert remainders[-1] > 1e-12
+    assert np.log2(remainders[:-1] / remainders[1:]).min() > 1.9
+    assert linear > 5 * remainders[0]  # without the tangent the order would be 1
+
+
+@pytest.mark.parametrize(("place", "law", "k"), CASES)
+@pytest.mark.parametrize("what", ["u", "travel", "both"])
+def test_taylor_remainder_is_of_second_order(place, law, k, what):
+    contact, r = build(place, law, k)
+    rng = np.random.default_rng(CASES.index((place, law, k)))
+    for _ in range(2):
+        du = rng.uniform(-1, 1, (9, 3)) * (what != "travel")
+        dq = rng.uniform(-1, 1, 3) * (what != "u")
+        remainders, linear = taylor(contact, r, du, dq, STEP)
+        if law == "open":
+            assert (remainders == 0).all() and not r["force"].any() and not r["K"].any() and not r["arm"].any()
+        else:
+            check_order(remainders, linear, place in FLAT and law in ("closed", "stick"))
+
+
+@pytest.mark.parametrize(("place", "law", "k"), [c for c in CASES if c[1] == "slip"])
+def test_taylor_when_the_slip_direction_turns(place, law, k):
+    contact, r = build(place, law, k)
+    n, T = r["normal"][0], r["T"][0]
+    sideways = np.cross(n, T / np.linalg.norm(T))
+    du = np.tile(sideways, (9, 1))
+    remainders, linear = taylor(contact, r, du, np.zeros(3), STEP)
+    check_order(remainders, linear, False)
+
+
+@pytest.mark.parametrize(("place", "law", "k"), TOUCHING)
+def test_arm_is_the_tangent_against_a_common_motion(place, law, k):
+    _, r = build(place, law, k)
+    common = r["K"].reshape(k, 3, k, 3).sum(axis=2)
+    assert np.abs(common - r["arm"]).max() < 1e-14 * np.abs(r["K"]).max() * 10  # weights sum to one to rounding
+
+
+@pytest.mark.parametrize(("place", "law", "k"), [c for c in CASES if c[1] in ("closed", "stick")])
+def test_tangent_is_symmetric_where_it_has_a_potential(place, law, k):
+    """Without friction everywhere but at sharp edges; in stick on flat faces, where the anchor is one more spring."""
+    _, r = build(place, law, k)
+    skew = np.abs(r["K"] - r["K"].T).max() / np.abs(r["K"]).max()
+    if place in EDGES:
+        assert skew > 1e-2  # the penalty's gradient
+    elif law == "closed" or place in FLAT:
+        assert skew < 1e-14  # sums of rounded products
+
+
+@pytest.mark.parametrize("k", [1, 4])
+def test_in_slip_the_tangent_is_not_symmetric(k):
+    _, r = build("plane", "slip", k)
+    assert np.abs(r["K"] - r["K"].T).max() > 0.05 * np.abs(r["K"]).max()  # the mu d|N| block
+
+
+@pytest.mark.parametrize(("place", "law", "k"), TOUCHING)
+def test_laws_hold(place, law, k):
+    contact, r = build(place, law, k)
+    eps = EPS_N * r["cover"]
+    N = np.einsum("qc,qc->q", r["T"], r["normal"])
+    assert np.abs(N - eps * r["gap"]).max() < 1e-13  # rounding of a pressure of 5
+    tangential = np.linalg.norm(r["T"] - N[:, None] * r["normal"], axis=1)
+    limit = contact.mu * eps * -r["gap"]
+    if law == "closed":
+        assert tangential.max() < 1e-13
+    elif law == "slip":
+        assert np.abs(tangential - limit).max() < 1e-13 and (r["slip"] > 0).all()
+    else:
+        assert (1e-3 * limit < tangential).all() and (tangential < limit).all() and (r["slip"] < 0).all()
+    # the forces are the weighted tractions
+    expected = np.einsum("q,qk,qc->kc", contact.area[0], contact.a[0], r["T"])
+    assert np.abs(r["force"] - expected).max() < 1e-14 * 10  # sums of rounded products of size 1
+
+
+@pytest.mark.parametrize(("place", "law", "k"), TOUCHING)
+def test_moving_the_tool_back_is_moving_the_nodes(place, law, k):
+    contact, r = build(place, law, k)
+    shift = np.array([0.01, -0.02, 0.013])
+    a = contact.evaluate(contact.u + shift)
+    b = contact.evaluate(contact.u, contact.travel - shift)
+    # coordinates of size 2 round at 4e-16, times eps_n 50
+    assert np.abs(a["force"] - b["force"]).max() < 1e-13 and np.abs(a["force"] - r["force"]).max() > 1e-5
+
+
+def test_residual_alone_is_the_same_residual():
+    for case in CASES:
+        contact, r = build(*case)
+        assert np.array_equal(contact.evaluate(want_tangent=False)["force"], r["force"])
+
+
+def test_the_sharp_edge_lets_go_smoothly():
+    """A point at constant depth, dragged out under the edge: its force falls to nothing without a jump or a kink."""
+    way = np.linspace(-0.1, 1.1, 1201)
+    pressure = []
+    for t in way:
+        contact = Contact(Tool(BOX, SHARP), [2.0 + t * SPACING, 0.3, 0.9], [0, 0, 1.0])
+        pressure.append(np.linalg.norm(contact.evaluate(want_tangent=False)["T"][0]))
+    pressure = np.array(pressure)
+    # rounding at the ends; EPS_N / BODY = 10 makes the slope of the series springs at most 9.1 * 1.5 per spacing
+    assert np.abs(pressure[way <= 0] - EPS_N * 0.1).max() < 1e-13 and pressure[way > 1].max() < 1e-13
+    assert (np.diff(pressure) <= 1e-14).all() and np.abs(np.diff(pressure)).max() < 5 * 15 * 1e-3
+    # series of the penalty and the body's spring at half cover
+    half = np.searchsorted(way, 0.5)
+    assert abs(pressure[half] - 0.1 * 0.5 / (0.5 / EPS_N + 0.5 / BODY)) < 5e-3  # way[half] is 0.5 to 1e-3 spacings
+
+
+def test_touch_counts_round_off_gaps_as_closed():
+    contact = Contact(Tool(PLANE, np.zeros(4)), [0, 0, 1e-9], [0, 0, 1.0], touch=1e-8)
+    r = contact.evaluate()
+    assert r["status"][0] == CLOSED and r["K"].any()
+    contact.touch = 0.0
+    assert contact.evaluate()["status"][0] == OPEN
+
+
+# ---- history
+
+
+@pytest.mark.parametrize(("place", "law", "k"), RUBBING)
+def test_committing_changes_no_traction(place, law, k):
+    contact, r = build(place, law, k)
+    anchor = contact.anchor.copy()
+    sliding = contact.accept()
+    again = contact.evaluate()
+    # the anchor is rebuilt by a subtraction of coordinates of size 2: 4e-16 times eps_t 20
+    assert np.abs(again["T"] - r["T"]).max() < 1e-13
+    if law == "stick":
+        assert np.array_equal(contact.anchor, anchor) and not sliding.any()
+    else:
+        # slips by what exceeds the cone, in the tool's frame; a point that slid stays on its cone
+        assert np.abs(sliding - np.linalg.norm(contact.anchor[0] - anchor[0], axis=1)).max() < 1e-15 * 4
+        assert (sliding > 0).all() and (again["status"] == SLIP).all()
+    twice, more = contact.commit()
+    assert np.abs(twice - contact.anchor).max() < 1e-14 and more.max() < 1e-14  # a second commit finds nothing to do
+
+
+@pytest.mark.parametrize("k", [1, 4])
+def test_an_open_point_is_anchored_where_it_will_land(k):
+    contact, _ = build("sphere", "open", k)
+    contact.accept()
+    r = contact.evaluate()
+    contact.u -= 0.5 * r["normal"][0]  # straight down by more than the gap
+    landed = contact.evaluate()
+    assert (landed["status"] == STICK).all()
+    if k == 1:
+        # no tangential motion, no friction: rounding times eps_t
+        assert np.abs(np.cross(landed["T"][0], landed["normal"][0])).max() < 1e-13
+
+
+def curve(s):
+    """A closed curve of the plane with turns and a crossing, of size one."""
+    return np.array([np.cos(s) - 1 + 0.3 * np.sin(2 * s), 0.8 * np.sin(s) - 0.25 * np.sin(3 * s)])
+
+
+@pytest.mark.parametrize("eps_t", [0.5, 20.0, 1e5])
+@pytest.mark.parametrize("steps", [12, 97, 1000])
+@pytest.mark.parametrize("moved", ["node", "tool"])
+def test_friction_is_mu_N_along_a_curved_path(eps_t, steps, moved):
+    mu, tool = 0.3, Tool(PLANE, np.zeros(4))
+    contact = Contact(tool, [0.2, -0.4, -0.02], [0, 0, 1.0], mu=mu, eps_t=eps_t)
+    u, travel, sliding, slipping = contact.u.copy(), contact.travel.copy(), 0.0, 0
+    last = np.zeros(2)
+    for s in np.linspace(0, 4 * np.pi, steps + 1)[1:]:
+        depth = 0.02 + 0.01 * np.sin(3 * s)  # the normal force varies along the way
+        shift = tool.axes @ [*curve(s), 0.02 - depth]
+        if moved == "node":
+            contact.u = u + shift
+        else:
+            contact.travel = travel - shift
+        r = contact.evaluate(want_tangent=False)
+        T = tool.axes.T @ r["T"][0]
+        N = EPS_N * depth
+        assert abs(T[2] + N) < 1e-12  # rounding of coordinates times eps_n
+        size = np.linalg.norm(T[:2])
+        assert size <= mu * N * (1 + 1e-12)
+        if r["status"][0] == SLIP:
+            slipping += 1
+            assert abs(size - mu * N) < 1e-14  # the return is exact, whatever eps_t and the step
+        chord = curve(s) - last
+        if eps_t == 1e5:
+            # elastic slip 1e5 times shorter than a step: friction follows the chord, against the tool's motion
+            assert T[:2] @ chord > (1 - 1e-4) * size * np.linalg.norm(chord)
+        last = curve(s)
+        sliding += contact.accept()[0]
+    # where the way to the cone is short (0.45 / eps_t) nearly all steps slip; turns of a soft spring may stick
+    assert slipping >= (0.99 if eps_t == 1e5 else 0.5 if eps_t == 20.0 else 0.05) * steps
+    if eps_t == 1e5:
+        points = np.array([curve(s) for s in np.linspace(0, 4 * np.pi, steps + 1)])
+        way = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+        assert abs(sliding - way) < 1e-4 * way  # elastic slips of at most 5e-6 per step
+
+
+@pytest.mark.parametrize("place", ["sphere", "cylinder", "fillet edge"])
+@pytest.mark.parametrize("steps", [15, 300])
+def test_friction_is_mu_N_on_curved_tools(place, steps):
+    """The tool circles under the node in its tangent plane: depth, normal and the elastic slip's plane change."""
+    contact, r = build(place, "slip", 1)
+    n = r["normal"][0]
+    first = np.cross(n, [0.2, 0.5, -0.7])
+    first /= np.linalg.norm(first)
+    second, travel, slipping = np.cross(n, first), contact.travel.copy(), 0
+    for s in np.linspace(0, 2 * np.pi, steps + 1)[1:]:
+        contact.travel = travel + 0.15 * (np.sin(s) * first + (1 - np.cos(s)) * second)
+        r = contact.evaluate(want_tangent=False)
+        contact.accept()
+        if r["status"][0] == OPEN:
+            continue
+        N = r["T"][0] @ r["normal"][0]
+        size = np.linalg.norm(r["T"][0] - N * r["normal"][0])
+        assert abs(N - EPS_N * r["gap"][0]) < 1e-13 and size <= 0.3 * -N + 1e-13
+        if r["status"][0] == SLIP:
+            slipping += 1
+            assert abs(size - 0.3 * -N) < 1e-13  # rounding of pressures of size 5
+    assert slipping > 0.5 * steps
+
+
+@pytest.mark.parametrize("eps_t", [2.0, 200.0])
+@pytest.mark.parametrize("steps", [7, 50])
+def test_hysteresis_loop_of_width_two_mu_N(eps_t, steps):
+    mu, depth, tool = 0.4, 0.1, Tool(PLANE, np.zeros(4), tilted=False)
+    contact = Contact(tool, [0, 0, -depth], [0, 0, 1.0], mu=mu, eps_t=eps_t)
+    u, N, seen = contact.u.copy(), EPS_N * depth, []
+    reach = 3 * mu * N / eps_t
+    way = reach * np.concatenate([np.linspace(0, 1, steps), *2 * [np.linspace(1, -1, steps), np.linspace(-1, 1, steps)]])
+    for x in way:
+        contact.u = u + [x, 0, 0]
+        seen.append(contact.evaluate(want_tangent=False)["T"][0, 0])
+        contact.accept()
+    seen = np.array(seen)
+    # exact returns; the spring between them is linear
+    assert abs(seen.max() - mu * N) < 1e-13 and abs(seen.min() + mu * N) < 1e-13
+    loop, x = seen[-2 * steps :], way[-2 * steps :]
+    forth, back = loop[steps:], loop[:steps]
+    # backwards the force falls from mu N with slope eps_t to -mu N; forwards it is the mirror image
+    assert np.abs(back - np.maximum(mu * N - eps_t * (reach - x[:steps]), -mu * N)).max() < 1e-12
+    assert np.abs(forth + back).max() < 1e-12
+
+
+def test_a_step_cut_back_is_the_small_step():
+    """Trials that are thrown away leave no trace: history changes by committing alone."""
+    kept, direct = (build("cylinder", "slip", 4)[0] for _ in range(2))
+    rng = np.random.default_rng(0)
+    step = 0.02 * rng.uniform(-1, 1, 3)
+    for factor in (8.0, -3.0, 2.0):
+        kept.evaluate(kept.u + factor * step)
+    for contact in (kept, direct):
+        contact.u = contact.u + step
+        contact.accept()
+    assert np.array_equal(kept.anchor, direct.anchor)
+
+
+def test_a_batch_is_its_elements_one_by_one():
+    """Many nodes in one call: nothing leaks from one element's scratch arrays into the next."""
+    rng = np.random.default_rng(4)
+    y = np.array([1.0, 0.8, 0.1]) * rng.choice([-1, 1], (80, 3)) * [1.9, 1.7, 9.8] * rng.uniform(0.9, 1.1, (80, 3))
+    single = [Contact(Tool(BOX, SHARP), p, [0, 0, 1.0], mu=0.3, elastic=[0.03, -0.02, 0.01]) for p in y]
+    alone = [contact.evaluate() for contact in single]
+    assert {int(r["status"][0]) for r in alone} == {OPEN, STICK, SLIP}
+    assert any(0 < r["cover"][0] < 1 for r in alone)
+    tool, ne = single[0].tool, len(y)
+    X, u = np.concatenate([c.X for c in single]), np.concatenate([c.u[4:5] for c in single])
+    nodes, a, area = np.arange(ne, dtype=np.int32)[:, None], np.ones((ne, 1, 1)), np.full((ne, 1), 0.3)
+    anchor = np.concatenate([c.anchor for c in single])
+    law = [np.full(ne, v) for v in (EPS_N, EPS_T, BODY, SPACING)]
+    force, tangent, arm = np.full((ne, 1, 3), np.nan), np.full((ne, 3, 3), np.nan), np.full((ne, 1, 3, 3), np.nan)
+    T, gap, slip, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(3))
+    status = np.zeros((ne, 1), np.int32)
+    element.contact_elements(
+        X, nodes, a, area, u.ravel(), tool.kind, tool.shape, tool.origin, tool.axes, tool.travel, anchor, *law,
+        0.3, 0.0, True, force, tangent, arm, T, gap, status, slip, cover,
+    )  # fmt: skip
+    for e, r in enumerate(alone):
+        assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]
+        assert np.array_equal(force[e], r["force"]) and np.array_equal(tangent[e], r["K"])
+        assert np.array_equal(arm[e], r["arm"]) and np.array_equal(T[e], r["T"])
+
+
+# ---- compiled against plain Python
+
+
+def all_numbers():
+    """Forces, tangents, tractions, covers, normals and new anchors of every case, in one vector."""
+    numbers = []
+    for case in CASES:
+        contact, r = build(*case)
+        new, sliding = contact.commit()
+        numbers += [r[key].ravel() for key in ("force", "K", "arm", "T", "gap", "slip", "cover", "normal")]
+        numbers += [new.ravel(), sliding]
+    return np.concatenate(numbers)
+
+
+def test_compiled_equals_plain_python(tmp_path):
+    """A process in which nothing is compiled gives the same numbers."""
+    out = tmp_path / "plain.npy"
+    code = (
+        "import numpy, test_rigid_element as t; assert not hasattr(t.element.contact_elements, 'py_func');"
+        f"numpy.save({str(out)!r}, t.all_numbers())"
+    )
+    path = os.pathsep.join([os.path.dirname(__file__), *[p for p in sys.path if p]])
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", code], check=True, env=plain)
+    # same operations in the same order, no fastmath; a fused multiply-add or a hypot may differ in the last digit
+    assert np.allclose(np.load(out), all_numbers(), rtol=1e-12, atol=1e-12)

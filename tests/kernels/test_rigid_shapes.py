@@ -1,0 +1,262 @@
+"""The analytic rigid shapes: distance, normal and curvature agree with each other and with a plain closest point."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from fenics_contact.kernels.rigid_shapes import (
+    BOX,
+    CYLINDER,
+    PLANE,
+    SPHERE,
+    edge_cover,
+    face_distance,
+    meets_face,
+    signed_distance,
+)
+
+pytestmark = pytest.mark.serial
+
+HALF = np.array([2.0, 1.5, 1.0])
+SHARP = np.array([*HALF, 0.0])
+ROUND = np.array([*HALF, 0.4])
+BALL = np.array([1.3, 0.0, 0.0, 0.0])
+
+# name: kind, parameters, a point, number of curved directions of the surface through it
+PLACES = {
+    "plane outside": (PLANE, np.zeros(4), [0.3, -0.2, 0.4], 0),
+    "plane inside": (PLANE, np.zeros(4), [0.3, -0.2, -0.4], 0),
+    "sharp box, top face inside": (BOX, SHARP, [0.3, -0.2, 0.8], 0),
+    "sharp box, bottom face outside": (BOX, SHARP, [0.3, -0.2, -1.2], 0),
+    "sharp box, x side": (BOX, SHARP, [1.9, 0.4, -0.3], 0),
+    "sharp box, -y side": (BOX, SHARP, [0.3, -1.4, 0.2], 0),
+    "sharp box, outside its edge": (BOX, SHARP, [-2.2, 0.3, 1.3], 1),
+    "sharp box, outside its corner": (BOX, SHARP, [2.2, -1.9, 1.3], 2),
+    "fillet box, face": (BOX, ROUND, [0.3, -0.2, 0.9], 0),
+    "fillet box, core": (BOX, ROUND, [1.2, -0.2, -0.3], 0),
+    "fillet box, side outside": (BOX, ROUND, [-2.3, -0.2, 0.1], 0),
+    "fillet box, xz edge outside": (BOX, ROUND, [2.1, 0.3, 1.2], 1),
+    "fillet box, xz edge inside": (BOX, ROUND, [1.75, 0.3, 0.8], 1),
+    "fillet box, -yz edge inside": (BOX, ROUND, [0.7, -1.3, 0.7], 1),
+    "fillet box, xy edge inside": (BOX, ROUND, [-1.8, 1.25, 0.1], 1),
+    "fillet box, corner outside": (BOX, ROUND, [2.1, 1.7, -1.2], 2),
+    "fillet box, corner inside": (BOX, ROUND, [-1.8, -1.3, 0.75], 2),
+    "sphere outside": (SPHERE, BALL, [0.9, -1.2, 0.7], 2),
+    "sphere inside": (SPHERE, BALL, [0.4, -0.8, 0.7], 2),
+    "cylinder outside": (CYLINDER, BALL, [0.9, -1.2, 7.0], 1),
+    "cylinder inside": (CYLINDER, BALL, [0.4, -0.8, -3.0], 1),
+}
+
+
+def at(kind, parameters, y):
+    n, H, active = np.full(3, np.nan), np.full((3, 3), np.nan), np.empty(3)
+    g = signed_distance(kind, parameters, np.asarray(y, float), active, n, H)
+    return g, n, H
+
+
+def directions(seed, count=4):
+    d = np.random.default_rng(seed).normal(size=(count, 3))
+    return d / np.linalg.norm(d, axis=1)[:, None]
+
+
+def orders(remainders):
+    """Observed orders under halving of the step."""
+    return np.log2(remainders[:-1] / remainders[1:])
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_normal_is_the_gradient_and_H_its_gradient(name):
+    kind, parameters, y, curved = PLACES[name]
+    g, n, H = at(kind, parameters, y)
+    steps = 0.02 / 2.0 ** np.arange(4)  # no place is nearer than 0.03 to where the nearest part of its shape changes
+    for d in directions(sum(map(ord, name))):
+        moved = [at(kind, parameters, np.asarray(y) + h * d) for h in steps]
+        first = np.array([abs(m[0] - g - h * n @ d) for m, h in zip(moved, steps)])
+        second = np.array([np.linalg.norm(m[1] - n - h * H @ d) for m, h in zip(moved, steps)])
+        if curved == 0:
+            assert first.max() < 1e-14 and second.max() == 0  # linear: rounding of numbers of size 2
+            continue
+        # third-order terms shift the order by about step times curvature, 0.02 / 0.3 at the sharpest place; the last
+        # remainders are far above rounding
+        assert orders(first).min() > 1.85 and orders(second).min() > 1.85
+        assert first[-1] > 1e-9 and second[-1] > 1e-9
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_normal_and_curvature_are_those_of_a_distance(name):
+    kind, parameters, y, curved = PLACES[name]
+    g, n, H = at(kind, parameters, y)
+    assert abs(n @ n - 1) < 1e-15 * 4  # a square root and a division
+    # |H| is at most 5 here; its products round at 1e-15
+    assert np.abs(H @ n).max() < 1e-14 and np.array_equal(H, H.T)
+    principal = np.sort(np.linalg.eigvalsh(H))[::-1]
+    assert (principal[:curved] > 0.1).all() and np.abs(principal[curved:]).max(initial=0) < 1e-14
+    # y - g n lies on the surface (for a sharp edge: on the edge itself)
+    assert abs(at(kind, parameters, np.asarray(y) - g * n)[0]) < 1e-14
+
+
+@pytest.mark.parametrize(("kind", "curved"), [(SPHERE, 2), (CYLINDER, 1)])
+@pytest.mark.parametrize("r", [0.5, 1.3, 3.0])
+def test_curvature_of_round_shapes_is_one_over_the_radius_through_the_point(kind, curved, r):
+    y = r * np.array([0.6, -0.8, 0.0])
+    g, n, H = at(kind, BALL, y)
+    assert abs(g - (r - 1.3)) < 1e-15 * 4 and np.abs(n - y / r).max() < 1e-15
+    assert abs(np.trace(H) - curved / r) < 1e-14  # sums of a few roundings of numbers below 2
+
+
+@pytest.mark.parametrize("kind", [SPHERE, CYLINDER])
+def test_a_point_in_the_centre_gives_finite_numbers(kind):
+    g, n, H = at(kind, BALL, [0.0, 0.0, 0.0])
+    assert g == -1.3 and n @ n == 1 and not H.any()
+    if kind == CYLINDER:
+        assert n[2] == 0
+
+
+# ---- against a closest point that knows only the surface's implicit equation
+
+
+def implicit(parameters, p):
+    """Negative inside the box whose edges are rounded: zero set of |max(|p| - core, 0)|^2 = fillet^2."""
+    beyond = np.maximum(np.abs(p) - (parameters[:3] - parameters[3]), 0)
+    return beyond @ beyond - parameters[3] ** 2
+
+
+def distance_by_minimisation(parameters, y):
+    """Signed distance by SciPy: the nearest of the surface points found from several starts."""
+    best = np.inf
+    for start in (y, 1.3 * y, 1.1 * y + 0.1, [2.0, y[1], y[2]], [y[0], 1.5, y[2]], [y[0], y[1], -1.0]):
+        found = minimize(
+            lambda p: (p - y) @ (p - y),
+            np.asarray(start, float),
+            jac=lambda p: 2 * (p - y),
+            constraints={"type": "eq", "fun": lambda p: implicit(parameters, p)},
+            method="SLSQP",
+            options={"ftol": 1e-15, "maxiter": 300},
+        )
+        if abs(implicit(parameters, found.x)) < 1e-9:
+            best = min(best, np.linalg.norm(found.x - y))
+    return best * np.sign(implicit(parameters, y))
+
+
+@pytest.mark.parametrize("name", [n for n in PLACES if n.startswith("fillet") and "core" not in n])
+def test_fillet_box_against_scipy(name):
+    _, parameters, y, _ = PLACES[name]
+    g, n, _ = at(BOX, parameters, y)
+    # the minimiser meets the surface to about sqrt(ftol) = 3e-8; its distance is then good to 1e-7
+    assert abs(distance_by_minimisation(parameters, np.array(y)) - g) < 1e-7
+
+
+def test_box_against_the_sampled_surface():
+    """No sampled surface point is nearer than |g|, and one is nearly as near: for any point around or in the boxes."""
+    rng = np.random.default_rng(5)
+    sphere = rng.normal(size=(40000, 3))
+    sphere /= np.linalg.norm(sphere, axis=1)[:, None]
+    for parameters in (ROUND, SHARP):
+        core = parameters[:3] - parameters[3]
+        # every surface point is a corner, edge or face point of the core, pushed out along a normal it has there
+        cube = rng.uniform(-1, 1, (40000, 3)) * core
+        axis = rng.integers(0, 3, 40000)
+        faces = cube.copy()
+        faces[np.arange(40000), axis] = np.sign(cube[np.arange(40000), axis]) * parameters[axis]
+        edges = np.sign(sphere) * core
+        edges[np.arange(40000), axis] = cube[np.arange(40000), axis]
+        flat = sphere.copy()
+        flat[np.arange(40000), axis] = 0
+        flat /= np.linalg.norm(flat, axis=1)[:, None]
+        surface = np.vstack([faces, edges + parameters[3] * flat, np.sign(sphere) * core + parameters[3] * sphere])
+        for y in rng.uniform(-1.2, 1.2, (200, 3)) * HALF:
+            g = at(BOX, parameters, y)[0]
+            nearest = np.linalg.norm(surface - y, axis=1).min()
+            # 40000 points on faces of 12 area units lie some 0.03 apart; seen from nearby that costs 0.03^2 / 2|g| or,
+            # on the surface, 0.03 itself
+            assert -1e-12 < nearest - abs(g) < 0.06
+            assert np.sign(g) == (1 if implicit(parameters, y) > 0 else -1) or parameters[3] == 0
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_box_is_smooth_where_face_and_fillet_meet(axis):
+    """Distance and normal are continuous where a second axis passes the end of the flat part."""
+    other = (axis + 1) % 3
+    y = np.zeros(3)
+    y[axis] = HALF[axis] - 0.1
+    y[other] = HALF[other] - 0.4
+    before, after = y.copy(), y.copy()
+    before[other] -= 1e-9
+    after[other] += 1e-9
+    g0, n0, _ = at(BOX, ROUND, before)
+    g1, n1, _ = at(BOX, ROUND, after)
+    # curvature 1/0.3 times the step 2e-9
+    assert abs(g1 - g0) < 1e-8 and np.abs(n1 - n0).max() < 1e-8
+
+
+# ---- the share of points that slide out under a sharp edge
+
+SPACING = 0.25
+ZONE = {
+    "beyond the x edge": [2.1, 0.3, 0.9],
+    "beyond the -x edge": [-2.07, 0.3, 0.9],
+    "beyond the y edge": [0.3, 1.63, 0.9],
+    "beyond a corner": [-2.1, 1.6, -0.95],
+    "beyond the edge, deep": [2.1, 0.3, 0.6],
+    "beyond a corner, deep": [2.1, -1.58, -0.63],
+}
+
+
+def cover_at(y, parameters=SHARP, kind=BOX):
+    ds = np.full(3, np.nan)
+    return edge_cover(kind, parameters, np.asarray(y, float), SPACING, ds), ds
+
+
+@pytest.mark.parametrize("place", ZONE)
+def test_cover_gradient(place):
+    y = np.array(ZONE[place])
+    s, ds = cover_at(y)
+    assert 0 < s < 1
+    steps = 2e-3 / 2.0 ** np.arange(4)
+    for d in directions(3):
+        remainders = np.array([abs(cover_at(y + h * d)[0] - s - h * ds @ d) for h in steps])
+        # third-order terms: step 2e-3 over spacing 0.25, times factors of a few
+        assert orders(remainders).min() > 1.8
+    assert remainders[-1] > 1e-10  # above rounding
+
+
+def test_cover_falls_monotonically_to_zero_in_one_spacing_and_is_smooth():
+    way = np.linspace(-0.2, 1.2, 1401) * SPACING
+    s, slope = np.array([(c := cover_at([HALF[0] + t, 0.2, 0.95]))[0:1] + (c[1][0],) for t in way]).T
+    assert (s[way <= 0] == 1).all() and (s[way >= SPACING + 1e-12] == 0).all()
+    assert (np.diff(s) <= 0).all()
+    # neighbours 1e-3 spacings apart: s changes by at most 1.5e-3, its slope by 6e-3 per spacing
+    assert np.abs(np.diff(s)).max() < 1.6e-3 and np.abs(np.diff(slope)).max() < 6.1e-3 / SPACING
+    middle = cover_at([HALF[0] + SPACING / 2, 0.2, 0.95])[0]
+    assert abs(middle - 0.5) < 1e-14  # half-way is half: rounding
+
+
+@pytest.mark.parametrize("depth", [1.0, 1.5, 2.0])
+def test_cover_fades_between_one_and_two_spacings_of_depth(depth):
+    s = cover_at([HALF[0] + 1e-12, 0.2, HALF[2] - depth * SPACING])[0]
+    assert abs(s - {1.0: 1.0, 1.5: 0.5, 2.0: 0.0}[depth]) < 1e-10  # 1e-12 beyond the edge, over the spacing
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"), [(PLANE, np.zeros(4)), (BOX, ROUND), (SPHERE, BALL), (CYLINDER, BALL)]
+)
+def test_shapes_without_sharp_edges_are_covered(kind, parameters):
+    s, ds = cover_at([2.1, 1.6, 0.9], parameters, kind)
+    assert s == 1 and not ds.any()
+    assert not meets_face(kind, parameters, np.array([0.0, 0.0, 0.9]), SPACING, 1.0)
+
+
+def test_which_points_meet_the_face():
+    def meets(y):
+        return meets_face(BOX, SHARP, np.asarray(y, float), SPACING, cover_at(y)[0])
+
+    assert meets([0.0, 0.0, 0.9]) and meets([1.99, 0.0, 0.9]) and meets([2.1, 0.0, -0.9])
+    assert not meets([2.26, 0.0, 0.9])  # slid out
+    assert not meets([1.99, 0.0, 0.7])  # more than a spacing deep, next to the side
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_face_distance_has_no_end(side):
+    n, H = np.empty(3), np.ones((3, 3))
+    assert face_distance(SHARP, np.array([50.0, -3.0, 0.9 * side]), n, H) == 0.9 - 1.0
+    assert np.array_equal(n, [0, 0, side]) and not H.any()

@@ -1,0 +1,196 @@
+"""A block dragged over a rigid plane obeys Coulomb's law whatever the numerics; history changes at accepted steps only."""
+
+import numpy as np
+import pytest
+
+from fenics_contact import Body, Scene, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.solvers.control import run
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton, StepFailed
+from meshes import box
+
+MU = 0.3
+PRESS = 0.02  # depth [mm]; the block is 1 mm high with E = 1000 MPa: small strains, nearly rigid dragging
+PRESSED = 0.2  # the load parameter at which pressing ends and dragging starts
+LAW = 1e-6  # the issue's bound on T = mu N
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1))
+
+
+def dragged(mesh, path, driven="zmax", penalty=1e5, tangential=1e4, mu=MU):
+    """Block on a plane; `driven` follows path(s) in x, y, s from 0 to 1 after the block is pressed down."""
+    scene = Scene(Body(mesh, "box", from_elastic(1000.0, 0.3)))
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -PRESS * min(t / PRESSED, 1.0)))
+    for axis, letter in enumerate("xy"):
+        value = lambda X, t, axis=axis: np.full(len(X), path(max(t - PRESSED, 0.0) / (1 - PRESSED))[axis])  # noqa: E731
+        scene.prescribe(driven, letter, value)
+    scene.contact("zmin", rigid_plane(), mu, penalty=penalty, tangential_penalty=tangential, name="floor")
+    return scene
+
+
+def drag_times(count):
+    """One step to press, `count` equal ones to drag."""
+    return [PRESSED, *(PRESSED + (1 - PRESSED) * np.arange(1, count + 1) / count)]
+
+
+def force(result):
+    """(steps, 3) force of the plane on the block [N]."""
+    assert result.converged, result.verdict.reason
+    return np.column_stack([result.column(f"floor_force_{a}_N") for a in "xyz"])
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("tangential", [1e3, 1e4, 1e6])
+@pytest.mark.parametrize(("steps", "angle"), [(4, 0.0), (16, 0.0), (6, 37.0), (6, 200.0)])
+def test_sliding_force_is_mu_times_normal_force(mesh, tangential, steps, angle):
+    direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    scene = dragged(mesh, lambda s: 3.0 * s * direction, tangential=tangential)
+    last = force(solve(scene, steps=drag_times(steps), progress=False))[-1]
+    assert last[2] > 0.0
+    np.testing.assert_allclose(last[:2], -MU * last[2] * direction, atol=LAW * MU * last[2])
+
+
+@pytest.mark.parametrize(("tangential", "steps"), [(1e4, 8), (1e4, 24), (1e6, 8)])
+def test_curved_path(mesh, tangential, steps):
+    """Every node of the sole is led along a half circle: all directions agree, so the resultant obeys the law too."""
+
+    def circle(s):
+        return 3.0 * np.array([np.sin(np.pi * s), 1.0 - np.cos(np.pi * s)])
+
+    result = solve(dragged(mesh, circle, "zmin", tangential=tangential), steps=drag_times(steps), progress=False)
+    forces = force(result)[1:]
+    np.testing.assert_allclose(np.linalg.norm(forces[:, :2], axis=1), MU * forces[:, 2], rtol=LAW)
+    # it opposes the chord of the step up to the elastic slip mu p / eps_t (at most 6e-4 mm) and the turn of a step
+    s = np.linspace(0.0, 1.0, steps + 1)
+    chords = np.diff(np.array([circle(v) for v in s]), axis=0)
+    cosines = -np.einsum("ij,ij->i", chords, forces[:, :2])
+    cosines /= np.linalg.norm(chords, axis=1) * np.linalg.norm(forces[:, :2], axis=1)
+    assert np.all(cosines > np.cos(2e-2))
+
+
+def test_curved_path_of_the_top(mesh):
+    """Driven at its top, the sole deforms freely; node by node the law holds, and the resultant opposes the motion."""
+
+    def circle(s):
+        return 3.0 * np.array([np.sin(np.pi * s), 1.0 - np.cos(np.pi * s)])
+
+    result = solve(dragged(mesh, circle), steps=drag_times(20), progress=False)
+    pressure, friction = result.system.contacts[0].split_traction(result.system.state)
+    np.testing.assert_allclose(np.linalg.norm(friction, axis=-1), MU * pressure, rtol=LAW)
+    chord = circle(1.0) - circle(0.95)
+    assert force(result)[-1, :2] @ chord < -0.99 * MU * force(result)[-1, 2] * np.linalg.norm(chord)  # cos(8 degrees)
+
+
+@pytest.mark.parametrize("tangential", [1e3, 1e5])
+def test_hysteresis_loop_has_width_of_twice_the_sliding_force(mesh, tangential):
+    def back_and_forth(s):
+        return np.array([2.0 * (1.0 - abs(2.0 * s - 1.0)), 0.0])
+
+    result = solve(dragged(mesh, back_and_forth, "zmin", tangential=tangential), steps=drag_times(16), progress=False)
+    forces = force(result)[1:]
+    forth, back = forces[7, 0], forces[-1, 0]
+    assert forth < 0.0 < back
+    np.testing.assert_allclose(back - forth, 2 * MU * forces[-1, 2], rtol=LAW)
+
+
+def test_stick_below_the_limit_is_elastic_and_returns(mesh):
+    """A drag shorter than the elastic slip at the limit is undone without loss."""
+    scene = dragged(mesh, lambda s: np.array([1e-4 * (1.0 - abs(2.0 * s - 1.0)), 0.0]), "zmin", tangential=1e3)
+    result = solve(scene, steps=drag_times(4), progress=False)
+    area, node_force = 4.0, 1e-4 * 1e3  # closed form: eps_t * drag [MPa] on 4 mm^2
+    forces = force(result)[1:]
+    np.testing.assert_allclose(forces[1, 0], -node_force * area, rtol=1e-8)  # round-off of a prescribed motion
+    np.testing.assert_allclose(forces[-1, 0], forces[-1, 1], atol=1e-8 * node_force * area)
+
+
+class Stumbling(Newton):
+    """Newton that solves a chosen step to its end once and then reports failure, so that the step is cut back."""
+
+    def __init__(self, linear, at):
+        super().__init__(linear)
+        self.at = at
+
+    def step(self, system, t):
+        report = super().step(system, t)
+        if t == self.at:
+            self.at = None
+            raise StepFailed("on purpose")
+        return report
+
+
+def final_state(scene, times, stumble=None):
+    system = scene.system()
+    linear = LinearSolver(system)
+    verdict = run(system, Newton(linear) if stumble is None else Stumbling(linear, stumble), times, lambda *_: None)
+    assert verdict.converged and verdict.cuts == (stumble is not None)
+    contact = system.contacts[0]
+    return system.state.u.x.array.copy(), contact.traction.copy(), contact.slip_path.copy()
+
+
+@pytest.mark.parallel
+def test_a_step_cut_back_equals_the_small_steps(mesh):
+    def path(s):
+        return np.array([0.5 * s, 0.3 * s**2])
+
+    cut = final_state(dragged(mesh, path), [0.2, 0.6, 1.0], stumble=1.0)
+    direct = final_state(dragged(mesh, path), [0.2, 0.6, 0.8, 1.0])
+    for one, other in zip(cut, direct, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10 * max(np.abs(other).max(initial=0.0), 1e-3))
+
+
+@pytest.mark.parallel
+def test_evaluation_does_not_change_history(mesh):
+    scene = dragged(mesh, lambda s: np.array([0.5 * s, 0.3 * s]))
+    system = scene.system()
+    run(system, Newton(LinearSolver(system)), [0.2, 0.6], lambda *_: None)
+    system.state.u.x.array[:] += 1e-3 * np.sin(np.arange(len(system.state.u.x.array)))  # a trial state in full slip
+
+    def evaluate():
+        system.assemble_residual()
+        system.assemble_tangent()
+        matrix = system.matrix.getValuesCSR()[2]
+        return system.residual_vector.array.copy(), matrix.copy(), system.contacts[0].traction.copy()
+
+    first = evaluate()
+    system.state.travel[0] = (0.1, 0.2, 0.0)  # another trial state in between must leave no trace
+    evaluate()
+    system.state.travel[0] = 0.0
+    for one, other in zip(first, evaluate(), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return read_gmsh(box.build, size=(10.0, 10.0, 5.0), cells=(4, 4, 2), origin=(-5.0, -5.0, -5.0))
+
+
+def pressed_block(block, push=None, move=None):
+    scene = Scene(Body(block, "box", from_elastic(1000.0, 0.3)))
+    scene.fix("zmin")
+    tool = rigid_punch(half_width=3.0, height=5.0)
+    scene.contact("zmax", tool, MU, name="top")
+    drive = {"push": {tool: push}} if push is not None else {"move": {tool: move}}
+    result = solve(scene, **drive, steps=4, tolerance=1e-11, progress=False)
+    assert result.converged, result.verdict.reason
+    travel = np.column_stack([result.column(f"punch_travel_{a}_mm") for a in "xyz"])
+    return travel, np.column_stack([result.column(f"top_force_{a}_N") for a in "xyz"])
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("target", [(0.0, 0.0, -400.0), (40.0, 0.0, -400.0)])
+def test_a_pushed_tool_is_in_balance_and_equals_the_moved_one(block, target):
+    target = np.array(target)
+    travel, forces = pressed_block(block, push=target)
+    pushed = np.flatnonzero(target)
+    expected = np.outer(np.arange(1, 5) / 4, target)
+    # the force of the tool on the body is the external one: to the step's tolerance, 1e-11 of the largest force
+    np.testing.assert_allclose(forces[:, pushed], expected[:, pushed], atol=1e-8 * 400)
+
+    def path(t):
+        return [np.interp(t, [0, 0.25, 0.5, 0.75, 1.0], [0.0, *travel[:, i]]) for i in range(3)]
+
+    _, moved = pressed_block(block, move=path)
+    np.testing.assert_allclose(moved[:, pushed], expected[:, pushed], atol=1e-6 * 400)  # the issue's bound
