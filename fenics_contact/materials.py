@@ -33,8 +33,14 @@ class Hyperelastic:
 
 def _positive(law, **moduli):
     for name, value in moduli.items():
-        if not value > 0.0:
+        if not 0.0 < value < math.inf:
             raise ValueError(f"{law}: {name} = {value} must be a positive modulus in units of pressure")
+
+
+def _finite(law, **parameters):
+    for name, value in parameters.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{law}: {name} = {value} must be a finite number in units of pressure")
 
 
 def _stable(law, shear):
@@ -53,6 +59,7 @@ def mooney_paper(a1, a2, K):
     The shear modulus at rest is 2 a1 + 8 a2. All parameters in units of pressure; ValueError if not positive.
     """
     _positive("mooney_paper", a1=a1, K=K)
+    _finite("mooney_paper", a2=a2)
     _stable("mooney_paper", 2 * a1 + 8 * a2)
 
     def psi(I1, I2, J):
@@ -67,6 +74,7 @@ def mooney_rivlin(a1, a2, K):
     The shear modulus at rest is 2 a1 + 2 a2. All parameters in units of pressure; ValueError if not positive.
     """
     _positive("mooney_rivlin", a1=a1, K=K)
+    _finite("mooney_rivlin", a2=a2)
     _stable("mooney_rivlin", 2 * a1 + 2 * a2)
 
     def psi(I1, I2, J):
@@ -88,6 +96,7 @@ def neo_hooke(mu, K):
 def yeoh(c1, c2, c3, K):
     """Psi = sum c_i (I1 - 3)^i + K/2 (J - 1)^2 (Yeoh 1993, doi:10.5254/1.3538343), parameters in pressure, 2 c1 at rest."""
     _positive("yeoh", c1=c1, K=K)
+    _finite("yeoh", c2=c2, c3=c3)
 
     def psi(I1, I2, J):
         return c1 * (I1 - 3) + c2 * (I1 - 3) ** 2 + c3 * (I1 - 3) ** 3 + moderate_pressure(J, K)
@@ -97,7 +106,7 @@ def yeoh(c1, c2, c3, K):
 
 def from_elastic(E, nu):
     """Neo-Hooke with Young's modulus E [pressure] and Poisson's ratio nu at rest, for small-strain comparisons."""
-    if not E > 0.0 or not -1.0 < nu < 0.5:
+    if not 0.0 < E < math.inf or not -1.0 < nu < 0.5:
         raise ValueError(f"from_elastic: E = {E} must be positive and nu = {nu} lie in (-1, 0.5)")
     return neo_hooke(E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)))
 

@@ -26,7 +26,7 @@ from numba import njit
 from fenics_contact.kernels.closest_point import EDGE, INTERIOR, NONE
 from fenics_contact.kernels.facets import corner, gather, patch, patch_normal, shape, shape_gradient
 from fenics_contact.kernels.laws import coulomb_return
-from fenics_contact.kernels.status import CLOSED, OPEN, SLIP
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 # Rows of the vector workspace.
 D = 0  # x_S - x_M

@@ -32,8 +32,9 @@ def point_traction(
 
     gap: signed distance [length]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,): x_M - anchor.
     eps_n, eps_t: penalties [pressure/length]; deps (3,): gradient of eps_n, zero away from a sharp edge;
-    mu: friction coefficient; touch: gaps up to this round-off length count as closed. Fills traction (3,) and its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted;
-    trial (3,) and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
+    mu: friction coefficient; touch: gaps up to this round-off length count as closed. Fills traction (3,) and
+    its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted; trial (3,)
+    and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
     """
     tangential[:] = 0.0
     if gap > touch:

@@ -1,0 +1,43 @@
+"""Quarter of a cylinder lying along y: hexahedra in three blocks, one layer deep unless asked otherwise."""
+
+import math
+
+import gmsh
+
+
+def build(radius=20.0, depth=1.0, cells=8, layers=1):
+    """Quarter disc x, z >= 0 of `radius`, 0 <= y <= depth [length]; cells: along each side of the three blocks.
+
+    Surfaces: symmetry_x (x = 0), symmetry_z (z = 0), front, back (y = 0, depth) and rim.
+    """
+    geo, half, inner = gmsh.model.geo, radius * math.sqrt(0.5), 0.42 * radius
+    spots = [(0, 0), (0.5 * radius, 0), (inner, inner), (0, 0.5 * radius), (radius, 0), (half, half), (0, radius)]
+    o, a, b, c, e, f, g = (geo.addPoint(x, 0, z) for x, z in spots)
+    square = [geo.addLine(*ends) for ends in ((o, a), (a, b), (b, c), (c, o))]
+    spokes = [geo.addLine(*ends) for ends in ((a, e), (b, f), (c, g))]
+    arcs = [geo.addCircleArc(e, o, f), geo.addCircleArc(f, o, g)]
+    loops = [
+        square,
+        [spokes[0], arcs[0], -spokes[1], -square[1]],
+        [spokes[1], arcs[1], -spokes[2], -square[2]],
+    ]
+    faces = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
+    for curve in (*square, *spokes, *arcs):
+        geo.mesh.setTransfiniteCurve(curve, cells + 1)
+    for face in faces:
+        geo.mesh.setTransfiniteSurface(face)
+        geo.mesh.setRecombine(2, face)
+    out = geo.extrude([(2, face) for face in faces], 0, depth, 0, [layers], recombine=True)
+    geo.synchronize()
+    gmsh.model.mesh.generate(3)
+
+    volumes = [tag for dim, tag in out if dim == 3]
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, volumes), "disc")
+    places = {"symmetry_x": (0, 0.0), "symmetry_z": (2, 0.0), "front": (1, 0.0), "back": (1, depth)}
+    groups = {name: [] for name in (*places, "rim")}
+    for dim, face in gmsh.model.getBoundary([(3, v) for v in volumes], oriented=False):
+        box = gmsh.model.getBoundingBox(dim, face)
+        flat = [n for n, (axis, at) in places.items() if max(abs(box[axis] - at), abs(box[axis + 3] - at)) < 1e-4 * radius]
+        groups[flat[0] if flat else "rim"].append(face)
+    for name, tags in groups.items():
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, tags), name)
