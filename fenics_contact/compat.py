@@ -32,6 +32,7 @@ _C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
 _JIT_NAME = "jit_options" if "jit_options" in inspect.signature(fem.form).parameters else "jit_params"
 _HAS_FUNCTIONSPACE = hasattr(fem, "functionspace")
 _HAS_PETSC_VEC = not hasattr(fem.Function, "vector")
+_HAS_DOFMAPS = hasattr(getattr(dolfinx_mesh, "Geometry", None), "dofmaps")
 
 
 def lagrange_space(mesh, degree, shape=()):
@@ -111,7 +112,7 @@ def mesh_from_gmsh(model, comm, rank):
 
 def geometry_dofmap(mesh):
     """(cells, nodes per cell) array of geometry nodes."""
-    dofmap = mesh.geometry.dofmap
+    dofmap = mesh.geometry.dofmaps[0] if _HAS_DOFMAPS else mesh.geometry.dofmap
     return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
 
 
@@ -174,13 +175,21 @@ def cell_evaluator(mesh, ufl_expression, points):
     return evaluate
 
 
-def exterior_facets(mesh):
-    """Owned exterior facets as (cells, facet number in the cell)."""
+def cells_of_exterior_facets(mesh, facets=None):
+    """Owned cells behind exterior facets (all, or those among `facets`), and each facet's number in its cell."""
     facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
-    counts = np.diff(facet_cells.offsets)
-    facets = np.flatnonzero(counts[: mesh.topology.index_map(2).size_local] == 1)
-    cells = facet_cells.array[facet_cells.offsets[facets]]
+    if facets is None:
+        facets = np.arange(facet_cells.num_nodes)
+    offsets = facet_cells.offsets
+    facets = facets[offsets[facets + 1] - offsets[facets] == 1]
+    cells = facet_cells.array[offsets[facets]]
     mine = cells < mesh.topology.index_map(3).size_local
     facets, cells = facets[mine], cells[mine]
     per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
     return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)
+
+
+def degree(space):
+    """Polynomial degree of a Lagrange space."""
+    element = space.ufl_element()
+    return element.degree() if callable(element.degree) else element.degree

@@ -5,6 +5,7 @@ the left Cauchy-Green tensor: I1 = tr B^, I2 = tr(B^ . B^) and J (paper, section
 units of pressure (MPa with lengths in mm and forces in N).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 

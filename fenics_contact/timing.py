@@ -6,11 +6,10 @@ from contextlib import contextmanager
 
 
 class Timers:
-    """`with timers("stage"):` adds the wall time of the block to `seconds["stage"]` and one to `calls`."""
+    """`with timers("stage"):` adds the wall time of the block to `seconds["stage"]`."""
 
     def __init__(self):
         self.seconds = defaultdict(float)
-        self.calls = defaultdict(int)
 
     @contextmanager
     def __call__(self, stage):
@@ -19,4 +18,3 @@ class Timers:
             yield
         finally:
             self.seconds[stage] += time.perf_counter() - start
-            self.calls[stage] += 1

@@ -93,7 +93,9 @@ def test_force_within_one_percent_of_hertz_and_converging(error, coarse, fine):
 
 def squeezed_cylinder(cells):
     """Force per depth [N/mm] of a rubber cylinder squeezed by 6.4 mm in all, and the result."""
-    scene = Scene(Body(read_gmsh(disc.build, radius=20.0, depth=1.0, cells=cells), "disc", mooney_rivlin(0.1863, 0.0098, 5.0)))
+    scene = Scene(
+        Body(read_gmsh(disc.build, radius=20.0, depth=1.0, cells=cells), "disc", mooney_rivlin(0.1863, 0.0098, 5.0))
+    )
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_z", "z")
     scene.fix(("front", "back"), "y")

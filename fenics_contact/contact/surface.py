@@ -42,8 +42,8 @@ def slave_surface(space, facets, modulus, points="nodes"):
     """
     mesh = space.mesh
     cell = compat.cell_name(mesh)
-    degree = space.ufl_element().degree() if callable(space.ufl_element().degree) else space.ufl_element().degree
-    cells, local = _cells_of(mesh, facets)
+    degree = compat.degree(space)
+    cells, local = compat.cells_of_exterior_facets(mesh, facets)
     order = points if points != "nodes" else 2 * degree
     geometry = [_facet_quadrature(mesh, cell, degree, order, cells[local == f], f) for f in range(_facets_per_cell(cell))]
     nodes = np.concatenate(
@@ -73,20 +73,6 @@ def _shortest_sides(mesh, cell, cells, local):
         x = mesh.geometry.x[dofs[cells[local == f]]][:, ring]
         sides.append(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).min(axis=1, initial=np.inf))
     return np.concatenate(sides)
-
-
-def _cells_of(mesh, facets):
-    """The owned cell behind each exterior facet and the facet's number in that cell; other facets are dropped."""
-    facet_cells = mesh.topology.connectivity(2, 3)
-    cell_facets = mesh.topology.connectivity(3, 2)
-    offsets = facet_cells.offsets
-    facets = np.asarray(facets, dtype=np.int64)
-    facets = facets[offsets[facets + 1] - offsets[facets] == 1]
-    cells = facet_cells.array[offsets[facets]]
-    mine = cells < mesh.topology.index_map(3).size_local
-    facets, cells = facets[mine], cells[mine]
-    per_cell = cell_facets.array.reshape(-1, _facets_per_cell(compat.cell_name(mesh)))
-    return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)
 
 
 def _facets_per_cell(cell):

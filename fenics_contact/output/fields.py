@@ -8,8 +8,9 @@ from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
-# A node shared by points of different status shows the most constrained of them.
-_RANK_OF_STATUS = {OPEN: 0, CLOSED: 1, SLIP: 2, STICK: 3}
+# How much a point is held, by its status code: the order in which a node's points of different status are averaged.
+_RANK_OF_STATUS = np.empty(4)
+_RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
 
 
 class Fields:
@@ -87,42 +88,31 @@ class Fields:
         copy_to_ghosts(compat.petsc_vector(function))
 
     def _update_contact(self):
-        area = self._sum_at_nodes([])
+        """Means over the slave points of each node, and tractions per current area."""
+        area, weight, normal, gap, rank, *tangential = (compat.Function(self._nodal) for _ in range(8))
         compat.assemble_vector(area.x.array, self._area_form)
-        sum_to_owners(compat.petsc_vector(area))
-        normal, weight = self._sum_at_nodes([]), self._sum_at_nodes([])
-        tangential = [self._sum_at_nodes([]) for _ in range(3)]
-        gap, rank = self._sum_at_nodes([]), self._sum_at_nodes([])
         for contact in self.system.contacts:
-            self._add_contact(contact, normal, tangential, weight, gap, rank)
-        for function in (normal, weight, gap, rank, *tangential):
+            s = contact.surface
+            share = s.area[..., None] * s.a
+            pressure, friction = contact.split_traction(self.system.state)
+            sums = [(weight, np.ones_like(pressure)), (normal, pressure), (gap, contact.gap)]
+            sums += [(rank, _RANK_OF_STATUS[contact.status]), *zip(tangential, np.moveaxis(friction, 2, 0), strict=True)]
+            for target, values in sums:
+                np.add.at(target.x.array, s.nodes, np.einsum("eqk,eq->ek", share, values))
+        for function in (area, weight, normal, gap, rank, *tangential):
             sum_to_owners(compat.petsc_vector(function))
+
         touched = weight.x.array > 0
-        per_area = np.where(touched, 1.0 / np.where(area.x.array > 0, area.x.array, 1.0), 0.0)
+        mean = np.where(touched, 1.0 / np.where(touched, weight.x.array, 1.0), 0.0)
+        per_area = np.where(touched, 1.0 / np.where(touched, area.x.array, 1.0), 0.0)
         self._publish(self.contact_pressure, normal.x.array * per_area)
-        mean = np.where(touched, gap.x.array / np.where(touched, weight.x.array, 1.0), 0.0)
-        self._publish(self.gap, mean)
-        codes = np.array(sorted(_RANK_OF_STATUS, key=_RANK_OF_STATUS.get), dtype=float)
-        share = np.where(touched, rank.x.array / np.where(touched, weight.x.array, 1.0), 0.0)
-        self._publish(self.status, codes[np.clip(np.rint(share), 0, 3).astype(int)])
-        self._publish_vector(self.friction_traction, [t.x.array * per_area for t in tangential])
-
-    def _sum_at_nodes(self, _):
-        return compat.Function(self._nodal)
-
-    def _add_contact(self, contact, normal, tangential, weight, gap, rank):
-        s = contact.surface
-        share = s.area[..., None] * s.a
-        pressure, friction = contact.split_traction(self.system.state)
-        for target, values in (
-            (normal, pressure),
-            (weight, np.ones_like(pressure)),
-            (gap, np.clip(contact.gap, None, 1e30)),
-            (rank, np.vectorize(_RANK_OF_STATUS.get, otypes=[float])(contact.status) if s.points else contact.gap),
-        ):
-            np.add.at(target.x.array, s.nodes, np.einsum("eqk,eq->ek", share, values))
-        for axis in range(3):
-            np.add.at(tangential[axis].x.array, s.nodes, np.einsum("eqk,eq->ek", share, friction[..., axis]))
+        self._publish(self.gap, gap.x.array * mean)
+        nearest = np.clip(np.rint(rank.x.array * mean), 0, 3).astype(int)
+        self._publish(self.status, np.argsort(_RANK_OF_STATUS)[nearest].astype(float))
+        scalar = compat.Function(self.contact_pressure.function_space)
+        for axis, component in enumerate(tangential):
+            self._publish(scalar, component.x.array * per_area)
+            self.friction_traction.x.array[axis::3] = scalar.x.array
 
     def _publish(self, function, values):
         source = compat.Function(self._nodal)
@@ -133,12 +123,6 @@ class Fields:
         else:
             function.interpolate(source)
 
-    def _publish_vector(self, function, components):
-        scalar = compat.Function(self.contact_pressure.function_space)
-        for axis, values in enumerate(components):
-            self._publish(scalar, values)
-            function.x.array[axis::3] = scalar.x.array
-
 
 def exterior_surface(scene, u, values=None):
     """Deformed boundary on rank 0 for pictures: corners (facets, 3 or 4, 3) [length] and the field at them.
@@ -146,7 +130,7 @@ def exterior_surface(scene, u, values=None):
     values: (nodes,) array over the local nodes of the scene's space, e.g. u.x.array[2::3]. Other ranks get (None, None).
     """
     mesh = scene.mesh.domain
-    cells, local = compat.exterior_facets(mesh)
+    cells, local = compat.cells_of_exterior_facets(mesh)
     x = scene.space.tabulate_dof_coordinates() + u.x.array.reshape(-1, 3)
     values = np.zeros(len(x)) if values is None else values
     ring = [0, 1, 3, 2] if compat.cell_name(mesh) == "hexahedron" else [0, 1, 2]

@@ -237,9 +237,7 @@ def test_cover_fades_between_one_and_two_spacings_of_depth(depth):
     assert abs(s - {1.0: 1.0, 1.5: 0.5, 2.0: 0.0}[depth]) < 1e-10  # 1e-12 beyond the edge, over the spacing
 
 
-@pytest.mark.parametrize(
-    ("kind", "parameters"), [(PLANE, np.zeros(4)), (BOX, ROUND), (SPHERE, BALL), (CYLINDER, BALL)]
-)
+@pytest.mark.parametrize(("kind", "parameters"), [(PLANE, np.zeros(4)), (BOX, ROUND), (SPHERE, BALL), (CYLINDER, BALL)])
 def test_shapes_without_sharp_edges_are_covered(kind, parameters):
     s, ds = cover_at([2.1, 1.6, 0.9], parameters, kind)
     assert s == 1 and not ds.any()

@@ -1,0 +1,152 @@
+"""Who may know what: imports, version tests and sizes of every module of the package, read from its syntax."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.serial
+
+PACKAGE = Path(__file__).parents[1] / "fenics_contact"
+STANDARD = {"collections", "contextlib", "csv", "dataclasses", "functools", "inspect", "json", "logging", "math", "os",
+            "pathlib", "platform", "sys", "time", "typing", "warnings"}  # fmt: skip
+LONGEST_MODULE = 400
+
+# room: what its modules may import besides the standard library and the room itself
+TABLE = {
+    "compat": {"dolfinx", "basix", "numpy"},
+    "materials": {"ufl"},
+    "virtual_power": {"ufl", "materials"},
+    "timing": set(),
+    "mesh_io": {"gmsh", "numpy", "mpi4py", "compat"},
+    "kernels": {"numpy", "numba"},
+    "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat"},
+    "assembly": {"numpy", "petsc4py", "compat", "timing"},
+    "solvers": {"numpy", "petsc4py", "assembly", "timing"},
+    "scene": {"numpy", "mpi4py", "basix", "ufl", "compat", "materials", "virtual_power", "mesh_io", "assembly", "contact",
+              "output"},
+    "output": {"numpy", "matplotlib", "mpl_toolkits", "ufl", "compat", "virtual_power", "assembly", "kernels"},
+    "run": {"numpy", "petsc4py", "tqdm", "compat", "assembly", "solvers", "output", "scene"},
+    # what the package offers to its users
+    "__init__": {"compat", "materials", "mesh_io", "contact", "scene", "solvers", "output", "run"},
+}  # fmt: skip
+# narrower than the room: what an outer room may use of another one
+ONLY = {
+    ("scene", "output"): {"units"},  # labels; no file is written by a scene
+    ("output", "assembly"): {"exchange"},
+    ("output", "kernels"): {"status"},
+    ("__init__", "contact"): {"tools"},
+    ("__init__", "output"): {"units"},
+}
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def room_of(path):
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def names_imported(tree):
+    """(line, dotted name) of every import; `from a import b` gives a.b."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = "." * node.level + (node.module or "")
+            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+
+
+def wrong_imports(room, source, table=TABLE):
+    """What a source text imports though its room may not."""
+    wrong = []
+    for line, name in names_imported(ast.parse(source)):
+        parts = name.split(".")
+        if parts[0] == "fenics_contact":
+            target = parts[1]
+            allowed = target in table[room] or target == room
+            only = ONLY.get((room, target))
+            allowed = allowed and (only is None or parts[2] in only)
+        else:
+            allowed = parts[0] in STANDARD or parts[0] in table[room]  # a relative import has no first part
+        if not allowed:
+            wrong.append(f"line {line}: {name}")
+    return wrong
+
+
+def local_imports(source):
+    functions = [n for n in ast.walk(ast.parse(source)) if isinstance(n, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    return [n.lineno for f in functions for n in ast.walk(f) if isinstance(n, (ast.Import, ast.ImportFrom))]
+
+
+def prints(source):
+    calls = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)]
+    return [c.lineno for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"]
+
+
+LIBRARIES = {"dolfinx", "fem", "basix", "ufl", "io", "mesh", "fem_petsc"}
+
+
+def version_tests(source):
+    """Comparisons of a version, or questions for a capability of dolfinx: `x.__version__ < ...`, hasattr(fem, ...)."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Attribute) and node.attr == "__version__":
+            of = node.value.id if isinstance(node.value, ast.Name) else ""
+            if of in LIBRARIES:
+                found.append(node.lineno)
+        elif isinstance(node, ast.Compare) and any("version" in ast.unparse(s).lower() for s in ast.walk(node)
+                                                   if isinstance(s, (ast.Attribute, ast.Name))):  # fmt: skip
+            found.append(node.lineno)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            # getattr without a default looks a name up, for instance a cell type's; with one it asks a question
+            asks = node.func.id == "hasattr" or (node.func.id == "getattr" and len(node.args) == 3)
+            if asks and ast.unparse(node.args[0]).split(".")[0] in LIBRARIES:
+                found.append(node.lineno)
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_module(path):
+    source, room = path.read_text(), room_of(path)
+    assert room in TABLE, f"{room} is a new room: say in the table of this test what it may know"
+    assert not wrong_imports(room, source)
+    assert not local_imports(source), "import at the top: an import inside a function hides a dependency"
+    assert not prints(source), "the package shows its progress through hooks and writes files; scripts print"
+    if room != "compat":
+        assert not version_tests(source), "differences between versions belong into compat.py"
+    assert len(source.splitlines()) <= LONGEST_MODULE
+    if source.strip():
+        assert ast.get_docstring(ast.parse(source)), "the first line says what the module knows"
+
+
+def test_every_room_of_the_table_exists():
+    assert {room_of(path) for path in MODULES} == set(TABLE)
+
+
+def test_rooms_do_not_know_each_other_in_circles():
+    waiting = {room: {r for r in allowed if r in TABLE} for room, allowed in TABLE.items()}
+    while waiting:
+        ready = [room for room, needs in waiting.items() if not needs & set(waiting)]
+        assert ready, f"a circle among {sorted(waiting)}"
+        for room in ready:
+            del waiting[room]
+
+
+@pytest.mark.parametrize(
+    ("check", "source"),
+    [
+        (lambda s: wrong_imports("kernels", s), "import dolfinx"),
+        (lambda s: wrong_imports("contact", s), "from dolfinx import fem"),
+        (lambda s: wrong_imports("solvers", s), "from fenics_contact.contact import term"),
+        (lambda s: wrong_imports("solvers", s), "from fenics_contact import contact"),
+        (lambda s: wrong_imports("materials", s), "from . import compat"),
+        (lambda s: wrong_imports("output", s), "from fenics_contact.kernels.laws import coulomb_return"),
+        (local_imports, "def f():\n    import os"),
+        (prints, "def f():\n    print(1)"),
+        (version_tests, "if hasattr(fem, 'functionspace'): pass"),
+        (version_tests, "f = getattr(fem, 'functionspace', None)"),
+        (version_tests, "new = dolfinx.__version__"),
+        (version_tests, "if compat.DOLFINX_VERSION > '0.9': pass"),
+    ],
+)
+def test_the_checks_find_what_they_look_for(check, source):
+    assert check(source)
