@@ -170,7 +170,8 @@ def cell_evaluator(mesh, ufl_expression, points):
     with_mesh = "mesh" in inspect.signature(expression.eval).parameters
 
     def evaluate():
-        return expression.eval(mesh, cells) if with_mesh else expression.eval(cells)
+        values = expression.eval(mesh, cells) if with_mesh else expression.eval(cells)
+        return values.reshape(len(cells), int(np.prod(values.shape[1:])))  # newer ones keep points and components apart
 
     return evaluate
 

@@ -115,6 +115,7 @@ def from_elastic(E, nu):
 def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):
     """A user's own UFL energy psi(F) [pressure]; the moduli at rest [pressure] are used for penalties only."""
     _positive(name, shear_modulus=shear_modulus, bulk_modulus=bulk_modulus)
-    if not isinstance(psi(ufl.Identity(3)), ufl.core.expr.Expr | float | int):
+    value = psi(ufl.Identity(3))
+    if not isinstance(value, ufl.core.expr.Expr | float | int) or getattr(value, "ufl_shape", ()) != ():
         raise TypeError(f"{name}: psi(F) must return a scalar UFL expression of the deformation gradient F")
     return Hyperelastic(name, psi, shear_modulus, bulk_modulus)

@@ -87,6 +87,11 @@ def _group_names(dim):
 def _check_model(volumes):
     if not volumes:
         raise ValueError("it has no physical volume; add one with gmsh.model.addPhysicalGroup(3, ...) and name it")
+    for _, tag in gmsh.model.getPhysicalGroups(2):
+        faces = gmsh.model.getEntitiesForPhysicalGroup(2, tag)
+        if not any(len(gmsh.model.mesh.getElementTypes(2, face)) for face in faces):
+            name = gmsh.model.getPhysicalName(2, tag)
+            raise ValueError(f"surface group '{name}' has no facets; give it surfaces of a meshed volume or remove it")
     for _, tag in gmsh.model.getPhysicalGroups(3):
         for entity in gmsh.model.getEntitiesForPhysicalGroup(3, tag):
             for cell_type in gmsh.model.mesh.getElementTypes(3, entity):

@@ -71,6 +71,7 @@ def solve(
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push)
+    _refuse_nan(system, times)
     solver = LinearSolver(system, linear)
     stepper = _stepper(method, solver, tolerance)
     smallest_J = scene.volume_ratio(system.state.u)
@@ -103,13 +104,21 @@ def solve(
 
 def _times(steps):
     if np.ndim(steps) == 0:
-        if steps != int(steps) or steps < 1:
+        if not np.isfinite(steps) or steps != int(steps) or steps < 1:
             raise SceneError(f"steps = {steps}: give a whole number of at least one, or the increasing list of t")
         return np.arange(1, int(steps) + 1) / int(steps)
     times = np.asarray(steps, dtype=float)
     if times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(np.concatenate([[0.0], times])) <= 0.0):
         raise SceneError("steps must be a non-empty, increasing list of load parameters above 0")
     return times
+
+
+def _refuse_nan(system, times):
+    """Paths, forces and supports given as functions must be finite at every t the run will visit."""
+    for t in times:
+        system.tools.prescribed(t), system.tools.forces(t)  # they check themselves
+        if bad := [name for name in system.comm.allgather(system.supports.not_finite(t)) if name]:
+            raise SceneError(f"prescribed displacement of {bad[0]} is not finite at t = {t:g}; mend its function")
 
 
 def _stepper(method, solver, tolerance):

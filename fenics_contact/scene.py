@@ -282,13 +282,16 @@ class Scene:
                 )
 
     def _refuse_deep_start(self, system):
+        """A tool may overlap the slave surface a little, but not by a cell, nor reach nodes behind that surface."""
+        owned = self.space.dofmap.index_map.size_local
+        X = self.space.tabulate_dof_coordinates()[:owned]
         for contact in system.contacts:
-            contact.evaluate(system.state, False)
-            deepest = -min(self.mesh.comm.allgather(contact.gap.min(initial=0.0)))
-            if deepest > contact.surface.cell_height:
+            height = contact.surface.cell_height
+            at_surface, behind = np.max(self.mesh.comm.allgather(contact.deepest_start(system.state, X)), axis=0)
+            if at_surface > height or behind > 0.1 * height:
                 raise SceneError(
-                    f"contact '{contact.name}': the tool starts {deepest:.3g} inside the body, deeper than a cell of height "
-                    f"{contact.surface.cell_height:.3g}; move its starting place outwards"
+                    f"contact '{contact.name}': the tool starts {max(at_surface, behind):.3g} inside the body, where a cell "
+                    f"is {height:.3g} high; move its starting place outwards, or name all surfaces it meets as slaves"
                 )
 
     def volume_ratio(self, u):

@@ -41,9 +41,7 @@ def _sweep(entities, direction, places):
     """Extrude entities along a direction in one layer of cells per interval of places."""
     length = places[-1]
     heights = [p / length for p in places[1:]]
-    out = gmsh.model.geo.extrude(
-        entities, *(length * d for d in direction), [1] * len(heights), heights, recombine=True
-    )
+    out = gmsh.model.geo.extrude(entities, *(length * d for d in direction), [1] * len(heights), heights, recombine=True)
     return [e for e in out if e[0] == entities[0][0] + 1]
 
 

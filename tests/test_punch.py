@@ -90,10 +90,14 @@ def graded():
     return punched(GRADED)
 
 
-def test_sharp_punch_on_the_uniform_mesh():
-    result = punched(UNIFORM)
-    np.testing.assert_allclose(forces(result)[-1], SHARP[-1], rtol=0.03)  # the issue's bound
-    assert_smooth(forces(result))
+@pytest.fixture(scope="module")
+def uniform():
+    return punched(UNIFORM)
+
+
+def test_sharp_punch_on_the_uniform_mesh(uniform):
+    np.testing.assert_allclose(forces(uniform)[-1], SHARP[-1], rtol=0.03)  # the issue's bound
+    assert_smooth(forces(uniform))
 
 
 def test_sharp_punch_on_the_graded_mesh(graded):
@@ -103,23 +107,27 @@ def test_sharp_punch_on_the_graded_mesh(graded):
 
 
 def assert_smooth(sequence):
-    """Increments vary from step to step no more than twice as much as the reference's own (its digits are rounded)."""
-    allowed = 2.0 * np.abs(np.diff(SHARP, n=2, prepend=0.0)[1:]).max()
+    """Increments vary from step to step no more than the reference's own, whose digits are rounded."""
+    allowed = np.abs(np.diff(SHARP, n=2, prepend=0.0)[1:]).max()
     changes = np.diff(sequence, n=2, prepend=0.0)[1:]
     assert np.abs(changes).max() < allowed, changes
 
 
 def test_fine_steps_show_no_jump():
-    """Sixty steps while rows of nodes slide out: no increment of the force strays from the mean of its neighbours."""
-    increments = np.diff(forces(punched(COARSE, steps=60)), prepend=0.0)
+    """Forty steps while a row of nodes slides out: no increment of the force strays from the mean of its neighbours."""
+    result = punched({"inside": 16, "outside": 6, "layers": 3, "ratio": 1.0}, steps=40)
+    active = result.column("top_active_points")
+    assert active[-1] < active[0]  # nodes did lose contact
+    increments = np.diff(forces(result), prepend=0.0)
     strays = np.abs(increments[1:-1] - 0.5 * (increments[:-2] + increments[2:]))
-    # a node dropped at once costs its whole share: 1 of the 13 edge nodes carries several N against 2.5 N per step
-    assert strays.max() < 0.25 * increments.mean(), strays.max() / increments.mean()
+    # the edge row carries tens of N: dropped node by node it would change increments (3.8 N) by their own size
+    assert strays.max() < 0.05 * increments.mean(), strays.max() / increments.mean()
 
 
-def test_refinement_approaches_the_reference(graded):
-    coarse = abs(forces(punched(COARSE))[-1] - SHARP[-1])
-    assert abs(forces(graded)[-1] - SHARP[-1]) <= max(coarse, 1.5)  # 1.5 N: the reference's own uncertainty
+def test_refinement_approaches_the_reference(graded, uniform):
+    coarse, medium, fine = (abs(forces(run)[-1] - SHARP[-1]) for run in (punched(COARSE), uniform, graded))
+    assert medium < 0.5 * coarse  # cells at the edge 2.6 and 2 mm wide
+    assert fine < max(medium, 1.5)  # 1.5 N: the reference's own uncertainty
 
 
 def test_fillet_lowers_the_first_force_and_is_named(graded):
@@ -139,16 +147,10 @@ def test_corner_lifts_off_a_frictionless_floor():
 def test_newton_is_quadratic_in_the_demos_cases(case):
     result = punched(COARSE, friction=case[0], floor=case[1], material=mooney_paper)
     assert result.column("iterations").mean() <= 6.0
-    orders = [order for step in result.summary["residuals_per_step"] if (order := last_order(step)) is not None]
-    assert len(orders) >= 5  # most steps must let the order be seen
-    assert np.median(orders) > 1.6, orders
-    assert min(orders) > 1.3, orders  # a step whose last status change came late shows less
-
-
-def last_order(residuals, floor=1e-12):
-    """Observed order of the last two reductions above round-off, None where there are too few to tell."""
-    seen = [r for r in residuals if r > floor]
-    if len(seen) < 3 or seen[-2] > 1e-2:
-        return None
-    a, b, c = np.log(seen[-3:])
-    return (c - b) / (b - a)
+    for residuals in result.summary["residuals_per_step"]:
+        falls = [(a, b) for a, b in zip(residuals, residuals[1:], strict=False) if a < 1e-3][-2:]
+        for before, after in falls:
+            # shares of the force: the constant is 0.02 to 200 here, where a tangent off by a hundredth gives 1e4 and
+            # more near the end; 1e-12: round-off
+            assert after <= 1e3 * before**2 + 1e-12, residuals
+        assert falls and residuals[-1] <= 1e-8, residuals

@@ -11,7 +11,7 @@ class Supports:
     """
 
     def __init__(self, entries, owned_dofs, names):
-        self._entries = entries
+        self._entries, self._names = entries, names
         dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
         self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
         self.owned = self.dofs[self.dofs < owned_dofs]
@@ -28,6 +28,13 @@ class Supports:
     def _all(self, t):
         parts = [value(X, t) if callable(value) else np.full(len(dofs), value * t) for dofs, value, X in self._entries]
         return np.concatenate(parts) if parts else np.empty(0)
+
+    def not_finite(self, t):
+        """Name of the first entry with a value that is no finite number at t, or None."""
+        for name, (_, value, X) in zip(self._names, self._entries, strict=True):
+            if callable(value) and not np.all(np.isfinite(value(X, t))):
+                return name
+        return None
 
     def values(self, t):
         """Prescribed displacements [length] of `dofs` at load parameter t."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, point_normals
+from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
 from fenics_contact.kernels.status import OPEN, STICK
 
@@ -84,6 +84,15 @@ class RigidContact:
         )  # fmt: skip
         self._anchor = new
         self.slip_path = self.slip_path + sliding
+
+    def deepest_start(self, state, X):
+        """How deep [length] the body's nodes X (n, 3) lie inside the tool, slave nodes and others apart (this rank)."""
+        kind, shape, origin, axes, travel = self._tool_arguments(state)
+        gap = np.empty(len(X))
+        distances(X, kind, shape, origin, axes, travel, gap)
+        slave = np.zeros(len(X), dtype=bool)
+        slave[self.surface.nodes] = True
+        return -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
 
     def split_traction(self, state):
         """Contact pressure (ne, nq) and friction traction on the body (ne, nq, 3) [pressure, per reference area]."""

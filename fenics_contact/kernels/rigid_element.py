@@ -179,3 +179,15 @@ def point_normals(X, nodes, a, u, kind, shape, origin, axes, travel, spacing, no
             else:
                 signed_distance(kind, shape, y, active, n, H)
             _rotate(axes, n, normal[e, q])
+
+
+@njit(cache=True)
+def distances(X, kind, shape, origin, axes, travel, gap):
+    """Signed distances (n,) of fixed points X (n, 3) to a tool."""
+    y, n, active, H = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for p in range(len(X)):
+        for r in range(3):
+            y[r] = 0.0
+            for c in range(3):
+                y[r] += axes[c, r] * (X[p, c] - origin[c] - travel[c])
+        gap[p] = signed_distance(kind, shape, y, active, n, H)

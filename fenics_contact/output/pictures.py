@@ -20,16 +20,17 @@ def draw_body(axes, corners, values, limits=None, view=(28, 40)):
     lowest, highest = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     for name, a, b in zip("xyz", lowest, highest, strict=True):
         getattr(axes, f"set_{name}lim")(a, b)
-    axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])))
+    axes.set_zticks([lowest[2], highest[2]], [f"{lowest[2]:.3g}", f"{highest[2]:.3g}"])
+    axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])), zoom=1.15)
     axes.view_init(*view)
     return scale
 
 
 def body_picture(path, corners, values, label, title="", view=(28, 40)):
     """One PNG of a deformed body with a colour bar named `label`."""
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    figure = Figure(figsize=(8, 5))  # a constrained layout collapses 3-D axes on Matplotlib 3.6
     axes = figure.add_subplot(projection="3d")
     scale = draw_body(axes, corners, values, view=view)
-    figure.colorbar(scale, ax=axes, label=label, shrink=0.7)
+    figure.colorbar(scale, ax=axes, label=label, shrink=0.7, pad=0.12)
     axes.set_title(title)
     figure.savefig(Path(path), dpi=150)

@@ -34,7 +34,7 @@ def project(points, normals, coords, nodes, size, search=10.0, facing=0.0, lists
         lists = (np.arange(n + 1, dtype=np.int64) * nf, np.tile(np.arange(nf, dtype=np.int64), n))
     out = (np.full(n, 7), np.full(n, 7), np.full(n, 7), np.full((n, 2), 7.0), np.full(n, 7.0), np.full((n, 3), 7.0))
     closest_points(points, normals, coords, (nodes, size), lists, search, facing, out)
-    return dict(zip(("facet", "kind", "feature", "xi", "gap", "normal"), out))
+    return dict(zip(("facet", "kind", "feature", "xi", "gap", "normal"), out, strict=False))
 
 
 def scipy_distance(x, m, xf):
@@ -47,12 +47,8 @@ def scipy_distance(x, m, xf):
         d = N @ corners - x
         return 0.5 * d @ d, dN @ corners @ d
 
-    how = dict(jac=True, bounds=[(0, 1)] * 2, method="L-BFGS-B", options={"ftol": 1e-16, "gtol": 1e-12})
-    runs = [
-        minimize(square, (a, b), **how)
-        for a in (0.1, 0.5, 0.9)
-        for b in (0.1, 0.5, 0.9)
-    ]
+    how = {"jac": True, "bounds": [(0, 1)] * 2, "method": "L-BFGS-B", "options": {"ftol": 1e-16, "gtol": 1e-12}}
+    runs = [minimize(square, (a, b), **how) for a in (0.1, 0.5, 0.9) for b in (0.1, 0.5, 0.9)]
     return np.sqrt(2 * min(run.fun for run in runs))
 
 
@@ -144,9 +140,7 @@ FOURS = np.array([4, 4])
 
 def fold(height):
     """Two squares that share the edge x = 1; height > 0 lifts the far sides: a valley; < 0: a ridge."""
-    return np.array(
-        [[0.0, 0, height], [1, 0, 0], [1, 1, 0], [0, 1, height], [2, 0, height], [2, 1, height]], dtype=float
-    )
+    return np.array([[0.0, 0, height], [1, 0, 0], [1, 1, 0], [0, 1, height], [2, 0, height], [2, 1, height]], dtype=float)
 
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -218,7 +212,7 @@ def test_the_sign_at_a_vertex_does_not_depend_on_how_a_flank_is_split():
     cuts = np.linspace(coords[1], coords[2], 21)[1:-1]
     rim = [1, *range(5, 24), 2]
     coords = np.vstack([coords, cuts])
-    nodes = np.array([[0, a, b, b] for a, b in zip(rim, rim[1:])] + [[0, 2, 3, 3], [0, 3, 4, 4], [0, 4, 1, 1]])
+    nodes = np.array([[0, a, b, b] for a, b in zip(rim, rim[1:], strict=False)] + [[0, 2, 3, 3], [0, 3, 4, 4], [0, 4, 1, 1]])
     opposite = np.cross(coords[3], coords[4])
     x = 0.1 * opposite / np.linalg.norm(opposite) + [0, 0, 0.01]
     r = project(x, DOWN, coords, nodes, np.full(len(nodes), 3), facing=2.0)  # 2: no facet is taken to look away

@@ -63,18 +63,16 @@ class Pair:
         np.add.at(residual, dofs, R[0])
         if want_tangent:
             np.add.at(tangent, (dofs[:, None], dofs[None, :]), K[0])
-        return dict(R=residual, K=tangent, status=status[0], T=T[0], gap=gap[0], slip=slip[0],
-                    kind=projection[1][0], facet=projection[0][0], normal=projection[5][0])  # fmt: skip
+        return {"R": residual, "K": tangent, "status": status[0], "T": T[0], "gap": gap[0], "slip": slip[0],
+                    "kind": projection[1][0], "facet": projection[0][0], "normal": projection[5][0]}  # fmt: skip
 
     def commit(self, coords=None):
         coords = self.coords if coords is None else np.ascontiguousarray(coords)
         new, sliding = (np.zeros((1, 4), np.int64), np.zeros((1, 4))), np.zeros(1)
         projection = self.project(coords)
         before = [a.copy() for a in self.anchors]
-        element.committed_anchors(
-            coords, self.slaves, self.surface, projection, self.anchors, self.law, new, sliding
-        )
-        assert all(np.array_equal(a, b) for a, b in zip(before, self.anchors))
+        element.committed_anchors(coords, self.slaves, self.surface, projection, self.anchors, self.law, new, sliding)
+        assert all(np.array_equal(a, b) for a, b in zip(before, self.anchors, strict=False))
         self.anchors = new
         return sliding[0]
 
@@ -122,8 +120,8 @@ def make(surface, nodes, gap, slave=NODE, weights=(1.0,), tilt=True, at=None, **
 
 SAME_FACET = ([0, 1, 2, 3], [0.4, 0.25, 0.15, 0.2])
 NEXT_FACET = ([1, 4, 5, 2], [0.6, -0.1, 0.1, 0.4])
-VALLEY = dict(at=[1.03, 0.45, -0.3])
-BOTTOM = dict(at=[0.03, -0.02, -0.3])
+VALLEY = {"at": [1.03, 0.45, -0.3]}
+BOTTOM = {"at": [0.03, -0.02, -0.3]}
 WARPED, FLAT = sheet(warp=0.25), sheet()
 
 STATES = {
@@ -380,7 +378,7 @@ def test_dragging_over_fifty_facets_under_constant_pressure(step):
     pair.commit()  # no anchor before the first contact: this sets it
     ahead = Q @ np.array([1.0, 0.0, 0.0])
     N, seen = EPS_N * 0.02, set()
-    for i in range(int(34.5 / step)):
+    for _i in range(int(34.5 / step)):
         pair.coords[-1] += step * ahead
         r = pair.evaluate(want_tangent=False)
         seen.add(r["facet"])

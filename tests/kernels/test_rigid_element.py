@@ -85,8 +85,10 @@ class Contact:
             self.mu, self.touch, want_tangent, force, tangent, arm, T, gap, status, slip, cover,
         )  # fmt: skip
         assert np.array_equal(before, self.anchor)  # evaluation writes no history
-        return dict(force=force[0], K=tangent[0], arm=arm[0], T=T[0], gap=gap[0], status=status[0], slip=slip[0],
-                    cover=cover[0], normal=self.normals(u, travel))  # fmt: skip
+        return {
+            "force": force[0], "K": tangent[0], "arm": arm[0], "T": T[0], "gap": gap[0], "status": status[0],
+            "slip": slip[0], "cover": cover[0], "normal": self.normals(u, travel),
+        }  # fmt: skip
 
     def normals(self, u, travel):
         normal = np.full((1, self.a.shape[1], 3), np.nan)
@@ -166,7 +168,7 @@ def taylor(contact, r, du, dq, largest):
     return np.array(remainders), largest * np.linalg.norm(linear)
 
 
-STEP = 2e-3  # against the depth 0.1, the distances 0.1 to the ends of the edge zone and the curvature 1/0.5
+STEP = 1e-3  # against the depth 0.1, the distances 0.1 to the ends of the edge zone and the curvature 1/0.5
 
 
 def check_order(remainders, linear, is_linear):

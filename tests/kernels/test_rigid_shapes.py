@@ -71,8 +71,8 @@ def test_normal_is_the_gradient_and_H_its_gradient(name):
     steps = 0.02 / 2.0 ** np.arange(4)  # no place is nearer than 0.03 to where the nearest part of its shape changes
     for d in directions(sum(map(ord, name))):
         moved = [at(kind, parameters, np.asarray(y) + h * d) for h in steps]
-        first = np.array([abs(m[0] - g - h * n @ d) for m, h in zip(moved, steps)])
-        second = np.array([np.linalg.norm(m[1] - n - h * H @ d) for m, h in zip(moved, steps)])
+        first = np.array([abs(m[0] - g - h * n @ d) for m, h in zip(moved, steps, strict=True)])
+        second = np.array([np.linalg.norm(m[1] - n - h * H @ d) for m, h in zip(moved, steps, strict=True)])
         if curved == 0:
             assert first.max() < 1e-14 and second.max() == 0  # linear: rounding of numbers of size 2
             continue
