@@ -14,4 +14,4 @@ lint: setup
 
 test: lint
 	@$(ENV) python3 -m pytest
-	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider
+	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no

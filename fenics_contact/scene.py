@@ -283,11 +283,13 @@ class Scene:
 
     def _refuse_deep_start(self, system):
         """A tool may overlap the slave surface a little, but not by a cell, nor reach nodes behind that surface."""
-        owned = self.space.dofmap.index_map.size_local
-        X = self.space.tabulate_dof_coordinates()[:owned]
-        for contact in system.contacts:
-            height = contact.surface.cell_height
-            at_surface, behind = np.max(self.mesh.comm.allgather(contact.deepest_start(system.state, X)), axis=0)
+        X = self.space.tabulate_dof_coordinates()
+        for contact, statement in zip(system.contacts, self.contacts, strict=True):
+            height, depth = contact.surface.cell_height, contact.depths(system.state, X)
+            slave = np.zeros(len(X), dtype=bool)
+            slave[compat.locate_blocks(self.space, self.mesh.facets(*statement.slave))] = True
+            here = depth[slave].max(initial=0.0), depth[~slave].max(initial=0.0)
+            at_surface, behind = np.max(self.mesh.comm.allgather(here), axis=0)
             if at_surface > height or behind > 0.1 * height:
                 raise SceneError(
                     f"contact '{contact.name}': the tool starts {max(at_surface, behind):.3g} inside the body, where a cell "

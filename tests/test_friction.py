@@ -142,6 +142,20 @@ def test_a_step_cut_back_equals_the_small_steps(mesh):
 
 
 @pytest.mark.parallel
+def test_rollback_restores_the_accepted_state(mesh):
+    system = dragged(mesh, lambda s: np.array([0.5 * s, 0.3 * s])).system()
+    newton = Newton(LinearSolver(system))
+    run(system, newton, [0.2, 0.6], lambda *_: None)
+    accepted = system.state.u.x.array.copy()
+    newton.step(system, 1.0)
+    assert np.abs(system.state.u.x.array - accepted).max() > 0.1
+    system.rollback()
+    np.testing.assert_array_equal(system.state.u.x.array, accepted)
+    assert system.state.t == system.committed_t == 0.6
+    assert system.assemble_residual() <= 1e-8 * system.force_scale  # Newton's tolerance: loads and history are back too
+
+
+@pytest.mark.parallel
 def test_evaluation_does_not_change_history(mesh):
     scene = dragged(mesh, lambda s: np.array([0.5 * s, 0.3 * s]))
     system = scene.system()

@@ -85,14 +85,12 @@ class RigidContact:
         self._anchor = new
         self.slip_path = self.slip_path + sliding
 
-    def deepest_start(self, state, X):
-        """How deep [length] the body's nodes X (n, 3) lie inside the tool, slave nodes and others apart (this rank)."""
+    def depths(self, state, X):
+        """How deep [length] fixed points X (n, 3) lie inside the tool, negative outside."""
         kind, shape, origin, axes, travel = self._tool_arguments(state)
         gap = np.empty(len(X))
         distances(X, kind, shape, origin, axes, travel, gap)
-        slave = np.zeros(len(X), dtype=bool)
-        slave[self.surface.nodes] = True
-        return -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
+        return -gap
 
     def split_traction(self, state):
         """Contact pressure (ne, nq) and friction traction on the body (ne, nq, 3) [pressure, per reference area]."""
