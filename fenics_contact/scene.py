@@ -166,7 +166,7 @@ class Scene:
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
         for term in contacts:
             term.initialise(state)
-        self._refuse_loose(contacts, supports)
+        self._refuse_loose(contacts, supports, state)
 
         def set_loads(t):
             for constant, _, value in loads:
@@ -260,7 +260,7 @@ class Scene:
         index = self.tools.index(contact.master)
         return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
 
-    def _refuse_loose(self, contacts, supports):
+    def _refuse_loose(self, contacts, supports, state):
         """No body may be free to translate where neither a support nor a contact holds it."""
         comm = self.mesh.comm
         for body in self.bodies:
@@ -274,7 +274,8 @@ class Scene:
             }
             for contact in contacts:
                 if comm.allreduce(int(np.isin(contact.surface.nodes, blocks).sum())):
-                    held |= set("xyz") if contact.friction > 0.0 else _directions(contact.tool)
+                    normal = contact.first_normal(state, comm)
+                    held |= {a for a, axis in AXES.items() if contact.friction > 0.0 or abs(normal[axis]) > 1e-6}
             if loose := sorted(set("xyz") - held):
                 raise SceneError(
                     f"nothing holds body '{body.group}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
@@ -306,13 +307,6 @@ class Scene:
 
 def _names(group):
     return (group,) if isinstance(group, str) else tuple(group)
-
-
-def _directions(tool):
-    """Axes along which a frictionless tool can hold a body: those its normals have a part in."""
-    if tool.kind == 0:
-        return {letter for letter, axis in AXES.items() if abs(tool.axes[axis, 2]) > 1e-6}
-    return set("xyz")
 
 
 def _finite(vector, what):

@@ -240,3 +240,11 @@ def test_missing_dolfinx_names_the_debian_package(missing):
     root = Path(__file__).resolve().parent.parent
     done = subprocess.run([sys.executable, "-c", block], cwd=root, capture_output=True, text=True, timeout=60)
     assert done.returncode != 0 and "python3-dolfinx" in done.stderr.strip().splitlines()[-1], done.stderr[-500:]
+
+
+def test_frictionless_punch_does_not_hold_sideways(mesh, out):
+    scene = Scene(Body(mesh, "box", fc.neo_hooke(1.0, 5.0)))
+    scene.fix("zmin", "xz")
+    tool = rigid_punch(half_width=5.0, height=2.0, face=(2.0, 2.0, 2.0))
+    scene.contact("zmax", tool, name="top")
+    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=out, progress=False), "box", "along y:")

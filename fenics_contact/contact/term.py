@@ -92,14 +92,28 @@ class RigidContact:
         distances(X, kind, shape, origin, axes, travel, gap)
         return -gap
 
+    def normals(self, state):
+        """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
+        kind, shape, origin, axes, travel = self._tool_arguments(state)
+        s, out = self.surface, np.empty_like(self.traction)
+        point_normals(s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, s.spacing, out)
+        return out
+
     def split_traction(self, state):
         """Contact pressure (ne, nq) and friction traction on the body (ne, nq, 3) [pressure, per reference area]."""
-        kind, shape, origin, axes, travel = self._tool_arguments(state)
-        s = self.surface
-        normal = np.empty_like(self.traction)
-        point_normals(s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, s.spacing, normal)
+        normal = self.normals(state)
         pressure = -np.einsum("eqc,eqc->eq", self.traction, normal)
         return pressure, -self.traction - pressure[..., None] * normal
+
+    def first_normal(self, state, comm):
+        """Tool normal (3,) where the surface is nearest to the tool: the direction in which contact holds at first."""
+        self.evaluate(state, False)
+        if not self.gap.size:
+            here = (np.inf, np.zeros(3))
+        else:
+            nearest = np.unravel_index(self.gap.argmin(), self.gap.shape)
+            here = (self.gap[nearest], self.normals(state)[nearest])
+        return min(comm.allgather(here), key=lambda pair: pair[0])[1]
 
     def measures(self, state, comm):
         """Sums over all ranks for the history: force and moment on the body [force, force x length], areas, counts."""
