@@ -261,26 +261,33 @@ class Scene:
         return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
 
     def _refuse_loose(self, contacts, supports, state):
-        """No body may be free to translate where neither a support nor a contact holds it."""
+        """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
         comm = self.mesh.comm
-        for body in self.bodies:
-            tags = self.mesh.cell_tags
-            cells = tags.indices[tags.values == self.mesh.volume_tag(body.group)]
-            blocks = np.unique(compat.cell_dofs(self.space)[cells])
-            held = {
-                letter
-                for letter, axis in AXES.items()
-                if comm.allreduce(int(np.isin(3 * blocks + axis, supports.dofs).sum()))
-            }
+        for names, blocks in self._bonded_bodies():
+            dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
+            held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
             for contact in contacts:
                 if comm.allreduce(int(np.isin(contact.surface.nodes, blocks).sum())):
                     normal = contact.first_normal(state, comm)
                     held |= {a for a, axis in AXES.items() if contact.friction > 0.0 or abs(normal[axis]) > 1e-6}
             if loose := sorted(set("xyz") - held):
                 raise SceneError(
-                    f"nothing holds body '{body.group}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
+                    f"nothing holds body '{names}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
                     "add a contact that holds it"
                 )
+
+    def _bonded_bodies(self):
+        """Groups of bodies that share nodes: (names, local nodes) of each."""
+        tags, groups = self.mesh.cell_tags, []
+        for body in self.bodies:
+            cells = tags.indices[tags.values == self.mesh.volume_tag(body.group)]
+            names, blocks = body.group, np.unique(compat.cell_dofs(self.space)[cells])
+            for group in list(groups):
+                if self.mesh.comm.allreduce(len(np.intersect1d(group[1], blocks))):
+                    groups.remove(group)
+                    names, blocks = f"{group[0]}, {names}", np.union1d(group[1], blocks)
+            groups.append((names, blocks))
+        return groups
 
     def _refuse_deep_start(self, system):
         """A tool may overlap the slave surface a little, but not by a cell, nor reach nodes behind that surface."""

@@ -1,0 +1,13 @@
+# Debian 13 with what .ci/setup installs.
+#   docker build -t fenics_contact . && docker run --rm -v "$PWD/results:/fenics_contact/results" fenics_contact
+FROM debian:trixie
+RUN apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends ca-certificates git make
+COPY .ci /fenics_contact/.ci
+COPY Makefile pyproject.toml /fenics_contact/
+COPY fenics_contact /fenics_contact/fenics_contact
+COPY meshes /fenics_contact/meshes
+COPY demos /fenics_contact/demos
+COPY tests /fenics_contact/tests
+WORKDIR /fenics_contact
+RUN make setup && rm -rf /var/lib/apt/lists/*
+CMD ["make", "demo"]
