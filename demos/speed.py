@@ -7,6 +7,7 @@ results/speed.json and prints a table.
 """
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -90,7 +91,7 @@ def felupe_seconds_per_iteration(cells, steps=5):
         bounds["tool"].update(-0.2 * step)
         dof0, dof1 = fem.dof.partition(field, bounds)
         ext0 = fem.dof.apply(field, bounds, dof0)
-        newton = fem.newtonrhapson([solid], dof0=dof0, dof1=dof1, ext0=ext0, verbose=0, solver=spsolve, tol=1e-8)
+        newton = fem.newtonraphson(items=[solid], dof0=dof0, dof1=dof1, ext0=ext0, verbose=0, solver=spsolve, tol=1e-8)
         iterations += newton.iterations
     return (time.perf_counter() - start) / iterations
 
@@ -98,7 +99,8 @@ def felupe_seconds_per_iteration(cells, steps=5):
 def on_ranks(ranks):
     """The frictional 40x40x10 scene with the iterative solver under mpirun; its seconds."""
     command = ["mpirun", "-n", str(ranks), sys.executable, __file__, "--measure"]
-    out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    # a copy of the environment from before MPI started here: mpirun does not nest
+    out = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ.copy()).stdout
     return json.loads(out.splitlines()[-1])
 
 
