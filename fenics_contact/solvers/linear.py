@@ -7,6 +7,8 @@ PREFIX = "fc_"  # every choice below can be overridden by PETSc options with thi
 # Above this many unknowns smoothed aggregation beats factorisation (README, speed).
 ITERATIVE_ABOVE = 30_000
 
+TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
+
 
 class LinearFailure(RuntimeError):
     """The linear solver could not solve the tangent system; the message says why."""
@@ -43,7 +45,7 @@ class LinearSolver:
 
     def _use_iterative(self):
         self.ksp.setType("cg" if self.system.symmetric else "gmres")
-        self.ksp.setTolerances(rtol=1e-8, max_it=400)
+        self.ksp.setTolerances(rtol=TIGHTEST, max_it=400)
         if not self.system.symmetric:
             self.ksp.setGMRESRestart(100)
         self.system.matrix.setNearNullSpace(_rigid_body_modes(self.system))
@@ -61,12 +63,14 @@ class LinearSolver:
                 options[PREFIX + key] = value
         self.ksp.getPC().setType("gamg")
 
-    def solve(self, du_supports, dq):
+    def solve(self, du_supports, dq, tolerance=TIGHTEST):
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
 
         du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
+        tolerance: relative residual at which an iterative solver may stop; the direct one does not look at it.
         Raises LinearFailure, on all ranks, if the solver fails.
         """
+        self.ksp.setTolerances(rtol=tolerance)
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
         rhs = system.residual_vector.copy()
         rhs.scale(-1.0)
