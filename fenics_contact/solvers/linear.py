@@ -52,7 +52,6 @@ class LinearSolver:
         options = PETSc.Options()
         for key, value in (
             ("pc_gamg_threshold", 0.01),
-            ("pc_gamg_square_graph", 1),
             ("pc_gamg_aggressive_coarsening", 1),
             ("pc_gamg_reuse_interpolation", True),
             ("mg_levels_ksp_type", "chebyshev"),
