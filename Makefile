@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test lint setup
+.PHONY: demo test lint setup test-debian13 test-newest
 setup:
 	@bash .ci/setup
 
@@ -15,3 +15,10 @@ lint: setup
 test: lint
 	@$(ENV) python3 -m pytest
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
+
+# The suite in a bare Debian 13, and by hand against the newest release in Debian's development branch (root only)
+test-debian13:
+	@bash .ci/debian13 test
+
+test-newest:
+	@SUITE=unstable bash .ci/debian13 test
