@@ -12,12 +12,15 @@ except ImportError as error:  # the one dependency pip cannot bring
 
 import inspect
 import logging
+import platform
 from contextlib import contextmanager
 
 import basix
 import dolfinx.fem.petsc as fem_petsc
 import dolfinx.mesh as dolfinx_mesh
+import numba
 import numpy as np
+import petsc4py
 
 try:
     from dolfinx.io import gmsh as gmsh_reader  # 0.10 and newer
@@ -25,7 +28,6 @@ except ImportError:
     from dolfinx.io import gmshio as gmsh_reader
 
 Function, Constant = fem.Function, fem.Constant
-DOLFINX_VERSION = dolfinx.__version__
 
 # A NaN must survive as NaN: solvers recognise an inverted element by it.
 _C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
@@ -194,3 +196,9 @@ def degree(space):
     """Polynomial degree of a Lagrange space."""
     element = space.ufl_element()
     return element.degree() if callable(element.degree) else element.degree
+
+
+def versions():
+    """Versions of what a result depends on, for summaries."""
+    modules = {"dolfinx": dolfinx, "petsc4py": petsc4py, "numba": numba, "numpy": np}
+    return {name: module.__version__ for name, module in modules.items()} | {"python": platform.python_version()}

@@ -4,11 +4,10 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-import petsc4py
 from tqdm import tqdm
 
 from fenics_contact import compat
-from fenics_contact.output.history import history_row, machine
+from fenics_contact.output.history import history_row
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.scene import SceneError
 from fenics_contact.solvers.control import run
@@ -156,7 +155,7 @@ def _summary(scene, system, solver, method, verdict, history):
         "residuals_per_step": verdict.residuals,
         "last_step": history[-1] if history else {},
         "ranks": system.comm.size,
-        "versions": {"dolfinx": compat.DOLFINX_VERSION, "petsc4py": petsc4py.__version__, **machine()},
+        "versions": compat.versions(),
     }
 
 

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import platform
 from pathlib import Path
 
 import numpy as np
@@ -61,8 +60,3 @@ def _plain(value):
     if isinstance(value, np.ndarray):
         return value.tolist()
     return str(value)
-
-
-def machine():
-    """Names of the interpreter and the machine's architecture for the summary."""
-    return {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
