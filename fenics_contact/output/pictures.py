@@ -20,7 +20,9 @@ def draw_body(axes, corners, values, limits=None, view=(28, 40)):
     lowest, highest = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     for name, a, b in zip("xyz", lowest, highest, strict=True):
         getattr(axes, f"set_{name}lim")(a, b)
-    axes.set_zticks([lowest[2], highest[2]], [f"{lowest[2]:.3g}", f"{highest[2]:.3g}"])
+    ends = np.array([lowest[2], highest[2]])
+    near_zero = np.abs(ends) < 0.01 * np.ptp(ends)  # a penetration is no height worth a label
+    axes.set_zticks(ends, ["0" if zero else f"{z:.3g}" for z, zero in zip(ends, near_zero, strict=True)])
     axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])), zoom=1.15)
     axes.view_init(*view)
     return scale
