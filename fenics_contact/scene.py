@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System
 from fenics_contact.contact.surface import slave_surface
@@ -281,13 +282,22 @@ class Scene:
         tags, groups = self.mesh.cell_tags, []
         for body in self.bodies:
             cells = tags.indices[tags.values == self.mesh.volume_tag(body.group)]
-            names, blocks = body.group, np.unique(compat.cell_dofs(self.space)[cells])
+            names, blocks = body.group, self._nodes_of(cells)
             for group in list(groups):
                 if self.mesh.comm.allreduce(len(np.intersect1d(group[1], blocks))):
                     groups.remove(group)
                     names, blocks = f"{group[0]}, {names}", np.union1d(group[1], blocks)
             groups.append((names, blocks))
         return groups
+
+    def _nodes_of(self, cells):
+        """Local nodes of cells, also where the cells themselves are another rank's."""
+        touched = compat.Function(self.space)
+        touched.x.array[3 * compat.cell_dofs(self.space)[cells]] = 1.0
+        vector = compat.petsc_vector(touched)
+        sum_to_owners(vector)
+        copy_to_ghosts(vector)
+        return np.flatnonzero(touched.x.array[::3] > 0.0)
 
     def _refuse_deep_start(self, system):
         """A tool may overlap the slave surface a little, but not by a cell, nor reach nodes behind that surface."""
