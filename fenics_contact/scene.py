@@ -11,6 +11,8 @@ from fenics_contact import compat
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System
+from fenics_contact.contact.deformable import DeformableContact
+from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import RigidTool
@@ -39,7 +41,7 @@ class Body:
 class _Contact:
     name: str
     slave: tuple
-    master: RigidTool
+    master: RigidTool | tuple
     friction: float
     penalty: float | None
     tangential_penalty: float | None
@@ -115,15 +117,25 @@ class Scene:
         points="nodes",
         name=None,
     ):
-        """Contact of a surface (or a tuple of surfaces) with a rigid tool.
+        """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
+        Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
         (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet.
         """
-        name = name or f"{'+'.join(_names(slave))} on {getattr(master, 'name', master)}"
+        if not isinstance(master, (RigidTool, str, tuple, list)):
+            raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
+        name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
         if not isinstance(master, RigidTool):
-            raise SceneError(f"contact '{name}': master must be a rigid tool, e.g. rigid_plane(...), not {master!r}")
+            master = _names(master)
+            self._facets(master)
+            if common := set(master) & set(_names(slave)):
+                raise SceneError(
+                    f"contact '{name}': slave and master are both '{common.pop()}'; name two surfaces, one of each body"
+                )
+            if self.degree != 1:
+                raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
         positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share}
@@ -143,7 +155,8 @@ class Scene:
     @property
     def tools(self):
         """The rigid tools of all contacts, each once, in order of appearance."""
-        return list(dict.fromkeys(contact.master for contact in self.contacts))
+        masters = [contact.master for contact in self.contacts]
+        return list(dict.fromkeys(master for master in masters if isinstance(master, RigidTool)))
 
     def _facets(self, group):
         try:
@@ -168,7 +181,7 @@ class Scene:
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
         for term in contacts:
             term.initialise(state)
-        self._refuse_loose(contacts, supports)
+        self._refuse_loose(contacts, supports, state)
 
         def set_loads(t):
             for constant, _, value in loads:
@@ -261,10 +274,33 @@ class Scene:
             if contact.tangential_penalty
             else contact.tangential_share * normal
         )
-        index = self.tools.index(contact.master)
-        return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
+        if isinstance(contact.master, RigidTool):
+            index = self.tools.index(contact.master)
+            return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
+        master = self._master_surface(contact, surface)
+        facets = oriented_facets(self.space, self.mesh.facets(*contact.slave))
+        master_name = _master_name(contact.master)
+        return DeformableContact(
+            contact.name, master_name, surface, facets, master, contact.friction, normal, tangential, self.space
+        )
 
-    def _refuse_loose(self, contacts, supports):
+    def _master_surface(self, contact, surface):
+        """The master of a contact, checked. Collective."""
+        master = MasterSurface(self.space, self.mesh.facets(*contact.master))
+        if len(flat := master.degenerate()):
+            raise SceneError(
+                f"contact '{contact.name}': {len(flat)} facets of the master have no area, the first at {flat[0]}; mesh "
+                "that surface again"
+            )
+        shared = np.isin(master.blocks, compat.global_blocks(self.space)[surface.nodes])
+        if self.mesh.comm.allreduce(bool(shared.any()), op=MPI.LOR):
+            raise SceneError(
+                f"contact '{contact.name}': slave and master share nodes: they belong to one body, or the gmsh script glued "
+                "two (fragment); draw the bodies as separate volumes"
+            )
+        return master
+
+    def _refuse_loose(self, contacts, supports, state):
         """No body may be free to translate where neither a support nor a contact holds it."""
         comm = self.mesh.comm
         for body in self.bodies:
@@ -277,8 +313,8 @@ class Scene:
                 if comm.allreduce(int(np.isin(3 * blocks + axis, supports.dofs).sum()))
             }
             for contact in contacts:
-                if comm.allreduce(int(np.isin(contact.surface.nodes, blocks).sum())):
-                    held |= set("xyz") if contact.friction > 0.0 else _directions(contact.tool)
+                if comm.allreduce(contact.touches(blocks)):
+                    held |= contact.held_axes(state)
             if loose := sorted(set("xyz") - held):
                 raise SceneError(
                     f"nothing holds body '{body.group}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
@@ -287,12 +323,11 @@ class Scene:
 
     def _refuse_deep_start(self, system):
         for contact in system.contacts:
-            contact.evaluate(system.state, False)
-            deepest = -min(self.mesh.comm.allgather(contact.gap.min(initial=0.0)))
+            deepest = contact.deepest_start(system.state)
             if deepest > contact.surface.cell_height:
                 raise SceneError(
-                    f"contact '{contact.name}': the tool starts {deepest:.3g} inside the body, deeper than a cell of height "
-                    f"{contact.surface.cell_height:.3g}; move its starting place outwards"
+                    f"contact '{contact.name}': the master '{contact.master_name}' starts {deepest:.3g} inside the slave's "
+                    f"body, deeper than a cell of height {contact.surface.cell_height:.3g}; move them apart"
                 )
 
     def volume_ratio(self, u):
@@ -307,11 +342,8 @@ def _names(group):
     return (group,) if isinstance(group, str) else tuple(group)
 
 
-def _directions(tool):
-    """Axes along which a frictionless tool can hold a body: those its normals have a part in."""
-    if tool.kind == 0:
-        return {letter for letter, axis in AXES.items() if abs(tool.axes[axis, 2]) > 1e-6}
-    return set("xyz")
+def _master_name(master):
+    return master.name if isinstance(master, RigidTool) else "+".join(_names(master))
 
 
 def _finite(vector, what):

@@ -43,7 +43,7 @@ def slave_surface(space, facets, modulus, points="nodes"):
     mesh = space.mesh
     cell = compat.cell_name(mesh)
     degree = space.ufl_element().degree() if callable(space.ufl_element().degree) else space.ufl_element().degree
-    cells, local = _cells_of(mesh, facets)
+    cells, local = cells_of(mesh, facets)
     order = points if points != "nodes" else 2 * degree
     geometry = [
         _facet_quadrature(mesh, cell, degree, order, cells[local == f], f) for f in range(_facets_per_cell(cell))
@@ -80,7 +80,7 @@ def _shortest_sides(mesh, cell, cells, local):
     return np.concatenate(sides)
 
 
-def _cells_of(mesh, facets):
+def cells_of(mesh, facets):
     """The owned cell behind each exterior facet and the facet's number in that cell; other facets are dropped."""
     facet_cells = mesh.topology.connectivity(2, 3)
     cell_facets = mesh.topology.connectivity(3, 2)

@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from fenics_contact.contact.measures import contact_measures
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, point_normals
+from fenics_contact.kernels.rigid_shapes import PLANE
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
-from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.kernels.status import OPEN
 
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
 TOUCH = 1e-10
@@ -20,6 +22,7 @@ class RigidContact:
     def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
         self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
+        self.master_name, self.edge = tool.name, tool.edge
         self.symmetric = friction == 0.0 and tool.edge != "sharp"
         self.touch = TOUCH * surface.cell_height
         ne, k = surface.nodes.shape
@@ -59,6 +62,9 @@ class RigidContact:
         scatter_forces(active, self.surface.nodes, self._force, residual)
         tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
 
+    def couplings(self, state):
+        """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
+
     def add_tangent(self, state, matrix, border):
         active = self.evaluate(state, True)
         nodes = self.surface.nodes[active]
@@ -68,6 +74,21 @@ class RigidContact:
             mine = slice(3 * self.index, 3 * self.index + 3)
             scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
             border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
+
+    def deepest_start(self, state):
+        """Depth of the deepest slave point inside the tool at the start [length]. Collective."""
+        self.evaluate(state, False)
+        return -min(state.u.function_space.mesh.comm.allgather(self.gap.min(initial=0.0)))
+
+    def touches(self, blocks):
+        """Number of this rank's slave nodes among the local nodes `blocks`."""
+        return int(np.isin(self.surface.nodes, blocks).sum())
+
+    def held_axes(self, state):
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in."""
+        if self.friction == 0.0 and self.tool.kind == PLANE:
+            return {letter for letter, part in zip("xyz", self.tool.axes[:, 2]) if abs(part) > 1e-6}
+        return set("xyz")
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
@@ -96,24 +117,5 @@ class RigidContact:
 
     def measures(self, state, comm):
         """Sums over all ranks for the history: force and moment on the body [force, force x length], areas, counts."""
-        s = self.surface
-        x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-        force = -self.traction * s.area[..., None]
-        closed = self.status != OPEN
-        sums = np.concatenate([
-            force.sum(axis=(0, 1)),
-            np.cross(x, force).sum(axis=(0, 1)),
-            [s.area[closed].sum(), closed.sum(), (self.status == STICK).sum(), s.area.size],
-        ])  # fmt: skip
-        sums = comm.allreduce(sums)
         held = self.gap[self.cover >= 1.0]  # points half out under a sharp edge are meant to sink in
-        deepest = -min(comm.allgather(held.min(initial=0.0)))
-        return {
-            "force": sums[:3],
-            "moment": sums[3:6],
-            "area": sums[6],
-            "active": int(sums[7]),
-            "sticking": int(sums[8]),
-            "points": int(sums[9]),
-            "penetration": deepest,
-        }
+        return contact_measures(self, state, comm, self.status != OPEN, held)

@@ -1,0 +1,48 @@
+"""Pairing of slave points with the facet of the master surface that is nearest to each."""
+
+import numpy as np
+
+from fenics_contact.kernels.broad_phase import candidates
+from fenics_contact.kernels.closest_point import closest_points
+
+
+class Pairing:
+    """Closest points on a master surface within `search` [length].
+
+    Candidate lists are a cache: they hold all facets within search + margin and are renewed when points and facets have
+    moved by more than the margin since; no result depends on when. So is the last projection, for the same positions.
+    """
+
+    FACING = 0.0  # cosine of outward normals above which a facet looks the slave's own way and is no partner
+
+    def __init__(self, facets, search, margin):
+        self.facets, self.search, self.margin = facets, search, margin
+        self._lists = self._places = self._seen = self._projection = None
+
+    def project(self, points, normals, coords):
+        """Projection, as kernels/closest_point.py fills it, of points (np, 3) with outward normals (np, 3) on the facets
+        at positions coords (nx, 3)."""
+        now = (points, normals, coords)
+        if self._seen is None or not all(np.array_equal(a, b) for a, b in zip(now, self._seen)):
+            if self._lists is None or self._strayed(points, coords):
+                self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
+                self._places = points, coords
+            self._projection = project(points, normals, coords, self.facets, self._lists, self.search)
+            self._seen = now
+        return self._projection
+
+    def _strayed(self, points, coords):
+        far = [np.linalg.norm(a - b, axis=1).max(initial=0.0) for a, b in zip((points, coords), self._places)]
+        return not sum(far) <= self.margin
+
+    def within(self, points, coords, search):
+        """CSR lists (offsets, facets) of the facets whose box, enlarged by `search`, holds the points (np, 3)."""
+        return candidates(points, coords, *self.facets, search)
+
+
+def project(points, normals, coords, facets, lists, search):
+    """New projection arrays of points on listed facets within `search`."""
+    n = len(points)
+    out = (*(np.empty(n, dtype=np.int64) for _ in range(3)), np.empty((n, 2)), np.empty(n), np.empty((n, 3)))
+    closest_points(points, normals, coords, facets, lists, search, Pairing.FACING, out)
+    return out
