@@ -114,7 +114,7 @@ class Scene:
         penalty=None,
         tangential_penalty=None,
         tangential_share=None,
-        points="nodes",
+        points=None,
         name=None,
     ):
         """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
@@ -122,10 +122,13 @@ class Scene:
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
-        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet.
+        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on a
+        tool, and 2 on a body, where they alone feel no jump at the master's edges.
         """
         if not isinstance(master, (RigidTool, str, tuple, list)):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
+        if points is None:
+            points = "nodes" if isinstance(master, RigidTool) else 2
         name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
         if not isinstance(master, RigidTool):
             master = _names(master)

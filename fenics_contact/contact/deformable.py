@@ -6,11 +6,12 @@ from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
-from fenics_contact.contact.pairing import Pairing, project
+from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.term import TOUCH
+from fenics_contact.kernels import deformable_element, ray_element
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.couplings import clique_keys
-from fenics_contact.kernels.deformable_element import committed_anchors, contact_elements, element_nodes, slave_points
+from fenics_contact.kernels.deformable_element import element_nodes, slave_points
 from fenics_contact.kernels.status import OPEN
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
@@ -22,7 +23,8 @@ MARGIN = 0.5
 class DeformableContact:
     """Penalty contact with Coulomb friction between slave points and the facets of another body.
 
-    surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,)) of the slave group, whose normals say
+    Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the master
+    along their own facet's normal, which stays continuous over the master's edges. surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,)) of the slave group, whose normals say
     where a slave point looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
     [pressure/length]. Each rank evaluates its slave points against the whole master surface; forces on the master go back
     by a sum over its nodes. All methods that take a state are collective. Evaluation is pure; `commit` writes the anchors.
@@ -32,7 +34,9 @@ class DeformableContact:
 
     def __init__(self, name, master_name, surface, facets, master, friction, normal_penalty, tangential_penalty, space):
         self.name, self.master_name, self.surface, self.master = name, master_name, surface, master
-        self.friction, self.symmetric = friction, friction == 0.0
+        self.friction = friction
+        # along the slave's normal even frictionless forces have no potential
+        self.symmetric = friction == 0.0 and surface.gradients is None
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
         self.touch = TOUCH * surface.cell_height
         self.search = max(surface.cell_height, master.longest)
@@ -47,7 +51,12 @@ class DeformableContact:
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
         self._eps = tuple(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty))
-        self._pairing = Pairing(self._facets, self.search, MARGIN * master.edge)
+        self._element, seek = deformable_element, seek_closest
+        if surface.gradients is not None:
+            gradients = surface.gradients.reshape(-1, 2, k)
+            self._slaves = (*self._slaves, gradients)
+            self._element, seek = ray_element, seek_along_normals(nodes, gradients)
+        self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._anchors = self._no_anchors()
         self._keys, self._provided = np.empty(0, dtype=np.int64), np.full((ne * nq, 5), -2)
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
@@ -87,9 +96,7 @@ class DeformableContact:
 
     def _first_projection(self, state):
         coords, points, normals = self._positions(state)
-        far = FIRST_SEARCH * self.search
-        lists = self._pairing.within(points, coords, far)
-        return coords, project(points, normals, coords, self._facets, lists, far)
+        return coords, self._pairing.far(points, normals, coords, FIRST_SEARCH * self.search)
 
     def deepest_start(self, state):
         """Depth of the deepest slave point inside the master at the start [length], looked for beyond the usual search."""
@@ -120,7 +127,7 @@ class DeformableContact:
         status, traction = np.empty(n, dtype=np.int64), np.empty((n, 3))
         gap, excess = np.empty(n), np.empty(n)
         law = (*eps, self.friction, self.touch)
-        contact_elements(
+        self._element.contact_elements(
             coords, slaves, self._facets, pairs, anchors, law, want_tangent, residual, tangent, status, traction, gap, excess
         )  # fmt: skip
         nodes = np.empty((n, nd), dtype=np.int64)
@@ -210,7 +217,7 @@ class DeformableContact:
     def _commit(self, coords, projection, touch):
         new, sliding = self._no_anchors(), np.empty(self.gap.size)
         law = (*self._eps, self.friction, touch)
-        committed_anchors(coords, self._slaves, self._facets, projection, self._anchors, law, new, sliding)
+        self._element.committed_anchors(coords, self._slaves, self._facets, projection, self._anchors, law, new, sliding)
         self._anchors = new
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
 
