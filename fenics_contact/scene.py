@@ -123,12 +123,12 @@ class Scene:
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
         (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on a
-        tool, and 2 on a body, where they alone feel no jump at the master's edges.
+        tool, and 3 on a body, where they alone feel no jump at the master's edges.
         """
         if not isinstance(master, (RigidTool, str, tuple, list)):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
         if points is None:
-            points = "nodes" if isinstance(master, RigidTool) else 2
+            points = "nodes" if isinstance(master, RigidTool) else 3
         name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
         if not isinstance(master, RigidTool):
             master = _names(master)

@@ -239,7 +239,7 @@ def test_a_loose_block_is_refused():
 
 
 def test_blocks_apart_meet_without_friction_history():
-    """An open gap of half a cell: no contact force until it is closed."""
+    """An open gap of 1 mm, closed after two of four steps: round-off within `touch` is all the force before."""
     _, scene = blocks(**COARSE, upper_origin=(5.0, 10.0, 1.0))
     scene.fix("lower_bottom")
     scene.fix("upper_top", "xy")
@@ -248,6 +248,6 @@ def test_blocks_apart_meet_without_friction_history():
     result = solve(scene, steps=4, progress=False)
     assert result.converged
     force = result.column("c_force_z_N")
-    assert np.all(force[:2] == 0.0) and force[3] > force[2] > 1.0
+    assert np.all(np.abs(force[:2]) < 1e-9) and force[3] > force[2] > 1.0
 
 

@@ -100,6 +100,7 @@ class System:
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
         self.force_scale = 0.0  # largest force norm seen in an accepted state
+        self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._committed = self._snapshot()
 
     def _new_matrix(self):
@@ -138,6 +139,11 @@ class System:
     @property
     def committed_t(self):
         return self._committed[2]
+
+    @property
+    def rounding(self):
+        """Force scale below which residuals are rounding: a body that moves without strain has no other [force]."""
+        return 1e-4 * self.stiffness * self.vector.norm(PETSc.NormType.NORM_INFINITY)
 
     def update(self, du, dq):
         """Add a PETSc increment (owned part) and a travel increment to the state."""
@@ -182,6 +188,7 @@ class System:
                 term.add_tangent(self.state, self.matrix, self.border)
         with self.timers("tangent: exchange"):
             self.matrix.assemble()
+            self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
             if self.border is not None:
                 self.border.corner = self.comm.allreduce(self.border.corner)
 

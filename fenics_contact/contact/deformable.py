@@ -150,15 +150,21 @@ class DeformableContact:
 
     def add_tangent(self, state, matrix, border):
         _, _, tangent, nodes = self.evaluate(state, True)
+        # anchors have no rows, for T acts at the projection; without friction they have no columns either
+        k = nodes.shape[1] - 8
+        home = (nodes[:, k : k + 4] == nodes[:, k + 4 :]).all(axis=1)  # anchored on the facet they are on: most
+        tangent[home, :, 3 * k : 3 * k + 12] += tangent[home, :, 3 * k + 12 :]
+        self._insert(matrix, nodes[home], tangent[home], k + 4)
+        self._insert(matrix, nodes[~home], tangent[~home], k + 4 if self.friction == 0.0 else k + 8)
+
+    def _insert(self, matrix, nodes, tangent, felt):
+        """Add the element matrices: rows of slave and master nodes, columns of the first `felt` nodes."""
         if not len(nodes):
             return
-        # anchors have no rows, for T acts at the projection; without friction they have no columns either
         moved = nodes.shape[1] - 4
-        felt = moved if self.friction == 0.0 else nodes.shape[1]
         blocks = self._blocks[nodes].astype(np.int32)
-        values = np.ascontiguousarray(tangent[:, : 3 * moved, : 3 * felt])
         rows, columns = (np.ascontiguousarray(blocks[:, :n]) for n in (moved, felt))
-        matrix.setValuesBlockedRCV(rows, columns, values, addv=True)
+        matrix.setValuesBlockedRCV(rows, columns, tangent[:, : 3 * moved, : 3 * felt].copy(), addv=True)
 
     # -- pattern --------------------------------------------------------------------------------------------------
     def couplings(self, state):
