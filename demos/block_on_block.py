@@ -1,4 +1,4 @@
-"""A rubber block pressed on a larger one and dragged over it: large sliding with friction between two deformable bodies.
+"""A rubber block pressed on a larger one and dragged over it: large frictional sliding of two deformable bodies.
 
 Upper block 20 x 20 x 10 mm (10 x 10 x 4 hexahedra) on a lower one of 40 x 40 x 10 mm (16 x 16 x 4), friction 0.3; the
 upper face goes down by 2 mm in five steps, then 10 mm sideways in twenty. Units: mm, N, MPa.

@@ -125,7 +125,7 @@ class Scene:
         (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on a
         tool, and 3 on a body, where they alone feel no jump at the master's edges.
         """
-        if not isinstance(master, (RigidTool, str, tuple, list)):
+        if not isinstance(master, RigidTool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
         if points is None:
             points = "nodes" if isinstance(master, RigidTool) else 3

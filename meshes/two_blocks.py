@@ -1,4 +1,4 @@
-"""Two separate blocks of structured hexahedra; faces named lower_top, upper_bottom, lower_xmin, upper_ymax and so on."""
+"""Two separate blocks of structured hexahedra; faces named lower_top, upper_bottom, lower_xmin, upper_ymax, ..."""
 
 import gmsh
 
@@ -22,7 +22,7 @@ def build(
     for entity in gmsh.model.getEntities():
         if entity not in drawn:
             tags, places, _ = gmsh.model.mesh.getNodes(*entity)
-            for tag, place in zip(tags, places.reshape(-1, 3)):
+            for tag, place in zip(tags, places.reshape(-1, 3), strict=True):
                 gmsh.model.mesh.setNode(tag, place - [0.0, 0.0, apart], [])
 
 

@@ -52,5 +52,5 @@ class MatrixPattern:
         total = self._map.size_global
         rows = np.unique(keys // total)
         spans = [slice(self._offsets[r - first], self._offsets[r - first + 1]) for r in rows]
-        known = [row * total + self._columns[span] for row, span in zip(rows, spans)]
+        known = [row * total + self._columns[span] for row, span in zip(rows, spans, strict=True)]
         return keys[~np.isin(keys, np.concatenate(known))] if known else keys

@@ -79,8 +79,9 @@ class FormTerm:
 class System:
     """Sum of terms with supports and tools; the steppers know nothing else.
 
-    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports; tools: ToolMotion;
-    set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is not admissible.
+    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
+    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is
+    not admissible.
     """
 
     def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None):

@@ -23,11 +23,13 @@ MARGIN = 0.5
 class DeformableContact:
     """Penalty contact with Coulomb friction between slave points and the facets of another body.
 
-    Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the master
-    along their own facet's normal, which stays continuous over the master's edges. surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,)) of the slave group, whose normals say
-    where a slave point looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
-    [pressure/length]. Each rank evaluates its slave points against the whole master surface; forces on the master go back
-    by a sum over its nodes. All methods that take a state are collective. Evaluation is pure; `commit` writes the anchors.
+    Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the
+    master along their own facet's normal, which stays continuous over the master's edges. surface: SlaveSurface;
+    facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals say where a slave
+    node looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
+    [pressure/length]. Each rank evaluates its slave points against the whole master surface; forces on the master go
+    back by a sum over its nodes. All methods that take a state are collective. Evaluation is pure; `commit` writes the
+    anchors.
     """
 
     edge = "none"
@@ -41,7 +43,7 @@ class DeformableContact:
         self.touch = TOUCH * surface.cell_height
         self.search = max(surface.cell_height, master.longest)
         ne, nq, k = surface.a.shape
-        self._local = np.unique(surface.nodes).astype(np.int64)  # slave nodes of this rank, numbered before the master's
+        self._local = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         nodes = np.repeat(np.searchsorted(self._local, surface.nodes), nq, axis=0).astype(np.int64)
         self._slaves = (nodes, surface.a.reshape(-1, k), surface.area.ravel())
         first = len(self._local)
@@ -69,7 +71,7 @@ class DeformableContact:
 
     # -- kinematics -----------------------------------------------------------------------------------------------
     def _positions(self, state):
-        """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; the points (np, 3) and their normals."""
+        """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3) and their normals."""
         u = state.u.x.array
         coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(u)])
         points, normals = np.empty((len(self._slaves[2]), 3)), np.empty((len(self._slaves[2]), 3))
@@ -99,7 +101,7 @@ class DeformableContact:
         return coords, self._pairing.far(points, normals, coords, FIRST_SEARCH * self.search)
 
     def deepest_start(self, state):
-        """Depth of the deepest slave point inside the master at the start [length], looked for beyond the usual search."""
+        """Depth of the deepest slave point in the master at the start [length], sought beyond the usual distance."""
         gaps = self._first_projection(state)[1][4]
         return -min(self.master.comm.allgather(gaps.min(initial=0.0)))
 
@@ -108,15 +110,15 @@ class DeformableContact:
         return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())
 
     def held_axes(self, state):
-        """Axes along which the contact can hold a body: all with friction, else those its slave normals have a part in."""
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in."""
         normals = np.abs(self._positions(state)[2]).max(axis=0, initial=0.0)
         largest = np.max(self.master.comm.allgather(normals), axis=0)
-        return set("xyz") if self.friction > 0.0 else {axis for axis, part in zip("xyz", largest) if part > 1e-6}
+        return set("xyz") if self.friction > 0.0 else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def evaluate(self, state, want_tangent):
-        """Evaluate all points; returns numbers (na,) of the closed ones, residual (na, 3 nd), tangent (na, 3 nd, 3 nd) and
-        node numbers (na, nd) of their elements."""
+        """Evaluate all points. Of the closed ones it returns the numbers (na,) and their elements' residual (na, 3 nd),
+        tangent (na, 3 nd, 3 nd) and node numbers (na, nd)."""
         coords, _, projection = self._project(state)
         active = np.flatnonzero(projection[4] <= self.touch)
         slaves, pairs, anchors, eps = (
@@ -128,7 +130,8 @@ class DeformableContact:
         gap, excess = np.empty(n), np.empty(n)
         law = (*eps, self.friction, self.touch)
         self._element.contact_elements(
-            coords, slaves, self._facets, pairs, anchors, law, want_tangent, residual, tangent, status, traction, gap, excess
+            coords, slaves, self._facets, pairs, anchors, law, want_tangent,
+            residual, tangent, status, traction, gap, excess,
         )  # fmt: skip
         nodes = np.empty((n, nd), dtype=np.int64)
         element_nodes(slaves[0], self._facets[0], pairs[0], anchors[0], nodes)
@@ -222,8 +225,8 @@ class DeformableContact:
 
     def _commit(self, coords, projection, touch):
         new, sliding = self._no_anchors(), np.empty(self.gap.size)
-        law = (*self._eps, self.friction, touch)
-        self._element.committed_anchors(coords, self._slaves, self._facets, projection, self._anchors, law, new, sliding)
+        law, old = (*self._eps, self.friction, touch), self._anchors
+        self._element.committed_anchors(coords, self._slaves, self._facets, projection, old, law, new, sliding)
         self._anchors = new
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
 
@@ -236,6 +239,6 @@ class DeformableContact:
         return pressure, -self.traction - pressure[..., None] * normal
 
     def measures(self, state, comm):
-        """Sums over all ranks for the history: force and moment on the slave body [force, force x length], areas, counts."""
+        """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
         closed = self.status != OPEN
         return contact_measures(self, state, comm, closed, self.gap)

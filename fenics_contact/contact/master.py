@@ -36,9 +36,10 @@ def area_vectors(corners):
 class MasterSurface:
     """All facets of a master group on every rank, in an order that no partition changes.
 
-    facets = (nodes (nf, 4), size (nf,)) number the surface's nodes 0 ... nm - 1, each once; blocks (nm,) their global block
-    numbers, rising; X (nm, 3) reference positions; edge: median length of the facets' edges [length]; longest: the largest.
-    The exchange is one gather of the owned positions per evaluation to all ranks: a surface is small against its volume.
+    facets = (nodes (nf, 4), size (nf,)) number the surface's nodes 0 ... nm - 1, each once; blocks (nm,) their global
+    block numbers, rising; X (nm, 3) reference positions; edge, longest: median and largest length of the facets' edges.
+    The exchange is one gather of the owned positions to all ranks per evaluation: a surface is small against its
+    volume.
     """
 
     def __init__(self, space, facets):

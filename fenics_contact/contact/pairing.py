@@ -12,8 +12,8 @@ FACING = 0.0  # cosine of outward normals above which a facet looks the slave's 
 class Pairing:
     """Partners of slave points on a master surface within `search` [length].
 
-    facets: the master's (nodes, size); seek(points, normals, coords, facets, lists, search, projection): kernel that fills
-    the projection arrays of kernels/closest_point.py.
+    facets: the master's (nodes, size); seek(points, normals, coords, facets, lists, search, projection): what fills the
+    projection arrays of kernels/closest_point.py.
 
     Candidate lists are a cache: they hold all facets within search + margin and are renewed when points and facets have
     moved by more than the margin since; no result depends on when. So is the last projection, for the same positions.
@@ -24,10 +24,9 @@ class Pairing:
         self._lists = self._places = self._seen = self._projection = None
 
     def project(self, points, normals, coords):
-        """Projection of points (np, 3) with outward normals (np, 3) on the facets
-        at positions coords (nx, 3)."""
+        """Projection of points (np, 3) with outward normals (np, 3) on the facets at positions coords (nx, 3)."""
         now = (points, normals, coords)
-        if self._seen is None or not all(np.array_equal(a, b) for a, b in zip(now, self._seen)):
+        if self._seen is None or not all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True)):
             if self._lists is None or self._strayed(points, coords):
                 self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
                 self._places = points, coords
@@ -36,7 +35,7 @@ class Pairing:
         return self._projection
 
     def _strayed(self, points, coords):
-        far = [np.linalg.norm(a - b, axis=1).max(initial=0.0) for a, b in zip((points, coords), self._places)]
+        far = [np.linalg.norm(a - b, axis=1).max(initial=0.0) for a, b in zip((points, coords), self._places, strict=True)]
         return not sum(far) <= self.margin
 
     def within(self, points, coords, search):

@@ -87,7 +87,7 @@ class RigidContact:
     def held_axes(self, state):
         """Axes along which the contact can hold a body: without friction, those its normals have a part in."""
         if self.friction == 0.0 and self.tool.kind == PLANE:
-            return {letter for letter, part in zip("xyz", self.tool.axes[:, 2]) if abs(part) > 1e-6}
+            return {"xyz"[axis] for axis in range(3) if abs(self.tool.axes[axis, 2]) > 1e-6}
         return set("xyz")
 
     def commit(self, state):

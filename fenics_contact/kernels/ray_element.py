@@ -85,7 +85,7 @@ def contact_elements(
     kind, k, area = projection[1], slaves[0].shape[1], slaves[2]
     nd = k + 8
     work = _workspace(k)
-    vec, jump, beta = work[0], work[5], work[7]
+    vec, jump, _beta = work[0], work[5], work[7]
     t1, t2 = np.empty(3), np.empty(3)
     for q in range(kind.shape[0]):
         residual[q, :] = 0.0
@@ -134,7 +134,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
         g, _ = _place_ray(q, coords, slaves, surface, projection, anchors, work, t1, t2)
         status, _, _ = _point_traction(q, g, anchors[0][q, 0] >= 0, law, vec)
         for i in range(4):
-            if status == OPEN or status == CLOSED or status == SLIP:
+            if status in (OPEN, CLOSED, SLIP):
                 nodes[q, i], weights[q, i] = surface[0][facet[q], i], N[i]
             else:
                 nodes[q, i], weights[q, i] = anchors[0][q, i], anchors[1][q, i]

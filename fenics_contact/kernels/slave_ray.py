@@ -65,9 +65,9 @@ def _meet(x, n, m, c, size):
 def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, projection):
     """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within `search`.
 
-    slave_nodes (np, k), gradients (np, 2, k): nodes of the slave facet and derivatives of their shape functions in the
-    point, counter-clockwise seen from outside; surface, lists, projection as in kernels/closest_point.py, kind INTERIOR or
-    NONE. Facets that look the slave's own way are no partners.
+    slave_nodes (np, k), gradients (np, 2, k): nodes of the slave facet and derivatives of their shape functions in
+    the point, counter-clockwise seen from outside; surface, lists, projection as in kernels/closest_point.py,
+    kind INTERIOR or NONE. Facets that look the slave's own way are no partners.
     """
     nodes, size = surface
     offsets, listed = lists

@@ -60,11 +60,11 @@ class Pair:
 
 ANCHOR = ([1, 4, 5, 2], [0.6, -0.1, 0.1, 0.4])
 STATES = {
-    "open": (dict(lift=0.6), OPEN),
-    "closed": (dict(lift=-0.3), CLOSED),
-    "closed triangle": (dict(lift=-0.3, facets=TRIANGLES), CLOSED),
-    "stick": (dict(lift=-0.3, mu=9.0, anchor=ANCHOR), STICK),
-    "slip": (dict(lift=-0.3, mu=0.3, anchor=ANCHOR), SLIP),
+    "open": ({"lift": 0.6}, OPEN),
+    "closed": ({"lift": -0.3}, CLOSED),
+    "closed triangle": ({"lift": -0.3, "facets": TRIANGLES}, CLOSED),
+    "stick": ({"lift": -0.3, "mu": 9.0, "anchor": ANCHOR}, STICK),
+    "slip": ({"lift": -0.3, "mu": 0.3, "anchor": ANCHOR}, SLIP),
 }
 
 
