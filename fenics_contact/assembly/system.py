@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
@@ -200,7 +199,7 @@ class System:
             keys = term.couplings(self.state)
             if keys is not None:
                 self._couplings[i], changed = keys, True
-        if self.comm.allreduce(changed, op=MPI.LOR):
+        if self.comm.allreduce(int(changed)):
             self.matrix = self._new_matrix()
             self.patterns += 1
         elif self.matrix.assembled:
