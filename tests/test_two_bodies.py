@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, SceneError, compat, mooney_rivlin, read_gmsh, solve
+from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
 from meshes import two_blocks
 
@@ -249,3 +250,13 @@ def test_blocks_apart_meet_without_friction_history():
     assert result.converged
     force = result.column("c_force_z_N")
     assert np.all(np.abs(force[:2]) < 1e-9) and force[3] > force[2] > 1.0
+
+
+def test_master_facets_without_area_are_found():
+    mesh, scene = blocks(**COARSE)
+    master = MasterSurface(scene.space, mesh.facets("lower_top"))
+    assert len(master.degenerate()) == 0
+    place = master.X[master.facets[0][5]].mean(axis=0)
+    master.X[master.facets[0][5]] = place
+    found = master.degenerate()
+    assert len(found) == 1 and np.allclose(found[0], place)
