@@ -152,22 +152,23 @@ class DeformableContact:
         self.master.add_forces(sums[first:], residual)
 
     def add_tangent(self, state, matrix, border):
-        _, _, tangent, nodes = self.evaluate(state, True)
+        active, _, tangent, nodes = self.evaluate(state, True)
         # anchors have no rows, for T acts at the projection; without friction they have no columns either
         k = nodes.shape[1] - 8
+        moved, felt = 3 * (k + 4), 3 * (k + 4 if self.friction == 0.0 else k + 8)
         home = (nodes[:, k : k + 4] == nodes[:, k + 4 :]).all(axis=1)  # anchored on the facet they are on: most
-        tangent[home, :, 3 * k : 3 * k + 12] += tangent[home, :, 3 * k + 12 :]
-        self._insert(matrix, nodes[home], tangent[home], k + 4)
-        self._insert(matrix, nodes[~home], tangent[~home], k + 4 if self.friction == 0.0 else k + 8)
+        self._insert(matrix, nodes[~home], tangent[~home, :moved, :felt])
+        tangent[home, :moved, 3 * k : moved] += tangent[home, :moved, moved:]
+        facet = self._project(state)[2][0]
+        pair = (active // self.gap.shape[1] * len(self._facets[0]) + facet[active])[home]
+        self._insert(matrix, *_summed(pair, nodes[home], tangent[home, :moved, :moved]))
 
-    def _insert(self, matrix, nodes, tangent, felt):
-        """Add the element matrices: rows of slave and master nodes, columns of the first `felt` nodes."""
-        if not len(nodes):
-            return
-        moved = nodes.shape[1] - 4
-        blocks = self._blocks[nodes].astype(np.int32)
-        rows, columns = (np.ascontiguousarray(blocks[:, :n]) for n in (moved, felt))
-        matrix.setValuesBlockedRCV(rows, columns, tangent[:, : 3 * moved, : 3 * felt].copy(), addv=True)
+    def _insert(self, matrix, nodes, tangent):
+        """Add element matrices (n, 3 (k + 4), 3 m): rows of slave and master nodes, columns of the first m nodes."""
+        if len(nodes):
+            blocks = self._blocks[nodes].astype(np.int32)
+            rows, columns = (np.ascontiguousarray(blocks[:, : size // 3]) for size in tangent.shape[1:])
+            matrix.setValuesBlockedRCV(rows, columns, np.ascontiguousarray(tangent), addv=True)
 
     # -- pattern --------------------------------------------------------------------------------------------------
     def couplings(self, state):
@@ -242,3 +243,12 @@ class DeformableContact:
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
         closed = self.status != OPEN
         return contact_measures(self, state, comm, closed, self.gap)
+
+
+def _summed(pair, nodes, tangent):
+    """Nodes and sum of the element matrices of each pair of slave and master facet: fewer, for insertion is what costs."""
+    if not len(pair):
+        return nodes, tangent
+    order = np.argsort(pair, kind="stable")
+    first = np.flatnonzero(np.diff(pair[order], prepend=-1))
+    return nodes[order[first]], np.add.reduceat(tangent[order], first, axis=0)
