@@ -85,8 +85,27 @@ def interpolate_expression(function, ufl_expression):
     function.interpolate(expression)
 
 
-def create_matrix(compiled_form):
-    return fem_petsc.create_matrix(compiled_form)
+def block_pattern(compiled_form, space):
+    """Pattern of a bilinear form on a blocked space: offsets of the owned rows and global block columns, int64."""
+    if hasattr(fem, "create_sparsity_pattern"):
+        pattern = fem.create_sparsity_pattern(compiled_form)
+    else:
+        topology, dofmap = space.mesh.topology, space.dofmap._cpp_object
+        kinds = {dolfinx.cpp.fem.IntegralType.cell}
+        pattern = dolfinx.cpp.fem.create_sparsity_pattern(topology, [dofmap, dofmap], kinds)
+    pattern.finalize() if hasattr(pattern, "finalize") else pattern.assemble()
+    graph = pattern.graph
+    local, offsets = graph if isinstance(graph, tuple) else (graph.array, graph.offsets)
+    columns = pattern.column_index_map()
+    to_global = columns.local_to_global(np.arange(columns.size_local + columns.num_ghosts, dtype=np.int32))
+    rows = space.dofmap.index_map.size_local
+    offsets = np.asarray(offsets[: rows + 1], dtype=np.int64)
+    return offsets, to_global[local[: offsets[-1]]].astype(np.int64)
+
+
+def original_cells(mesh):
+    """Number in the gmsh model's order of every local cell: the same on any number of ranks."""
+    return np.asarray(mesh.topology.original_cell_index)
 
 
 def assemble_matrix(matrix, compiled_form):

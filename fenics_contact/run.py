@@ -168,8 +168,8 @@ def _contact_summary(contact, system):
     )
     return {
         "name": contact.name,
-        "tool": contact.tool.name,
-        "tool_edge": contact.tool.edge,
+        "master": contact.master_name,
+        "tool_edge": contact.edge,
         "friction": contact.friction,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],

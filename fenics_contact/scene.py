@@ -12,6 +12,8 @@ from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System
+from fenics_contact.contact.deformable import DeformableContact
+from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import RigidTool
@@ -40,7 +42,7 @@ class Body:
 class _Contact:
     name: str
     slave: tuple
-    master: RigidTool
+    master: RigidTool | tuple
     friction: float
     penalty: float | None
     tangential_penalty: float | None
@@ -113,18 +115,31 @@ class Scene:
         penalty=None,
         tangential_penalty=None,
         tangential_share=None,
-        points="nodes",
+        points=None,
         name=None,
     ):
-        """Contact of a surface (or a tuple of surfaces) with a rigid tool.
+        """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
+        Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
-        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet.
+        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on a
+        tool, and 3 on a body, where they alone feel no jump at the master's edges.
         """
-        name = name or f"{'+'.join(_names(slave))} on {getattr(master, 'name', master)}"
+        if not isinstance(master, RigidTool | str | tuple | list):
+            raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
+        if points is None:
+            points = "nodes" if isinstance(master, RigidTool) else 3
+        name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
         if not isinstance(master, RigidTool):
-            raise SceneError(f"contact '{name}': master must be a rigid tool, e.g. rigid_plane(...), not {master!r}")
+            master = _names(master)
+            self._facets(master)
+            if common := set(master) & set(_names(slave)):
+                raise SceneError(
+                    f"contact '{name}': slave and master are both '{common.pop()}'; name two surfaces, one of each body"
+                )
+            if self.degree != 1:
+                raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
         positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share}
@@ -142,7 +157,8 @@ class Scene:
     @property
     def tools(self):
         """The rigid tools of all contacts, each once, in order of appearance."""
-        return list(dict.fromkeys(contact.master for contact in self.contacts))
+        masters = [contact.master for contact in self.contacts]
+        return list(dict.fromkeys(master for master in masters if isinstance(master, RigidTool)))
 
     def _facets(self, group):
         try:
@@ -258,8 +274,31 @@ class Scene:
             if contact.tangential_penalty
             else contact.tangential_share * normal
         )
-        index = self.tools.index(contact.master)
-        return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
+        if isinstance(contact.master, RigidTool):
+            index = self.tools.index(contact.master)
+            return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
+        master = self._master_surface(contact, surface)
+        facets = oriented_facets(self.space, self.mesh.facets(*contact.slave))
+        master_name = _master_name(contact.master)
+        return DeformableContact(
+            contact.name, master_name, surface, facets, master, contact.friction, normal, tangential, self.space
+        )
+
+    def _master_surface(self, contact, surface):
+        """The master of a contact, checked. Collective."""
+        master = MasterSurface(self.space, self.mesh.facets(*contact.master))
+        if len(flat := master.degenerate()):
+            raise SceneError(
+                f"contact '{contact.name}': {len(flat)} facets of the master have no area, the first at {flat[0]}; mesh "
+                "that surface again"
+            )
+        shared = np.isin(master.blocks, compat.global_blocks(self.space)[surface.nodes])
+        if self.mesh.comm.allreduce(bool(shared.any()), op=MPI.LOR):
+            raise SceneError(
+                f"contact '{contact.name}': slave and master share nodes: they belong to one body, or the gmsh script glued "
+                "two (fragment); draw the bodies as separate volumes"
+            )
+        return master
 
     def _refuse_loose(self, contacts, supports, state):
         """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
@@ -268,9 +307,8 @@ class Scene:
             dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
             held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
             for contact in contacts:
-                if comm.allreduce(int(np.isin(contact.surface.nodes, blocks).sum())):
-                    normal = contact.first_normal(state, comm)
-                    held |= {a for a, axis in AXES.items() if contact.friction > 0.0 or abs(normal[axis]) > 1e-6}
+                if comm.allreduce(contact.touches(blocks)):
+                    held |= contact.held_axes(state, comm)
             if loose := sorted(set("xyz") - held):
                 raise SceneError(
                     f"nothing holds body '{names}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
@@ -300,18 +338,17 @@ class Scene:
         return np.flatnonzero(touched.x.array[::3] > 0.0)
 
     def _refuse_deep_start(self, system):
-        """A tool may overlap the slave surface a little, but not by a cell, nor reach nodes behind that surface."""
+        """Nothing may overlap by more than a cell at the start, nor a tool reach nodes behind its slave surface."""
         X = self.space.tabulate_dof_coordinates()
         for contact, statement in zip(system.contacts, self.contacts, strict=True):
-            height, depth = contact.surface.cell_height, contact.depths(system.state, X)
             slave = np.zeros(len(X), dtype=bool)
             slave[compat.locate_blocks(self.space, self.mesh.facets(*statement.slave))] = True
-            here = depth[slave].max(initial=0.0), depth[~slave].max(initial=0.0)
-            at_surface, behind = np.max(self.mesh.comm.allgather(here), axis=0)
-            if at_surface > height or behind > 0.1 * height:
+            overlap = contact.excessive_overlap(system.state, X, slave, self.mesh.comm)
+            if overlap > 0.0:
                 raise SceneError(
-                    f"contact '{contact.name}': the tool starts {max(at_surface, behind):.3g} inside the body, where a cell "
-                    f"is {height:.3g} high; move its starting place outwards, or name all surfaces it meets as slaves"
+                    f"contact '{contact.name}': the master '{contact.master_name}' starts {overlap:.3g} inside the body, where "
+                    f"a cell is {contact.surface.cell_height:.3g} high; move its starting place outwards, or name all surfaces "
+                    "it meets as slaves"
                 )
 
     def volume_ratio(self, u):
@@ -324,6 +361,10 @@ class Scene:
 
 def _names(group):
     return (group,) if isinstance(group, str) else tuple(group)
+
+
+def _master_name(master):
+    return master.name if isinstance(master, RigidTool) else "+".join(_names(master))
 
 
 def _finite(vector, what):

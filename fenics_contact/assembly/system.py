@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.timing import Timers
 
 
@@ -27,6 +28,12 @@ class Term(Protocol):
     symmetric: bool
 
     def add_residual(self, state, residual, tool_residual): ...
+
+    def couplings(self, state):
+        """None while the couplings given last, at first none, suffice; else keys row * N + column of global blocks.
+
+        They come on top of the cells' own. Called on all ranks before every tangent; another rank may have other keys.
+        """
 
     def add_tangent(self, state, matrix, border): ...
 
@@ -57,6 +64,9 @@ class FormTerm:
     def add_residual(self, state, residual, tool_residual):
         compat.assemble_vector(residual, self.residual_form)
 
+    def couplings(self, state):
+        """None: the cells' own couplings are the pattern's base."""
+
     def add_tangent(self, state, matrix, border):
         if self.tangent_form is not None:
             compat.assemble_matrix(matrix, self.tangent_form)
@@ -68,8 +78,9 @@ class FormTerm:
 class System:
     """Sum of terms with supports and tools; the steppers know nothing else.
 
-    space: vector space of u; terms: the first one has the matrix pattern; supports: Supports; tools: ToolMotion;
-    set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is not admissible.
+    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
+    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is
+    not admissible.
     """
 
     def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None):
@@ -78,19 +89,27 @@ class System:
         self.timers = Timers()
         self.space = state.u.function_space
         self.comm = self.space.mesh.comm
-        self.matrix = compat.create_matrix(terms[0].tangent_form)
-        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         self.symmetric = all(term.symmetric for term in terms)
-        if self.symmetric:
-            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
+        self._couplings = [np.empty(0, dtype=np.int64)] * len(terms)
+        self.matrix = self._new_matrix()
+        self.patterns = 1  # matrices made so far
         self.vector = compat.petsc_vector(state.u)
         self.residual_vector = self.vector.duplicate()
         self._work = self.vector.duplicate()
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
         self.force_scale = 0.0  # largest force norm seen in an accepted state
+        self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._committed = self._snapshot()
+
+    def _new_matrix(self):
+        matrix = self._pattern.matrix(np.concatenate(self._couplings))
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        if self.symmetric:
+            matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return matrix
 
     # -- steps ----------------------------------------------------------------------------------------------------
     def _snapshot(self):
@@ -120,6 +139,11 @@ class System:
     @property
     def committed_t(self):
         return self._committed[2]
+
+    @property
+    def rounding(self):
+        """Force scale below which residuals are rounding: a body that moves without strain has no other [force]."""
+        return 1e-4 * self.stiffness * self.vector.norm(PETSc.NormType.NORM_INFINITY)
 
     def update(self, du, dq):
         """Add a PETSc increment (owned part) and a travel increment to the state."""
@@ -155,7 +179,8 @@ class System:
 
     def assemble_tangent(self):
         """Fill the matrix (supports not yet eliminated) and the border."""
-        self.matrix.zeroEntries()
+        with self.timers("tangent: pattern"):
+            self._provide_couplings()
         if self.border is not None:
             self.border.clear()
         for term in self.terms:
@@ -163,8 +188,22 @@ class System:
                 term.add_tangent(self.state, self.matrix, self.border)
         with self.timers("tangent: exchange"):
             self.matrix.assemble()
+            self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
             if self.border is not None:
                 self.border.corner = self.comm.allreduce(self.border.corner)
+
+    def _provide_couplings(self):
+        """Clear the matrix; where a term asks for other couplings, on any rank, put a new one in its place."""
+        changed = False
+        for i, term in enumerate(self.terms):
+            keys = term.couplings(self.state)
+            if keys is not None:
+                self._couplings[i], changed = keys, True
+        if self.comm.allreduce(int(changed)):
+            self.matrix = self._new_matrix()
+            self.patterns += 1
+        elif self.matrix.assembled:
+            self.matrix.zeroEntries()
 
     def border_vector(self, values):
         """Local array of a border row or column (owned and ghost dofs) -> PETSc vector summed over ranks."""

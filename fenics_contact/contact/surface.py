@@ -17,7 +17,8 @@ class SlaveSurface:
     nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point; area (ne, nq) tributary reference
     area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the height of
     the cell beneath [pressure/length]; spacing (ne,): shortest side of its facets over the points along it [length];
-    cell_height: largest such height [length] over all ranks.
+    cell_height: largest such height [length] over all ranks. gradients (ne, nq, 2, k): derivatives of the facet's shape
+    functions in the points, tangents t1 x t2 pointing out of the body; None for points that are nodes.
     """
 
     nodes: np.ndarray
@@ -27,6 +28,7 @@ class SlaveSurface:
     stiffness: np.ndarray
     spacing: np.ndarray
     cell_height: float
+    gradients: np.ndarray | None = None
 
     @property
     def points(self):
@@ -49,18 +51,20 @@ def slave_surface(space, facets, modulus, points="nodes"):
     nodes = np.concatenate(
         [compat.cell_dofs(space)[cells[local == f]][:, compat.facet_closure_dofs(space, f)] for f in range(len(geometry))]
     )
-    a = np.concatenate([np.broadcast_to(values, (len(area), *values.shape)) for values, area in geometry])
-    area = np.concatenate([area for _, area in geometry])
+    a = np.concatenate([np.broadcast_to(values, (len(area), *values.shape)) for values, _, area in geometry])
+    area = np.concatenate([area for _, _, area in geometry])
     owner = np.concatenate([cells[local == f] for f in range(len(geometry))])
     height = _cell_volumes(mesh)[owner] / np.maximum(area.sum(axis=1), 1e-300)
     stiffness = modulus[owner] / height
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     X = space.tabulate_dof_coordinates()
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points == "nodes" else points)
+    gradients = np.concatenate([np.broadcast_to(slope, (len(area), *slope.shape)) for _, slope, area in geometry])
     if points == "nodes":
+        gradients = None
         nodes, a, area, (stiffness, spacing) = _gather_to_nodes(space, nodes, a, area, (stiffness, spacing))
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
-    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, spacing, tallest)
+    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, spacing, tallest, gradients)
 
 
 def _shortest_sides(mesh, cell, cells, local):
@@ -80,23 +84,27 @@ def _facets_per_cell(cell):
 
 
 def _facet_quadrature(mesh, cell, degree, order, cells, facet):
-    """Weights of the facet's nodes in its Gauss points (nq, k), and the points' reference areas (ncells, nq)."""
+    """Weights of the facet's nodes in its Gauss points (nq, k), their gradients (nq, 2, k) along two tangents whose cross
+    product points outwards, and the points' reference areas (ncells, nq)."""
     kind = getattr(basix.CellType, cell)
     corners = basix.geometry(kind)[basix.topology(kind)[2][facet]]
     flat = basix.CellType.quadrilateral if len(corners) == 4 else basix.CellType.triangle
     s, w = basix.make_quadrature(flat, 2 * order - 1)
     edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]])
+    if np.cross(*edges) @ (corners.mean(axis=0) - basix.geometry(kind).mean(axis=0)) < 0.0:
+        edges, s = edges[::-1], s[:, ::-1]
     reference = corners[0] + s @ edges
 
     element = compat.basix_element(cell, degree)
     closure = element.entity_closure_dofs[2][facet]
-    values = compat.tabulate(element, 0, reference)[0][:, closure]
+    table = compat.tabulate(element, 1, reference)[..., closure]
+    slopes = np.einsum("tr,rqk->qtk", edges, table[1:])
 
     coordinate = compat.basix_element(cell, _geometry_degree(mesh))
     gradients = compat.tabulate(coordinate, 1, reference)[1:]
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)[cells]]
     tangents = np.einsum("tr,rqd,cdx->tcqx", edges, gradients, x)
-    return values, np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1) * w
+    return table[0], slopes, np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1) * w
 
 
 def _geometry_degree(mesh):

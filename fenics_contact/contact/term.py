@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from fenics_contact.contact.measures import contact_measures
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
-from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.kernels.status import OPEN
 
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
 TOUCH = 1e-10
@@ -20,6 +21,7 @@ class RigidContact:
     def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
         self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
+        self.master_name, self.edge = tool.name, tool.edge
         self.symmetric = friction == 0.0 and tool.edge != "sharp"
         self.touch = TOUCH * surface.cell_height
         ne, k = surface.nodes.shape
@@ -59,6 +61,9 @@ class RigidContact:
         scatter_forces(active, self.surface.nodes, self._force, residual)
         tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
 
+    def couplings(self, state):
+        """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
+
     def add_tangent(self, state, matrix, border):
         active = self.evaluate(state, True)
         nodes = self.surface.nodes[active]
@@ -68,6 +73,15 @@ class RigidContact:
             mine = slice(3 * self.index, 3 * self.index + 3)
             scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
             border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
+
+    def touches(self, blocks):
+        """Number of this rank's slave nodes among the local nodes `blocks`."""
+        return int(np.isin(self.surface.nodes, blocks).sum())
+
+    def held_axes(self, state, comm):
+        """Axes along which the contact can hold a body: all with friction, else those of its first normal. Collective."""
+        normal = np.abs(self.first_normal(state, comm))
+        return {axis for axis, part in zip("xyz", normal, strict=True) if self.friction > 0.0 or part > 1e-6}
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
@@ -85,12 +99,17 @@ class RigidContact:
         self._anchor = new
         self.slip_path = self.slip_path + sliding
 
-    def depths(self, state, X):
-        """How deep [length] fixed points X (n, 3) lie inside the tool, negative outside."""
+    def excessive_overlap(self, state, X, slave, comm):
+        """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.
+
+        Nodes on the slave surface (mask `slave`) may start inside by a cell, those behind it by a tenth of one.
+        """
         kind, shape, origin, axes, travel = self._tool_arguments(state)
-        gap = np.empty(len(X))
+        gap, height = np.empty(len(X)), self.surface.cell_height
         distances(X, kind, shape, origin, axes, travel, gap)
-        return -gap
+        here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
+        at_surface, behind = np.max(comm.allgather(here), axis=0)
+        return max(at_surface, behind) if at_surface > height or behind > 0.1 * height else 0.0
 
     def normals(self, state):
         """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
@@ -117,24 +136,5 @@ class RigidContact:
 
     def measures(self, state, comm):
         """Sums over all ranks for the history: force and moment on the body [force, force x length], areas, counts."""
-        s = self.surface
-        x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-        force = -self.traction * s.area[..., None]
-        closed = self.status != OPEN
-        sums = np.concatenate([
-            force.sum(axis=(0, 1)),
-            np.cross(x, force).sum(axis=(0, 1)),
-            [s.area[closed].sum(), closed.sum(), (self.status == STICK).sum(), s.area.size],
-        ])  # fmt: skip
-        sums = comm.allreduce(sums)
         held = self.gap[self.cover >= 1.0]  # points half out under a sharp edge are meant to sink in
-        deepest = -min(comm.allgather(held.min(initial=0.0)))
-        return {
-            "force": sums[:3],
-            "moment": sums[3:6],
-            "area": sums[6],
-            "active": int(sums[7]),
-            "sticking": int(sums[8]),
-            "points": int(sums[9]),
-            "penetration": deepest,
-        }
+        return contact_measures(self, state, comm, self.status != OPEN, held)

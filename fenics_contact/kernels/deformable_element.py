@@ -207,8 +207,11 @@ def _normal_rate(kind, k, g, work):
 
 
 @njit(cache=True)
-def _traction_rate(q, k, nd, status, N, limit, law, work):
-    """Fill dT (nd, 3, 3): (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip."""
+def _traction_rate(q, k, nd, status, N, limit, law, lean1, lean2, work):
+    """Fill dT (nd, 3, 3): (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip.
+
+    lean1, lean2: n . r_alpha, zero where n is the master's own normal.
+    """
     vec, jump, drag, beta, dn, dT = work[0], work[5], work[6], work[7], work[8], work[9]
     eps_n, eps_t, mu, _ = law
     along = size = 0.0
@@ -218,7 +221,8 @@ def _traction_rate(q, k, nd, status, N, limit, law, work):
     size = math.sqrt(size)
     for j in range(nd):
         for b in range(3):
-            dg = jump[j] * vec[NORMAL, b]  # (8): the rate of the gap needs no rate of xi
+            # (8): on the master's own normal the rate of the gap needs no rate of xi
+            dg = jump[j] * vec[NORMAL, b] - lean1 * beta[0, j, b] - lean2 * beta[1, j, b]
             for a in range(3):
                 dT[j, a, b] = eps_n[q] * dg * vec[NORMAL, a] + N * dn[j, a, b]
             if status == CLOSED:
@@ -300,7 +304,7 @@ def contact_elements(
         if want_tangent:
             _foot_rate(kind[q], surface[1][projection[0][q]], k, feature[q], work)
             _normal_rate(kind[q], k, g, work)
-            _traction_rate(q, k, nd, state, N, limit, law, work)
+            _traction_rate(q, k, nd, state, N, limit, law, 0.0, 0.0, work)
             _scatter_tangent(k, nd, area[q], work, tangent[q])
 
 

@@ -30,7 +30,7 @@ class LinearSolver:
         self._forced = method == "iterative"
         self.iterations = 0
         self.fallbacks = []  # what the log and the summary say of a change of solver
-        self._pivot = None
+        self._pivot = self._modes = None
         self.ksp = PETSc.KSP().create(system.comm)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setOperators(system.matrix)
@@ -48,7 +48,7 @@ class LinearSolver:
         self.ksp.setTolerances(rtol=TIGHTEST, max_it=400)
         if not self.system.symmetric:
             self.ksp.setGMRESRestart(100)
-        self.system.matrix.setNearNullSpace(_rigid_body_modes(self.system))
+        self._modes = _rigid_body_modes(self.system)
         options = PETSc.Options()
         for key, value in (
             ("pc_gamg_threshold", 0.01),
@@ -142,6 +142,8 @@ class LinearSolver:
         """One solve; returns PETSc's converged reason, negative where it failed."""
         guess = out.copy() if self.method == "iterative" else None
         with self.system.timers("factorisation"):
+            if self._modes is not None:  # the matrix is another one when contacts couple other nodes
+                self.system.matrix.setNearNullSpace(self._modes)
             self.ksp.setOperators(self.system.matrix)
             try:
                 self.ksp.setUp()

@@ -120,5 +120,5 @@ def relative_residual(system):
     size = system.assemble_residual()
     if not np.isfinite(size):
         raise StepFailed("an element turned inside out")
-    scale = max(system.forces, system.force_scale)
+    scale = max(system.forces, system.force_scale, system.rounding)
     return size / scale if scale > 0.0 else size

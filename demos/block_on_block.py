@@ -1,0 +1,87 @@
+"""A rubber block pressed on a larger one and dragged over it: large frictional sliding of two deformable bodies.
+
+Upper block 20 x 20 x 10 mm (10 x 10 x 4 hexahedra) on a lower one of 40 x 40 x 10 mm (16 x 16 x 4), friction 0.3; the
+upper face goes down by 2 mm in five steps, then 10 mm sideways in twenty. Units: mm, N, MPa.
+
+    mpirun -n 2 python3 demos/block_on_block.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
+from fenics_contact.output.fields import exterior_surface
+from fenics_contact.output.pictures import draw_body
+from meshes import two_blocks
+
+OUT = Path("results/block_on_block")
+FRICTION = 0.3
+PRESS, DRAG = 2.0, 10.0
+PRESSED = 0.2  # load parameter at which the block is down
+FORCE = (94.1, 95.6)  # N after pressing: four finite element codes on this mesh, classical Mooney-Rivlin, K = 5 MPa
+
+
+def down(X, t):
+    return np.full(len(X), -PRESS * min(t / PRESSED, 1.0))
+
+
+def sideways(X, t):
+    return np.full(len(X), DRAG * max(t - PRESSED, 0.0) / (1.0 - PRESSED))
+
+
+def slide():
+    mesh = read_gmsh(two_blocks.build)
+    rubber = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+    scene = Scene(Body(mesh, "lower", rubber), Body(mesh, "upper", rubber))
+    scene.fix("lower_bottom")
+    scene.prescribe("upper_top", "x", sideways)
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "z", down)
+    scene.contact(slave="upper_bottom", master="lower_top", friction=FRICTION, name="interface")
+    result = solve(scene, steps=25, out=OUT)
+    if not result.converged:
+        raise SystemExit(result.verdict.reason)
+    return scene, result
+
+
+def figure(t, ratio, normal, surface):
+    picture = Figure(figsize=(11, 4.5), layout="constrained")
+    axes = picture.add_subplot(1, 2, 1, projection="3d")
+    scale = draw_body(axes, *surface)
+    axes.set_xlabel("x [mm]"), axes.set_ylabel("y [mm]")
+    picture.colorbar(scale, ax=axes, label="vertical displacement [mm]", shrink=0.6)
+    axes = picture.add_subplot(1, 2, 2)
+    travel = np.maximum(t - PRESSED, 0.0) / (1.0 - PRESSED) * DRAG
+    axes.plot(travel, ratio, marker="o", markersize=3, label="horizontal over vertical force")
+    axes.axhline(FRICTION, color="grey", linewidth=0.8, label="Coulomb's μ")
+    axes.set_xlabel("travel of the upper face [mm]")
+    axes.set_ylabel("force ratio")
+    axes.legend(loc="lower right")
+    other = axes.twinx()
+    other.plot(travel, normal, color="tab:red", linewidth=0.8)
+    other.set_ylim(0, 1.3 * normal.max())
+    other.set_ylabel("vertical force [N]", color="tab:red")
+    picture.savefig(OUT / "block_on_block.png", dpi=150)
+
+
+def main():
+    scene, result = slide()
+    t, normal = result.column("t"), result.column("interface_force_z_N")
+    ratio = -result.column("interface_force_x_N") / normal
+    u = result.u.x.array[2::3]
+    surface = exterior_surface(scene, result.u, u)
+    pressed = normal[np.argmin(np.abs(t - PRESSED))]
+    sliding = ratio[t > 0.5]
+    if MPI.COMM_WORLD.rank == 0:
+        figure(t, ratio, normal, surface)
+        print(f"vertical force when pressed {pressed:.2f} N (four codes: {FORCE[0]} to {FORCE[1]} N)")
+        print(f"force ratio while sliding {sliding.min():.3f} to {sliding.max():.3f} (μ = {FRICTION})")
+        print(f"{result.verdict.iterations} Newton iterations in {len(t)} steps; picture: {OUT / 'block_on_block.png'}")
+    assert FORCE[0] <= pressed <= FORCE[1]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""A matrix with the pattern of the bodies' cells and the couplings of contact pairs, preallocated exactly."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact import compat
+
+
+class MatrixPattern:
+    """Block pattern of a bilinear form, to which couplings between any two nodes can be added. Built once per mesh."""
+
+    def __init__(self, form, space):
+        self.comm, self._map = space.mesh.comm, space.dofmap.index_map
+        self._offsets, self._columns = compat.block_pattern(form, space)
+        self._blocks = compat.global_blocks(space)
+
+    def matrix(self, keys):
+        """New matrix whose couplings hold explicit zeros, not yet assembled: add the forms, then assemble. Collective.
+
+        keys (n,): row * N + column of global block numbers, N their total; rows may belong to any rank.
+        """
+        first, end = self._map.local_range
+        total = self._map.size_global
+        keys = self._not_in_bodies(self._sent_to_owners(keys))
+        rows, columns = np.divmod(keys, total)
+        inside = (columns >= first) & (columns < end)
+        body = (self._columns >= first) & (self._columns < end)
+        count = np.diff(self._offsets)
+        ours = np.diff(np.concatenate([[0], np.cumsum(body)])[self._offsets])
+        ours_more = np.bincount(rows[inside] - first, minlength=end - first)
+        theirs_more = np.bincount(rows[~inside] - first, minlength=end - first)
+        nnz = [np.repeat(3 * n, 3).astype(PETSc.IntType) for n in (ours + ours_more, count - ours + theirs_more)]
+        size = (3 * (end - first), 3 * total)
+        matrix = PETSc.Mat().createAIJ((size, size), bsize=3, nnz=tuple(nnz), comm=self.comm)
+        local = PETSc.LGMap().create(self._blocks.astype(PETSc.IntType), bsize=3, comm=self.comm)
+        matrix.setLGMap(local, local)
+        if len(keys):
+            zeros = np.zeros((len(keys), 3, 3))
+            pair = [part[:, None].astype(PETSc.IntType) for part in (rows, columns)]
+            matrix.setValuesBlockedRCV(*pair, zeros, addv=True)
+        return matrix
+
+    def _sent_to_owners(self, keys):
+        """Unique keys of this rank's rows, from all ranks."""
+        starts = np.array(self.comm.allgather(self._map.local_range[0])) * self._map.size_global
+        keys = np.unique(keys)
+        parts = np.split(keys, np.searchsorted(keys, starts[1:]))
+        return np.unique(np.concatenate(self.comm.alltoall(parts)))
+
+    def _not_in_bodies(self, keys):
+        first = self._map.local_range[0]
+        total = self._map.size_global
+        rows = np.unique(keys // total)
+        spans = [slice(self._offsets[r - first], self._offsets[r - first + 1]) for r in rows]
+        known = [row * total + self._columns[span] for row, span in zip(rows, spans, strict=True)]
+        return keys[~np.isin(keys, np.concatenate(known))] if known else keys

@@ -1,0 +1,255 @@
+"""Contact of a slave surface with a deformable master surface as one term of a System: forces, tangent, history."""
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.contact.master import area_vectors
+from fenics_contact.contact.measures import contact_measures
+from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
+from fenics_contact.contact.term import TOUCH
+from fenics_contact.kernels import deformable_element, ray_element
+from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.kernels.couplings import clique_keys
+from fenics_contact.kernels.deformable_element import element_nodes, slave_points
+from fenics_contact.kernels.status import OPEN
+
+# Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
+FIRST_SEARCH = 3.0
+# Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
+MARGIN = 0.5
+
+
+class DeformableContact:
+    """Penalty contact with Coulomb friction between slave points and the facets of another body.
+
+    Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the
+    master along their own facet's normal, which stays continuous over the master's edges. surface: SlaveSurface;
+    facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals say where a slave
+    node looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
+    [pressure/length]. Each rank evaluates its slave points against the whole master surface; forces on the master go
+    back by a sum over its nodes. All methods that take a state are collective. Evaluation is pure; `commit` writes the
+    anchors.
+    """
+
+    edge = "none"
+
+    def __init__(self, name, master_name, surface, facets, master, friction, normal_penalty, tangential_penalty, space):
+        self.name, self.master_name, self.surface, self.master = name, master_name, surface, master
+        self.friction = friction
+        # along the slave's normal even frictionless forces have no potential
+        self.symmetric = friction == 0.0 and surface.gradients is None
+        self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
+        self.touch = TOUCH * surface.cell_height
+        self.search = max(surface.cell_height, master.longest)
+        ne, nq, k = surface.a.shape
+        self._local = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
+        nodes = np.repeat(np.searchsorted(self._local, surface.nodes), nq, axis=0).astype(np.int64)
+        self._slaves = (nodes, surface.a.reshape(-1, k), surface.area.ravel())
+        first = len(self._local)
+        self._facets = (master.facets[0] + first, master.facets[1])
+        self._blocks = np.concatenate([compat.global_blocks(space)[self._local], master.blocks]).astype(np.int64)
+        self._block_count = space.dofmap.index_map.size_global
+        self._X = space.tabulate_dof_coordinates()
+        self._ring, self._normal = facets[0], compat.Function(space)
+        self._eps = tuple(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty))
+        self._element, seek = deformable_element, seek_closest
+        if surface.gradients is not None:
+            gradients = surface.gradients.reshape(-1, 2, k)
+            self._slaves = (*self._slaves, gradients)
+            self._element, seek = ray_element, seek_along_normals(nodes, gradients)
+        self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
+        self._anchors = self._no_anchors()
+        self._keys, self._provided = np.empty(0, dtype=np.int64), np.full((ne * nq, 5), -2)
+        self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
+        self.status = np.zeros((ne, nq), dtype=np.int32)
+        self.cover, self.slip_path = np.ones((ne, nq)), np.zeros((ne, nq))
+
+    def _no_anchors(self):
+        n = len(self._slaves[2])
+        return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
+
+    # -- kinematics -----------------------------------------------------------------------------------------------
+    def _positions(self, state):
+        """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3) and their normals."""
+        u = state.u.x.array
+        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(u)])
+        points, normals = np.empty((len(self._slaves[2]), 3)), np.empty((len(self._slaves[2]), 3))
+        slave_points(coords, self._slaves[0], self._slaves[1], points)
+        at_nodes = np.zeros_like(coords)
+        at_nodes[: len(self._local)] = self._nodal_normals(u)[self._local]
+        slave_points(at_nodes, self._slaves[0], self._slaves[1], normals)
+        return coords, points, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+
+    def _nodal_normals(self, u):
+        """Sum of the area vectors of the slave facets around each node (nodes, 3), facets of all ranks."""
+        values = self._normal.x.array.reshape(-1, 3)
+        values[:] = 0.0
+        x = self._X[self._ring] + u.reshape(-1, 3)[self._ring]
+        np.add.at(values, self._ring, area_vectors(x)[:, None, :])
+        vector = compat.petsc_vector(self._normal)
+        sum_to_owners(vector)
+        copy_to_ghosts(vector)
+        return values
+
+    def _project(self, state):
+        coords, points, normals = self._positions(state)
+        return coords, points, self._pairing.project(points, normals, coords)
+
+    def _first_projection(self, state):
+        coords, points, normals = self._positions(state)
+        return coords, self._pairing.far(points, normals, coords, FIRST_SEARCH * self.search)
+
+    def excessive_overlap(self, state, X, slave, comm):
+        """Depth [length] of the deepest slave point inside the master beyond a cell's height, else zero. Collective."""
+        gaps = self._first_projection(state)[1][4]
+        deepest = -min(comm.allgather(gaps.min(initial=0.0)))
+        return deepest if deepest > self.surface.cell_height else 0.0
+
+    def touches(self, blocks):
+        """Number of this rank's slave and master nodes among the local nodes `blocks`."""
+        return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())
+
+    def held_axes(self, state, comm):
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in."""
+        normals = np.abs(self._positions(state)[2]).max(axis=0, initial=0.0)
+        largest = np.max(comm.allgather(normals), axis=0)
+        return set("xyz") if self.friction > 0.0 else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+
+    # -- evaluation -----------------------------------------------------------------------------------------------
+    def evaluate(self, state, want_tangent):
+        """Evaluate all points. Of the closed ones it returns the numbers (na,) and their elements' residual (na, 3 nd),
+        tangent (na, 3 nd, 3 nd) and node numbers (na, nd)."""
+        coords, _, projection = self._project(state)
+        active = np.flatnonzero(projection[4] <= self.touch)
+        slaves, pairs, anchors, eps = (
+            tuple(part[active] for part in group) for group in (self._slaves, projection, self._anchors, self._eps)
+        )
+        n, nd = len(active), self._slaves[0].shape[1] + 8
+        residual, tangent = np.empty((n, 3 * nd)), np.empty((n, 3 * nd, 3 * nd) if want_tangent else (0, 0, 0))
+        status, traction = np.empty(n, dtype=np.int64), np.empty((n, 3))
+        gap, excess = np.empty(n), np.empty(n)
+        law = (*eps, self.friction, self.touch)
+        self._element.contact_elements(
+            coords, slaves, self._facets, pairs, anchors, law, want_tangent,
+            residual, tangent, status, traction, gap, excess,
+        )  # fmt: skip
+        nodes = np.empty((n, nd), dtype=np.int64)
+        element_nodes(slaves[0], self._facets[0], pairs[0], anchors[0], nodes)
+        shape = self.gap.shape
+        self.gap = np.minimum(projection[4], self.search).reshape(shape)
+        for values, target in ((status, self.status), (excess, self.excess), (traction, self.traction)):
+            target[:] = 0
+            target.reshape(-1, *values.shape[1:])[active] = values
+        return active, residual, tangent, nodes
+
+    def add_residual(self, state, residual, tool_residual):
+        """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
+        _, forces, _, nodes = self.evaluate(state, False)
+        sums = np.zeros((len(self._blocks), 3))
+        np.add.at(sums, nodes, forces.reshape(*nodes.shape, 3))
+        first = len(self._local)
+        residual.reshape(-1, 3)[self._local] += sums[:first]
+        self.master.add_forces(sums[first:], residual)
+
+    def add_tangent(self, state, matrix, border):
+        active, _, tangent, nodes = self.evaluate(state, True)
+        # anchors have no rows, for T acts at the projection; without friction they have no columns either
+        k = nodes.shape[1] - 8
+        moved, felt = 3 * (k + 4), 3 * (k + 4 if self.friction == 0.0 else k + 8)
+        home = (nodes[:, k : k + 4] == nodes[:, k + 4 :]).all(axis=1)  # anchored on the facet they are on: most
+        self._insert(matrix, nodes[~home], tangent[~home, :moved, :felt])
+        tangent[home, :moved, 3 * k : moved] += tangent[home, :moved, moved:]
+        facet = self._project(state)[2][0]
+        pair = (active // self.gap.shape[1] * len(self._facets[0]) + facet[active])[home]
+        self._insert(matrix, *_summed(pair, nodes[home], tangent[home, :moved, :moved]))
+
+    def _insert(self, matrix, nodes, tangent):
+        """Add element matrices (n, 3 (k + 4), 3 m): rows of slave and master nodes, columns of the first m nodes."""
+        if len(nodes):
+            blocks = self._blocks[nodes].astype(np.int32)
+            rows, columns = (np.ascontiguousarray(blocks[:, : size // 3]) for size in tangent.shape[1:])
+            matrix.setValuesBlockedRCV(rows, columns, np.ascontiguousarray(tangent), addv=True)
+
+    # -- pattern --------------------------------------------------------------------------------------------------
+    def couplings(self, state):
+        """None while all closed pairs lie in the pattern asked for last; else keys row * N + column of a new one.
+
+        Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
+        """
+        coords, points, projection = self._project(state)
+        closed = projection[4] <= self.touch
+        now = np.column_stack([projection[0], self._anchors[0]])
+        new = np.flatnonzero(closed & (now != self._provided).any(axis=1))
+        if not len(new):
+            return None
+        k = self._slaves[0].shape[1]
+        nodes = np.empty((len(new), k + 8), dtype=np.int64)
+        element_nodes(self._slaves[0][new], self._facets[0], projection[0][new], self._anchors[0][new], nodes)
+        blocks = self._blocks[nodes]
+        wanted = np.unique(blocks[:, : k + 4, None] * self._block_count + blocks[:, None, :])
+        self._provided[new] = now[new]
+        if len(self._keys) and np.isin(wanted, self._keys).all():
+            return None
+        self._provided[:] = -2  # pairs of points that are open now may be in the old pattern only
+        self._provided[closed] = now[closed]
+        self._keys = np.union1d(wanted, self._near(coords, points, closed, projection))
+        return self._keys
+
+    def _near(self, coords, points, closed, projection):
+        """Keys of all couplings that the points may need before they have moved by MARGIN of an edge."""
+        offsets, facets = self._pairing.within(points, coords, MARGIN * self.master.edge)
+        point = np.repeat(np.arange(len(points)), np.diff(offsets))
+        deep = np.flatnonzero(closed)
+        point, facets = np.concatenate([point, deep]), np.concatenate([facets, projection[0][deep]])
+        near = np.unique(point)
+        held = near[self._anchors[0][near, 0] >= 0]
+        k = self._slaves[0].shape[1]
+        parts = [
+            (np.repeat(near, k), self._slaves[0][near].ravel()),
+            (np.repeat(point, 4), self._facets[0][facets].ravel()),
+            (np.repeat(held, 4), self._anchors[0][held].ravel()),
+        ]
+        pairs = np.unique(np.concatenate([np.column_stack(part) for part in parts]), axis=0)
+        offsets = np.searchsorted(pairs[:, 0], np.append(near, len(points)))
+        return np.unique(clique_keys(offsets, self._blocks[pairs[:, 1]], self._block_count))
+
+    # -- history --------------------------------------------------------------------------------------------------
+    def initialise(self, state):
+        """Anchor every point at its projection in the initial state, so that it can stick in the first step."""
+        self._commit(*self._first_projection(state), touch=-np.inf)
+
+    def commit(self, state):
+        """Accept the state: the only place where friction history changes."""
+        self.evaluate(state, False)
+        coords, _, projection = self._project(state)
+        self._commit(coords, projection, self.touch)
+
+    def _commit(self, coords, projection, touch):
+        new, sliding = self._no_anchors(), np.empty(self.gap.size)
+        law, old = (*self._eps, self.friction, touch), self._anchors
+        self._element.committed_anchors(coords, self._slaves, self._facets, projection, old, law, new, sliding)
+        self._anchors = new
+        self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
+
+    # -- output ---------------------------------------------------------------------------------------------------
+    def split_traction(self, state):
+        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
+        projection = self._project(state)[2]
+        normal = np.where((projection[1] != NONE)[:, None], projection[5], 0.0).reshape(self.traction.shape)
+        pressure = -np.einsum("eqc,eqc->eq", self.traction, normal)
+        return pressure, -self.traction - pressure[..., None] * normal
+
+    def measures(self, state, comm):
+        """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
+        closed = self.status != OPEN
+        return contact_measures(self, state, comm, closed, self.gap)
+
+
+def _summed(pair, nodes, tangent):
+    """Nodes and sum of the element matrices of each pair of slave and master facet: fewer, for insertion is what costs."""
+    if not len(pair):
+        return nodes, tangent
+    order = np.argsort(pair, kind="stable")
+    first = np.flatnonzero(np.diff(pair[order], prepend=-1))
+    return nodes[order[first]], np.add.reduceat(tangent[order], first, axis=0)

@@ -1,0 +1,84 @@
+"""Master surface of a deformable body: its facets and current node positions, known in full on every rank."""
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.contact.surface import cells_of
+
+
+def oriented_facets(space, facets):
+    """Exterior facets of owned cells as rings of nodes, counter-clockwise seen from outside.
+
+    space: vector Lagrange space of degree 1; facets: local facet numbers. Returns nodes (nf, 4) local node numbers (a
+    triangle repeats its third), size (nf,) and key (nf,): a number of the facet that no partition changes.
+    """
+    mesh = space.mesh
+    cells, local = cells_of(mesh, facets)
+    hexahedra = compat.cell_name(mesh) == "hexahedron"
+    ring = [0, 1, 3, 2] if hexahedra else [0, 1, 2, 2]  # quadrilaterals are numbered like a grid
+    corners = np.array([compat.facet_closure_dofs(space, f)[ring] for f in range(6 if hexahedra else 4)])
+    of_cell = compat.cell_dofs(space)[cells]
+    nodes = np.take_along_axis(of_cell, corners[local], axis=1).astype(np.int64)
+    X = space.tabulate_dof_coordinates()
+    outward = X[nodes].mean(axis=1) - X[of_cell].mean(axis=1)
+    inside_out = np.einsum("fc,fc->f", area_vectors(X[nodes]), outward) < 0.0
+    nodes[inside_out] = nodes[inside_out][:, [0, 3, 2, 1] if hexahedra else [0, 2, 1, 1]]
+    size = np.full(len(nodes), 4 if hexahedra else 3, dtype=np.int64)
+    return nodes, size, compat.original_cells(mesh)[cells].astype(np.int64) * 6 + local
+
+
+def area_vectors(corners):
+    """Normal times area (nf, 3) of facets with corners (nf, 4, 3); a triangle repeats its third corner."""
+    return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+
+
+class MasterSurface:
+    """All facets of a master group on every rank, in an order that no partition changes.
+
+    facets = (nodes (nf, 4), size (nf,)) number the surface's nodes 0 ... nm - 1, each once; blocks (nm,) their global
+    block numbers, rising; X (nm, 3) reference positions; edge, longest: median and largest length of the facets' edges.
+    The exchange is one gather of the owned positions to all ranks per evaluation: a surface is small against its
+    volume.
+    """
+
+    def __init__(self, space, facets):
+        self.comm, self._space = space.mesh.comm, space
+        nodes, size, key = oriented_facets(space, facets)
+        to_global = compat.global_blocks(space)
+        rows = np.column_stack([key, size, to_global[nodes].reshape(-1, 4)]).astype(np.int64)
+        rows = np.concatenate(self.comm.allgather(rows))
+        rows = rows[np.argsort(rows[:, 0])]
+        self.blocks, numbered = np.unique(rows[:, 2:], return_inverse=True)
+        self.facets = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
+        # blocks of one rank are consecutive, so the sorted blocks are the ranks' parts one after the other
+        first, end = space.dofmap.index_map.local_range
+        self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
+        self.owned = (self.blocks[self.mine] - first).astype(np.int64)
+        self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
+        self.X = self._gather(space.tabulate_dof_coordinates()[self.owned])
+        corners = self.X[self.facets[0]]
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        edges = edges[edges > 0.0]
+        self.edge, self.longest = (float(f(edges)) if edges.size else 0.0 for f in (np.median, np.max))
+
+    def degenerate(self):
+        """Reference positions of the centres of facets without area (n, 3)."""
+        corners = self.X[self.facets[0]]
+        area = np.linalg.norm(area_vectors(corners), axis=1)
+        return corners[area < 1e-12 * self.longest**2].mean(axis=1)
+
+    def _gather(self, owned):
+        everything = np.empty((len(self.blocks), 3))
+        self.comm.Allgatherv(np.ascontiguousarray(owned), [everything, self._counts])
+        return everything
+
+    def positions(self, u):
+        """Current positions (nm, 3) [length] on every rank; u: local array of displacements. Collective."""
+        return self.X + self._gather(u.reshape(-1, 3)[self.owned])
+
+    def add_forces(self, forces, residual):
+        """Add nodal forces (nm, 3), summed over all ranks, to the owned dofs of a local array. Collective."""
+        total = np.empty_like(forces)
+        self.comm.Allreduce(forces, total, op=MPI.SUM)
+        residual.reshape(-1, 3)[self.owned] += total[self.mine]

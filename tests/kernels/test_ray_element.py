@@ -1,0 +1,130 @@
+"""Slave normals as rays: the foot on warped facets, continuity over master edges, exact tangent."""
+
+import numpy as np
+import pytest
+
+from fenics_contact.kernels import ray_element
+from fenics_contact.kernels.closest_point import INTERIOR, NONE
+from fenics_contact.kernels.deformable_element import element_nodes, slave_points
+from fenics_contact.kernels.slave_ray import slave_rays
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+
+AREA, EPS_N, EPS_T = 0.3, 50.0, 20.0
+# two quads that share x = 1, folded to a ridge of the master; slave facet above, counter-clockwise seen from below
+RIDGE = np.array([[0, 0, -0.2], [1, 0, 0.1], [1, 1, 0.05], [0, 1.1, -0.3], [2.1, 0.1, -0.25], [1.9, 0.9, -0.15]])
+FACETS = [[0, 1, 2, 3], [1, 4, 5, 2]]
+TRIANGLES = [[0, 1, 2, 2], [0, 2, 3, 3], [1, 4, 5, 5], [1, 5, 2, 2]]
+SLAVE = np.array([[0.2, 0.1, 0.02], [0.1, 0.9, -0.03], [0.8, 1.0, 0.04], [0.9, 0.2, 0.0]])
+XI = (0.2, -0.3)
+
+
+def shapes(s, t):
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    N = 0.25 * (1 + corners[:, 0] * s) * (1 + corners[:, 1] * t)
+    gradient = 0.25 * np.array([corners[:, 0] * (1 + corners[:, 1] * t), corners[:, 1] * (1 + corners[:, 0] * s)])
+    return N, gradient
+
+
+class Pair:
+    """One Gauss point of a slave facet over a folded master."""
+
+    def __init__(self, lift, facets=FACETS, mu=0.0, anchor=None):
+        self.coords = np.vstack([RIDGE, SLAVE + [0.0, 0.0, lift]])
+        self.surface = (np.array(facets), np.array([len(set(f)) for f in facets]))
+        weights, gradients = shapes(*XI)
+        self.slaves = (np.arange(6, 10)[None], weights[None], np.array([AREA]), gradients[None])
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0)
+        self.anchors = (np.full((1, 4), -1), np.zeros((1, 4)))
+        if anchor:
+            self.anchors = (np.array([anchor[0]]), np.array([anchor[1]]))
+
+    def evaluate(self, coords):
+        point, n = np.empty((1, 3)), len(self.surface[0])
+        slave_points(coords, self.slaves[0], self.slaves[1], point)
+        out = (*(np.zeros(1, np.int64) for _ in range(3)), np.zeros((1, 2)), np.zeros(1), np.zeros((1, 3)))
+        lists = (np.array([0, n]), np.arange(n))
+        slave_rays(point, self.slaves[0], self.slaves[3], coords, self.surface, lists, 2.0, out)
+        R, K = np.zeros((1, 36)), np.zeros((1, 36, 36))
+        status, T, gap, slip = np.zeros(1, np.int64), np.zeros((1, 3)), np.zeros(1), np.zeros(1)
+        ray_element.contact_elements(
+            coords, self.slaves, self.surface, out, self.anchors, self.law, True, R, K, status, T, gap, slip
+        )
+        nodes = np.zeros((1, 12), np.int64)
+        element_nodes(self.slaves[0], self.surface[0], out[0], self.anchors[0], nodes)
+        dofs = (3 * nodes[0][:, None] + np.arange(3)).ravel()
+        residual, tangent = np.zeros(coords.size), np.zeros((coords.size, coords.size))
+        np.add.at(residual, dofs, R[0])
+        np.add.at(tangent, (dofs[:, None], dofs[None, :]), K[0])
+        return residual, tangent, status[0], gap[0], T[0], out, point[0]
+
+
+ANCHOR = ([1, 4, 5, 2], [0.6, -0.1, 0.1, 0.4])
+STATES = {
+    "open": ({"lift": 0.6}, OPEN),
+    "closed": ({"lift": -0.3}, CLOSED),
+    "closed triangle": ({"lift": -0.3, "facets": TRIANGLES}, CLOSED),
+    "stick": ({"lift": -0.3, "mu": 9.0, "anchor": ANCHOR}, STICK),
+    "slip": ({"lift": -0.3, "mu": 0.3, "anchor": ANCHOR}, SLIP),
+}
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_taylor_remainder_is_of_second_order(name):
+    options, status = STATES[name]
+    pair = Pair(**options)
+    R, K, found, *_ = pair.evaluate(pair.coords)
+    assert found == status
+    if status == OPEN:
+        assert not R.any() and not K.any()
+        return
+    way = np.random.default_rng(3).uniform(-1, 1, pair.coords.shape)
+    remainders = []
+    for h in 1e-3 / 2.0 ** np.arange(4):
+        moved = pair.evaluate(pair.coords + h * way)
+        assert moved[2] == status
+        remainders.append(np.linalg.norm(moved[0] - R - h * K @ way.ravel()))
+    assert np.log2(np.array(remainders[:-1]) / remainders[1:]).min() > 1.98  # third-order terms shift it by the step
+
+
+@pytest.mark.parametrize("name", [n for n in STATES if n != "open"])
+def test_forces_balance(name):
+    pair = Pair(**STATES[name][0])
+    R, *_ = pair.evaluate(pair.coords)
+    force = R.reshape(-1, 3)
+    assert np.abs(force.sum(axis=0)).max() < 1e-14 * np.abs(force).max()
+    if STATES[name][1] == CLOSED:  # x_S - x_M = g n is parallel to T = N n: no moment either
+        assert np.abs(np.cross(pair.coords, force).sum(axis=0)).max() < 1e-13 * np.abs(force).max()
+
+
+def test_the_foot_lies_on_the_normal_of_the_slave():
+    pair = Pair(-0.3)
+    *_, gap, _, out, point = pair.evaluate(pair.coords)
+    assert out[1][0] == INTERIOR
+    t = pair.slaves[3][0] @ pair.coords[6:]
+    n = -np.cross(t[0], t[1])
+    n /= np.linalg.norm(n)
+    N, _ = shapes(*out[3][0])
+    foot = N @ pair.coords[pair.surface[0][out[0][0]]]
+    assert np.abs(point - foot - gap * n).max() < 1e-14
+    assert np.abs(out[5][0] - n).max() < 1e-15
+
+
+def test_traction_is_continuous_over_a_ridge_in_penetration():
+    """The closest point's normal jumps from flank to flank under a ridge; the slave's does not."""
+    pair = Pair(-0.3)
+    tractions, facets = [], set()
+    for x in np.linspace(0.0, 1.0, 2001):
+        coords = pair.coords.copy()
+        coords[6:, 0] += x
+        *_, T, out, _ = pair.evaluate(coords)
+        tractions.append(T)
+        facets.add(int(out[0][0]))
+    assert facets == {0, 1}
+    # steps of 5e-4 times a slope of the flanks of 0.4 times eps_n 50
+    assert np.linalg.norm(np.diff(tractions, axis=0), axis=1).max() < 5e-4 * 0.5 * EPS_N
+
+
+def test_a_facet_that_looks_the_slaves_way_is_no_partner():
+    turned = [[f[0], f[3], f[2], f[1]] for f in FACETS]
+    pair = Pair(-0.3, facets=turned)
+    assert pair.evaluate(pair.coords)[5][1][0] == NONE

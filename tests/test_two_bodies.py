@@ -1,0 +1,262 @@
+"""Contact of two deformable bodies: patch test, exact tangent in a System, objectivity, ranks, bad input."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fenics_contact import Body, Scene, SceneError, compat, mooney_rivlin, read_gmsh, solve
+from fenics_contact.contact.master import MasterSurface
+from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from meshes import two_blocks
+
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+STACK = {"lower": (20, 20, 10), "lower_origin": (0, 0, -10), "upper": (20, 20, 10), "upper_origin": (0, 0, 0)}
+COARSE = {"lower_cells": (8, 8, 2), "upper_cells": (5, 5, 2)}
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+
+def blocks(**parameters):
+    mesh = read_gmsh(two_blocks.build, **parameters)
+    return mesh, Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+
+
+def sliding(drag=4.0, steps=12, tolerance=None, **contact):
+    """The sliding blocks of demos/block_on_block.py, coarse: pressed until t = 0.25, then dragged by `drag` mm."""
+    _, scene = blocks(**COARSE)
+    scene.fix("lower_bottom")
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), drag * max(t - 0.25, 0.0) / 0.75))
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -2.0 * min(t / 0.25, 1.0)))
+    scene.contact("upper_bottom", "lower_top", 0.3, name="c", **contact)
+    return solve(scene, steps=steps, tolerance=tolerance, progress=False)
+
+
+# ---- patch test
+
+# classical Mooney-Rivlin, uniaxial stretch 0.9: nominal stress [MPa] times area [mm^2]; ODE-free closed form
+EXACT = 0.1288051 * 400
+
+
+def stacked(points, penalty, lower, upper):
+    """Two frictionless blocks squeezed by 10 %: vertical force [N], spread of the interface pressure over its mean."""
+    _, scene = blocks(**STACK, lower_cells=lower, upper_cells=upper)
+    for body in ("lower", "upper"):
+        scene.fix(f"{body}_xmin", "x")
+        scene.fix(f"{body}_ymin", "y")
+    scene.fix("lower_bottom", "z")
+    scene.prescribe("upper_top", "z", -2.0)
+    scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="c")
+    result = solve(scene, steps=2, progress=False)
+    assert result.converged
+    pressure = result.system.contacts[0].split_traction(result.system.state)[0]
+    return result.history[-1]["c_force_z_N"], np.ptp(pressure) / pressure.mean()
+
+
+@pytest.mark.parametrize("points", ["nodes", 2])
+def test_matching_blocks_are_exact_up_to_the_penalty(points):
+    errors = []
+    for penalty in (50.0, 500.0):
+        force, spread = stacked(points, penalty, (3, 3, 2), (3, 3, 2))
+        errors.append(EXACT - force)
+        assert spread < 1e-9  # homogeneous: round-off and the solver's tolerance
+    assert abs(errors[0] / errors[1] - 10.0) < 0.2  # the compliance is 1/eps; EXACT has seven digits
+    assert errors[1] < 2e-4 * EXACT
+
+
+@pytest.mark.parametrize("lower, upper", [((5, 5, 2), (3, 3, 2)), ((3, 3, 2), (5, 5, 2))])
+def test_gauss_points_pass_the_patch_test_in_the_force(lower, upper):
+    force, _ = stacked(2, 500.0, lower, upper)
+    # the compliance costs 1.4e-4; the scatter of the pressure (one-sided integration) 2e-5 more
+    assert abs(force / EXACT - 1.0) < 2e-4
+
+
+# ---- sliding
+
+
+def test_sliding_block_obeys_coulomb():
+    result = sliding()
+    assert result.converged and result.verdict.cuts == 0
+    ratio = -result.column("c_force_x_N") / result.column("c_force_z_N")
+    assert np.all(np.diff(result.column("c_force_x_N")) < 1e-9)
+    # normals are those of the deformed faces, so the ratio of the forces is not mu itself
+    assert 0.2 < ratio[-1] < 0.31
+    assert np.all(np.abs(result.column("c_force_y_N")) < 1e-6 * 100)  # symmetry, to the solver's tolerance
+    assert result.system.matrix.getInfo()["mallocs"] == 0
+
+
+# ---- tangent of a System
+
+
+def deformed(points, friction, shift):
+    """A System of two coarse blocks, pressed 0.3 mm into each other and roughened, committed, then shifted on."""
+    mesh, scene = blocks(lower_cells=(6, 6, 2), upper_cells=(4, 4, 1))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    scene.contact("upper_bottom", "lower_top", friction, points=points, name="c")
+    system = scene.system()
+    state, contact = system.state, system.contacts[0]
+    cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag("upper")]
+    upper = np.unique(compat.cell_dofs(scene.space)[cells])
+    u = 0.05 * np.random.default_rng(1).uniform(-1, 1, (len(state.u.x.array) // 3, 3))
+    u[upper, 2] -= 0.3
+    state.u.x.array[:] = u.ravel()
+    contact.commit(state)
+    u[upper] += shift
+    state.u.x.array[:] = u.ravel()
+    return system, contact
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["nodes", 2])
+@pytest.mark.parametrize(
+    "friction, shift, status",
+    [(0.0, (0.4, 0.1, -0.02), CLOSED), (0.1, (1.5, 0.3, -0.02), SLIP), (5.0, (0.03, 0.01, -0.02), STICK)],
+)
+def test_tangent_is_the_derivative_of_the_residual(points, friction, shift, status):
+    system, contact = deformed(points, friction, shift)
+    state, start = system.state, system.state.u.x.array.copy()
+
+    def residual():
+        out = np.zeros(len(start))
+        contact.add_residual(state, out, np.zeros((0, 3)))
+        return out
+
+    system.assemble_tangent()
+    system.matrix.zeroEntries()
+    contact.add_tangent(state, system.matrix, None)
+    system.matrix.assemble()
+    assert (contact.status == status).all()
+    at_start, way = residual(), system.vector.duplicate()
+    way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
+    slope = (system.matrix * way).array.copy()
+    remainders = []
+    for step in 1e-3 / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start + step * way.array
+        remainders.append(np.linalg.norm(residual() - at_start - step * slope))
+        assert (contact.status == status).all()
+    orders = np.log2(np.array(remainders[:-1]) / remainders[1:])
+    assert orders.min() > 1.99
+    if contact.symmetric:
+        assert system.matrix.isSymmetric(1e-9)  # entries of size eps times area: 1e2
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["nodes", 2])
+def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
+    system, contact = deformed(points, 5.0, (0.03, 0.01, -0.02))
+    state = system.state
+    out = np.zeros(len(state.u.x.array))
+    contact.add_residual(state, out, np.zeros((0, 3)))
+    assert np.abs(out.reshape(-1, 3).sum(axis=0)).max() < 1e-11 * np.abs(out).max()
+    contact.evaluate(state, False)
+    contact.commit(state)
+    size, status = np.linalg.norm(contact.traction, axis=2), contact.status.copy()
+    assert (status == STICK).all()
+    X = system.space.tabulate_dof_coordinates()
+    x = X + state.u.x.array.reshape(-1, 3)
+    for step in range(1, 21):
+        angle = 2 * np.pi * step / 20
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        state.u.x.array[:] = (x @ turn.T - X).ravel()
+        contact.commit(state)
+        assert (contact.status == status).all()
+        # coordinates of size 40 round at 1e-14; times a penalty of 50
+        assert np.abs(np.linalg.norm(contact.traction, axis=2) - size).max() < 1e-10 * size.max()
+
+
+# ---- ranks
+
+
+def numbers():
+    """What must not depend on the number of ranks, for both kinds of slave points."""
+    rows = []
+    for points in ("nodes", 2):
+        result = sliding(drag=1.0, steps=4, tolerance=1e-11, points=points, penalty=10.0)
+        names = [f"c_force_{a}_N" for a in "xyz"] + ["c_area_mm2", "c_active_points", "c_sticking_points"]
+        rows += [row[name] for row in result.history for name in names]
+        rows.append(float(result.converged))
+        rows.append(result.system.matrix.getInfo(3)["mallocs"])  # summed over ranks
+    return [float(value) for value in rows]
+
+
+@pytest.mark.serial
+def test_ranks_give_the_same_numbers():
+    code = (
+        "import sys, json; from mpi4py import MPI; sys.path[:0] = ['tests', '.'];"
+        "import test_two_bodies as t; v = t.numbers();"
+        "MPI.COMM_WORLD.rank == 0 and print('NUMBERS', json.dumps(v))"
+    )
+    found = []
+    for ranks in (1, 2, 3):
+        command = ["mpirun", "-n", str(ranks), sys.executable, "-c", code]
+        path = os.pathsep.join([ROOT, os.environ.get("PYTHONPATH", "")])
+        run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+        line = [text for text in run.stdout.splitlines() if text.startswith("NUMBERS")]
+        assert line, run.stderr
+        found.append(np.array(json.loads(line[0][8:])))
+    # 1e-9 of forces of 100 N, which are balanced to 1e-11
+    assert np.abs(found[1] - found[0]).max() < 1e-7 and np.abs(found[2] - found[0]).max() < 1e-7
+    assert found[0][-1] == 0.0 and found[0][-2] == 1.0
+
+
+# ---- bad input
+
+
+def refuse(text, *, slave="upper_bottom", master="lower_top", scene=None, **parameters):
+    scene = scene or blocks(**{**COARSE, **parameters})[1]
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    with pytest.raises(SceneError, match=text):
+        scene.contact(slave, master, 0.3)
+        scene.system()
+
+
+def test_same_group_is_refused():
+    refuse("both 'lower_top'", slave="lower_top")
+
+
+def test_unknown_group_lists_the_known_ones():
+    refuse("no surface group 'lid'", master="lid")
+
+
+def test_surfaces_of_one_body_that_share_nodes_are_refused():
+    refuse("share nodes", slave="lower_xmin")
+
+
+def test_deep_overlap_is_refused():
+    refuse("deeper than a cell", upper_origin=(5.0, 10.0, -6.0))
+
+
+def test_a_loose_block_is_refused():
+    scene = blocks(**COARSE)[1]
+    scene.fix("lower_bottom")
+    scene.contact("upper_bottom", "lower_top", 0.0)
+    with pytest.raises(SceneError, match="nothing holds body 'upper' along x, y"):
+        scene.system()
+
+
+def test_blocks_apart_meet_without_friction_history():
+    """An open gap of 1 mm, closed after two of four steps: round-off within `touch` is all the force before."""
+    _, scene = blocks(**COARSE, upper_origin=(5.0, 10.0, 1.0))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -2.0)
+    scene.contact("upper_bottom", "lower_top", 0.3, name="c")
+    result = solve(scene, steps=4, progress=False)
+    assert result.converged
+    force = result.column("c_force_z_N")
+    assert np.all(np.abs(force[:2]) < 1e-9) and force[3] > force[2] > 1.0
+
+
+def test_master_facets_without_area_are_found():
+    mesh, scene = blocks(**COARSE)
+    master = MasterSurface(scene.space, mesh.facets("lower_top"))
+    assert len(master.degenerate()) == 0
+    place = master.X[master.facets[0][5]].mean(axis=0)
+    master.X[master.facets[0][5]] = place
+    found = master.degenerate()
+    assert len(found) == 1 and np.allclose(found[0], place)
