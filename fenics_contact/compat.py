@@ -85,6 +85,11 @@ def interpolate_expression(function, ufl_expression):
     function.interpolate(expression)
 
 
+def create_matrix(compiled_form):
+    """PETSc matrix with the pattern of a form alone."""
+    return fem_petsc.create_matrix(compiled_form)
+
+
 def block_pattern(compiled_form, space):
     """Pattern of a bilinear form on a blocked space: offsets of the owned rows and global block columns, int64."""
     if hasattr(fem, "create_sparsity_pattern"):

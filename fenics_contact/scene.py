@@ -346,9 +346,9 @@ class Scene:
             overlap = contact.excessive_overlap(system.state, X, slave, self.mesh.comm)
             if overlap > 0.0:
                 raise SceneError(
-                    f"contact '{contact.name}': the master '{contact.master_name}' starts {overlap:.3g} inside the body, where "
-                    f"a cell is {contact.surface.cell_height:.3g} high; move its starting place outwards, or name all surfaces "
-                    "it meets as slaves"
+                    f"contact '{contact.name}': the master '{contact.master_name}' starts {overlap:.3g} inside the body, "
+                    f"where a cell is {contact.surface.cell_height:.3g} high; move its starting place outwards, or name all "
+                    "surfaces it meets as slaves"
                 )
 
     def volume_ratio(self, u):

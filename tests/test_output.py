@@ -75,7 +75,7 @@ def test_summary(run):
     assert summary["scene"]["units"] == {"length": "mm", "force": "N", "pressure": "MPa"}
     assert "classical" in summary["scene"]["materials"]["plate"]  # every result says which I2 it used
     top, bottom = summary["scene"]["contacts"]
-    assert (top["name"], top["tool"], top["tool_edge"], top["friction"]) == ("top", "punch", "sharp", 0.3)
+    assert (top["name"], top["master"], top["tool_edge"], top["friction"]) == ("top", "punch", "sharp", 0.3)
     assert (bottom["name"], bottom["friction"]) == ("bottom", 0.0)
     assert top["slave_points"] == 64 and 0.0 < top["penalty_MPa_per_mm"][0] <= top["penalty_MPa_per_mm"][1]
     assert summary["sizes"]["cells"] == 7 * 7 * 2 and summary["sizes"]["unknowns"] == 3 * 8 * 8 * 3

@@ -228,7 +228,7 @@ def test_surfaces_of_one_body_that_share_nodes_are_refused():
 
 
 def test_deep_overlap_is_refused():
-    refuse("deeper than a cell", upper_origin=(5.0, 10.0, -6.0))
+    refuse("6 inside the body, where a cell is 5 high", upper_origin=(5.0, 10.0, -6.0))
 
 
 def test_a_loose_block_is_refused():

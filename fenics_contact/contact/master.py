@@ -4,7 +4,6 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.contact.surface import cells_of
 
 
 def oriented_facets(space, facets):
@@ -14,7 +13,7 @@ def oriented_facets(space, facets):
     triangle repeats its third), size (nf,) and key (nf,): a number of the facet that no partition changes.
     """
     mesh = space.mesh
-    cells, local = cells_of(mesh, facets)
+    cells, local = compat.cells_of_exterior_facets(mesh, facets)
     hexahedra = compat.cell_name(mesh) == "hexahedron"
     ring = [0, 1, 3, 2] if hexahedra else [0, 1, 2, 2]  # quadrilaterals are numbered like a grid
     corners = np.array([compat.facet_closure_dofs(space, f)[ring] for f in range(6 if hexahedra else 4)])
