@@ -48,7 +48,8 @@ def slide():
 
 
 def figure(t, ratio, normal, surface):
-    picture = Figure(figsize=(11, 4.5), layout="constrained")
+    picture = Figure(figsize=(11, 4.5))
+    picture.subplots_adjust(left=0.02, wspace=0.3, bottom=0.13)
     axes = picture.add_subplot(1, 2, 1, projection="3d")
     scale = draw_body(axes, *surface)
     axes.set_xlabel("x [mm]"), axes.set_ylabel("y [mm]")

@@ -23,7 +23,7 @@ def draw_body(axes, corners, values, limits=None, view=(28, 40)):
     ends = np.array([lowest[2], highest[2]])
     near_zero = np.abs(ends) < 0.01 * np.ptp(ends)  # a penetration is no height worth a label
     axes.set_zticks(ends, ["0" if zero else f"{z:.3g}" for z, zero in zip(ends, near_zero, strict=True)])
-    axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])), zoom=1.15)
+    axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])))
     axes.view_init(*view)
     return scale
 
