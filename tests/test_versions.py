@@ -1,4 +1,4 @@
-"""The same scalars on every dolfinx: the coarse punch scenes against values recorded once.
+"""The same scalars on every dolfinx: coarse versions of the demos' scenes against values recorded once.
 
 `versions.json` was written on Debian 12 (dolfinx 0.5.2) by `python3 tests/test_versions.py`; the suite runs on Debian 12
 and Debian 13 and holds both to it.
@@ -7,10 +7,11 @@ and Debian 13 and holds both to it.
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, compat, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
-from meshes import punch_plate
+from fenics_contact import Body, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from meshes import punch_plate, two_blocks
 
 RECORD = Path(__file__).with_name("versions.json")
 CASES = [(0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (0.0, 1.0)]  # friction of the demo: punch, floor
@@ -29,9 +30,23 @@ def punch_scalars(case, degree=1):
     return {name: last[name] for name in ("top_force_x_N", "top_force_z_N", "top_moment_x_Nmm", "smallest_J")}
 
 
+def sliding_scalars():
+    """Two blocks pressed by 1 mm, then dragged by 2 mm."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 2))
+    rubber = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+    scene = Scene(Body(mesh, "lower", rubber), Body(mesh, "upper", rubber))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 2.0 * max(2 * t - 1, 0.0)))
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -min(2 * t, 1.0)))
+    scene.contact("upper_bottom", "lower_top", friction=0.3, name="interface")
+    result = solve(scene, steps=4, tolerance=1e-11, progress=False)
+    return {name: result.history[-1][name] for name in ("interface_force_x_N", "interface_force_z_N", "smallest_J")}
+
+
 def scalars():
     values = {f"punch {a:g} {b:g}": punch_scalars((a, b)) for a, b in CASES}
-    return values | {"punch 0.3 0, degree 2": punch_scalars((0.3, 0.0), degree=2)}
+    return values | {"punch 0.3 0, degree 2": punch_scalars((0.3, 0.0), degree=2)} | {"sliding blocks": sliding_scalars()}
 
 
 @pytest.mark.parallel
