@@ -61,14 +61,15 @@ def press(mesh, case, out, force=None, tangential_share=None):
 
 def four_quarters(runs, path):
     """The paper's Figs 3-6: vertical displacement of the deformed quarter."""
-    figure = Figure(figsize=(11, 8), layout="constrained")
+    figure = Figure(figsize=(11, 8))
+    figure.subplots_adjust(left=0.03, right=0.83, bottom=0.03, top=0.95, wspace=0.1, hspace=0.1)
     limits = min(r["surface"][1].min() for r in runs), max(r["surface"][1].max() for r in runs)
     for i, (case, run) in enumerate(zip(CASES, runs, strict=True)):
         axes = figure.add_subplot(2, 2, i + 1, projection="3d")
         scale = draw_body(axes, *run["surface"], limits=limits)
         axes.set_title(f"μ₁ = {case[0]:g} (punch), μ₂ = {case[1]:g} (floor): {run['force']:.0f} N")
         axes.set_xlabel("x [mm]"), axes.set_ylabel("y [mm]")
-    figure.colorbar(scale, ax=figure.axes, label="vertical displacement [mm]", shrink=0.6)
+    figure.colorbar(scale, cax=figure.add_axes((0.9, 0.25, 0.02, 0.5)), label="vertical displacement [mm]")
     figure.savefig(path, dpi=150)
 
 

@@ -91,21 +91,16 @@ def create_matrix(compiled_form):
 
 
 def block_pattern(compiled_form, space):
-    """Pattern of a bilinear form on a blocked space: offsets of the owned rows and global block columns, int64."""
-    if hasattr(fem, "create_sparsity_pattern"):
-        pattern = fem.create_sparsity_pattern(compiled_form)
-    else:
-        topology, dofmap = space.mesh.topology, space.dofmap._cpp_object
-        kinds = {dolfinx.cpp.fem.IntegralType.cell}
-        pattern = dolfinx.cpp.fem.create_sparsity_pattern(topology, [dofmap, dofmap], kinds)
-    pattern.finalize() if hasattr(pattern, "finalize") else pattern.assemble()
-    graph = pattern.graph
-    local, offsets = graph if isinstance(graph, tuple) else (graph.array, graph.offsets)
-    columns = pattern.column_index_map()
-    to_global = columns.local_to_global(np.arange(columns.size_local + columns.num_ghosts, dtype=np.int32))
-    rows = space.dofmap.index_map.size_local
-    offsets = np.asarray(offsets[: rows + 1], dtype=np.int64)
-    return offsets, to_global[local[: offsets[-1]]].astype(np.int64)
+    """Pattern of a bilinear form on a space of blocks of three: offsets of the owned rows, global block columns, int64."""
+    matrix = create_matrix(compiled_form)
+    assemble_matrix(matrix, compiled_form)
+    matrix.assemble()
+    offsets, columns, _ = matrix.getValuesCSR()
+    matrix.destroy()
+    lengths = np.diff(offsets)
+    first_of_block = np.repeat(np.arange(len(lengths)) % 3 == 0, lengths)
+    of_rows = columns[first_of_block][::3] // 3  # whole blocks: three columns each, in rising order
+    return np.concatenate([[0], np.cumsum(lengths[::3] // 3)]).astype(np.int64), of_rows.astype(np.int64)
 
 
 def original_cells(mesh):
