@@ -76,15 +76,6 @@ def _quiet():
         logging.disable(before)
 
 
-def interpolate_expression(function, ufl_expression):
-    """Interpolate a UFL expression into a Function of a space with point evaluations."""
-    points = function.function_space.element.interpolation_points
-    points = points() if callable(points) else points
-    with _quiet():
-        expression = fem.Expression(ufl_expression, points)
-    function.interpolate(expression)
-
-
 def create_matrix(compiled_form):
     """PETSc matrix with the pattern of a form alone."""
     return fem_petsc.create_matrix(compiled_form)
@@ -176,11 +167,6 @@ def global_blocks(space):
 def locate_blocks(space, facets):
     """Local block dofs on facets, ghosts included on every rank that sees them."""
     return fem.locate_dofs_topological(space, 2, np.asarray(facets, dtype=np.int32))
-
-
-def meshtags(mesh, dim, entities, values):
-    order = np.argsort(entities)
-    return dolfinx_mesh.meshtags(mesh, dim, entities[order].astype(np.int32), values[order].astype(np.int32))
 
 
 def cell_evaluator(mesh, ufl_expression, points):
