@@ -1,13 +1,12 @@
-"""Linear solves with a System's tangent: elimination of supports, direct or iterative solver, the tools' border."""
+"""Linear solves with a System's tangent: elimination of supports, choice of solver, the tools' border."""
 
 import numpy as np
 from petsc4py import PETSc
 
-PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
-# Above this many unknowns smoothed aggregation beats factorisation (README, speed).
-ITERATIVE_ABOVE = 30_000
+from fenics_contact.solvers.reuse import TIGHTEST, ReusingSolver
 
-TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
+# Above this many unknowns smoothed aggregation beats factorisation (README, speed).
+ITERATIVE_ABOVE = 6_000
 
 
 class LinearFailure(RuntimeError):
@@ -18,7 +17,7 @@ class LinearSolver:
     """Solves K du + C dq = -R with prescribed du and dq.
 
     system: System; method: "direct" (MUMPS: Cholesky where the tangent is symmetric, else LU), "iterative" (CG or GMRES with
-    smoothed aggregation and the rigid-body modes), or "auto" by size.
+    smoothed aggregation and the rigid-body modes), or "auto" by size. Either is kept from tangent to tangent while it pays.
     """
 
     def __init__(self, system, method="auto"):
@@ -26,41 +25,27 @@ class LinearSolver:
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
         size = system.vector.getSize()
-        self.method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
         self._forced = method == "iterative"
-        self.iterations = 0
+        method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
         self.fallbacks = []  # what the log and the summary say of a change of solver
-        self._pivot = self._modes = None
-        self.ksp = PETSc.KSP().create(system.comm)
-        self.ksp.setOptionsPrefix(PREFIX)
-        self.ksp.setOperators(system.matrix)
-        (self._use_iterative if self.method == "iterative" else self._use_direct)()
-        self.ksp.setFromOptions()
+        self._pivot = None
+        self._solver = ReusingSolver(
+            system.comm, size, system.symmetric, method, lambda matrix: _soft_modes(system, matrix), system.timers
+        )
 
-    def _use_direct(self):
-        self.ksp.setType("preonly")
-        pc = self.ksp.getPC()
-        pc.setType("cholesky" if self.system.symmetric else "lu")
-        pc.setFactorSolverType("mumps")
+    @property
+    def method(self):
+        return self._solver.method
 
-    def _use_iterative(self):
-        self.ksp.setType("cg" if self.system.symmetric else "gmres")
-        self.ksp.setTolerances(rtol=TIGHTEST, max_it=400)
-        if not self.system.symmetric:
-            self.ksp.setGMRESRestart(100)
-        self._modes = _rigid_body_modes(self.system)
-        options = PETSc.Options()
-        for key, value in (
-            ("pc_gamg_threshold", 0.01),
-            ("pc_gamg_aggressive_coarsening", 1),
-            ("pc_gamg_reuse_interpolation", True),
-            ("mg_levels_ksp_type", "chebyshev"),
-            ("mg_levels_pc_type", "jacobi"),
-            ("mg_levels_ksp_max_it", 3),
-        ):
-            if not options.hasName(PREFIX + key):
-                options[PREFIX + key] = value
-        self.ksp.getPC().setType("gamg")
+    @property
+    def iterations(self):
+        """Krylov iterations so far."""
+        return self._solver.iterations
+
+    @property
+    def builds(self):
+        """Factorisations or multigrid hierarchies made so far."""
+        return self._solver.builds
 
     def solve(self, du_supports, dq, tolerance=TIGHTEST):
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
@@ -69,13 +54,15 @@ class LinearSolver:
         tolerance: relative residual at which an iterative solver may stop; the direct one does not look at it.
         Raises LinearFailure, on all ranks, if the solver fails.
         """
-        self.ksp.setTolerances(rtol=tolerance)
+        self._tolerance = tolerance
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
         rhs = system.residual_vector.copy()
         rhs.scale(-1.0)
         self._add_prescribed_travel(rhs, dq)
         du = self._eliminate(rhs, du_supports)
         self._solve(rhs, du)
+        with du.localForm() as local:
+            local.array_w[system.supports.dofs] = du_supports
         if not free.size:
             return du, dq
         columns = [self._response(c) for c in free]
@@ -102,7 +89,10 @@ class LinearSolver:
             rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
 
     def _eliminate(self, rhs, du_supports):
-        """Put the supports' increments into matrix and right-hand side, keeping symmetry and pattern."""
+        """Put the supports' increments into the right-hand side and unit rows into the matrix, keeping symmetry and pattern.
+
+        The rows' own right-hand side stays zero, so that norms are those of the unknown part. Returns a vector for it.
+        """
         system = self.system
         du = system.vector.duplicate()
         if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
@@ -111,6 +101,7 @@ class LinearSolver:
             local.set(0.0)
             local.array_w[system.supports.dofs] = du_supports
         system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot, du, rhs)
+        rhs.array_w[system.supports.owned] = 0.0
         return du
 
     def _response(self, component):
@@ -125,51 +116,45 @@ class LinearSolver:
 
     def _solve(self, rhs, out):
         """Solve with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
-        reason = self._attempt(rhs, out)
+        system, solver = self.system, self._solver
+        reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0 and self.method == "iterative" and not self._forced:
-            self.method = "direct"
             self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
-            self.ksp.reset()
-            self._use_direct()
-            reason = self._attempt(rhs, out)
+            solver.use("direct")
+            reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0:
             raise LinearFailure(
                 f"the {self.method} linear solver failed (reason {reason}): the tangent is singular (is a body free to "
                 "move?) or memory ran out"
             )
 
-    def _attempt(self, rhs, out):
-        """One solve; returns PETSc's converged reason, negative where it failed."""
-        guess = out.copy() if self.method == "iterative" else None
-        with self.system.timers("factorisation"):
-            if self._modes is not None:  # the matrix is another one when contacts couple other nodes
-                self.system.matrix.setNearNullSpace(self._modes)
-            self.ksp.setOperators(self.system.matrix)
-            try:
-                self.ksp.setUp()
-            except PETSc.Error as error:
-                return -abs(error.ierr)
-        with self.system.timers("linear solve"):
-            self.ksp.solve(rhs, out)
-        self.iterations += self.ksp.getIterationNumber()
-        reason = self.ksp.getConvergedReason()
-        if reason < 0 and guess is not None:
-            guess.copy(out)
-        return reason
 
+def _soft_modes(system, matrix):
+    """Near-null space of the tangent: rigid-body motions of the deformed mesh that fade out where something holds them.
 
-def _rigid_body_modes(system):
-    """Six rigid-body motions of the reference mesh: the near-null space of the tangent."""
-    X = system.space.tabulate_dof_coordinates()
+    Where a penalty or a support holds a node the motions cost energy, and a coarse grid made from them can correct nothing
+    around it: a frictional punch then takes hundreds of iterations, or fails. Two sweeps of Jacobi's relaxation take
+    them away there and leave them alone elsewhere, where the tangent hardly resists them (measured; more sweeps, or none
+    of the damping, do worse).
+    """
     owned = system.space.dofmap.index_map.size_local
-    X = X[:owned] - X[:owned].mean(axis=0) if owned else X[:0]
+    X = system.space.tabulate_dof_coordinates()[:owned] + system.vector.array_r.reshape(-1, 3)
+    X = X - X.mean(axis=0) if owned else X
     modes = np.zeros((6, owned, 3))
     for i in range(3):
         modes[i, :, i] = 1.0
         j, k = (i + 1) % 3, (i + 2) % 3
         modes[3 + i, :, j], modes[3 + i, :, k] = -X[:, k], X[:, j]
     vectors = [PETSc.Vec().createWithArray(mode.ravel().copy(), comm=system.comm) for mode in modes]
+    step = matrix.getDiagonal()
+    step.reciprocal()
+    step.scale(0.9)
+    force = step.duplicate()
     for i, vector in enumerate(vectors):
+        for _ in range(2):
+            matrix.mult(vector, force)
+            force.pointwiseMult(force, step)
+            vector.axpy(-1.0, force)
         for other in vectors[:i]:
             vector.axpy(-vector.dot(other), other)
         vector.normalize()

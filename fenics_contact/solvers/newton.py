@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
+from fenics_contact.solvers.linear import LinearFailure
+from fenics_contact.solvers.reuse import TIGHTEST
 
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 
