@@ -51,32 +51,51 @@ class LinearSolver:
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
 
         du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
-        tolerance: relative residual at which an iterative solver may stop; the direct one does not look at it.
+        tolerance: relative residual at which an iterative solve may stop; a new factorisation does not look at it.
         Raises LinearFailure, on all ranks, if the solver fails.
+        """
+        system = self.system
+        return self.solve_sides([(system.residual_vector, system.tool_residual, du_supports, dq)], tolerance)[0]
+
+    def solve_sides(self, sides, tolerance=TIGHTEST):
+        """Increments (du, dq) for several sides with one factorisation and one set of the tools' responses.
+
+        sides: (residual Vec, tool residual (tools, 3), du_supports, dq) each. Raises LinearFailure as `solve` does.
         """
         self._tolerance = tolerance
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
-        rhs = system.residual_vector.copy()
-        rhs.scale(-1.0)
-        self._add_prescribed_travel(rhs, dq)
-        du = self._eliminate(rhs, du_supports)
-        self._solve(rhs, du)
-        with du.localForm() as local:
-            local.array_w[system.supports.dofs] = du_supports
+        rights = []
+        for residual, _, _, dq in sides:
+            rhs = residual.copy()
+            rhs.scale(-1.0)
+            self._add_prescribed_travel(rhs, dq)
+            rights.append(rhs)
+        self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides])
+        increments = [self._solve(rhs) for rhs in rights]
+        for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
+            with du.localForm() as local:
+                local.array_w[system.supports.dofs] = du_supports
         if not free.size:
-            return du, dq
+            return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(c) for c in free]
         rows = [system.border_vector(system.border.rows[c]) for c in free]
         schur = system.border.corner[np.ix_(free, free)].copy()
-        right = -system.tool_residual.ravel()[free] - system.border.corner[free] @ dq.ravel()
         for i, row in enumerate(rows):
-            right[i] -= row.dot(du)
             schur[i] += [row.dot(column) for column in columns]
+        return [
+            self._with_free_travel(du, dq, tool_residual, free, schur, rows, columns)
+            for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
+        ]
+
+    def _with_free_travel(self, du, dq, tool_residual, free, schur, rows, columns):
+        """The pushed tools' share of an increment: the border's Schur complement."""
+        right = -tool_residual.ravel()[free] - self.system.border.corner[free] @ dq.ravel()
+        right -= [row.dot(du) for row in rows]
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
             raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
-        for amount, column in zip(travel, columns, strict=False):
+        for amount, column in zip(travel, columns, strict=True):
             du.axpy(amount, column)
         total = dq.ravel().copy()
         total[free] += travel
@@ -88,21 +107,23 @@ class LinearSolver:
         for c in np.flatnonzero(dq.ravel()):
             rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
 
-    def _eliminate(self, rhs, du_supports):
-        """Put the supports' increments into the right-hand side and unit rows into the matrix, keeping symmetry and pattern.
+    def _eliminate(self, rights, du_supports):
+        """Put the supports' increments into the right-hand sides and unit rows into the matrix, keeping its symmetry.
 
-        The rows' own right-hand side stays zero, so that norms are those of the unknown part. Returns a vector for it.
+        The supports' own rows get zero on the right, so that norms are those of the unknown part.
         """
         system = self.system
-        du = system.vector.duplicate()
         if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
             self._pivot = max(system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), 1e-300)
-        with du.localForm() as local:
-            local.set(0.0)
-            local.array_w[system.supports.dofs] = du_supports
-        system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot, du, rhs)
-        rhs.array_w[system.supports.owned] = 0.0
-        return du
+        du, force = system.vector.duplicate(), system.vector.duplicate()
+        for rhs, values in zip(rights, du_supports, strict=True):
+            with du.localForm() as local:
+                local.set(0.0)
+                local.array_w[system.supports.dofs] = values
+            system.matrix.mult(du, force)
+            rhs.axpy(-1.0, force)
+            rhs.array_w[system.supports.owned] = 0.0
+        system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
 
     def _response(self, component):
         """du/dq of one free travel component: K^-1 (-C)."""
@@ -110,13 +131,11 @@ class LinearSolver:
         column = self.system.border_vector(values)
         with column.localForm() as local:
             local.array_w[self.system.supports.dofs] = 0.0
-        out = column.duplicate()
-        self._solve(column, out)
-        return out
+        return self._solve(column)
 
-    def _solve(self, rhs, out):
-        """Solve with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
-        system, solver = self.system, self._solver
+    def _solve(self, rhs):
+        """Solution with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
+        system, solver, out = self.system, self._solver, rhs.duplicate()
         reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0 and self.method == "iterative" and not self._forced:
             self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
@@ -127,6 +146,7 @@ class LinearSolver:
                 f"the {self.method} linear solver failed (reason {reason}): the tangent is singular (is a body free to "
                 "move?) or memory ran out"
             )
+        return out
 
 
 def _soft_modes(system, matrix):
