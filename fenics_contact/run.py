@@ -1,6 +1,6 @@
 """solve(scene, ...): run a scene along its load path and keep what it gave."""
 
-import time
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.snes import Snes
+from fenics_contact.timing import Timers
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes}
 
@@ -64,24 +65,25 @@ def solve(
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
     """
-    start = time.perf_counter()
+    timers = Timers()
     times = _times(steps)
     if method not in STEPPERS:
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
-    system = scene.system(move, push)
+    system = scene.system(move, push, timers)
     _refuse_nan(system, times)
     solver = LinearSolver(system, linear)
     stepper = _stepper(method, solver, tolerance)
-    smallest_J = scene.volume_ratio(system.state.u)
-    with system.timers("output"):
+    with timers("compile"):
+        smallest_J = scene.volume_ratio(system.state.u)
+    with timers("output"):
         writer = Writer(folder, scene, system) if folder else None
     history = []
-    setup = time.perf_counter() - start
+    setup = timers.table()["total"]
     bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
 
     def on_step(report, seconds, on_schedule):
-        with system.timers("output"):
+        with timers("output"):
             state = system.state
             travel = {tool.name: state.travel[i] for i, tool in enumerate(scene.tools)}
             measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
@@ -95,10 +97,18 @@ def solve(
     verdict = run(system, stepper, times, on_step)
     bar.close()
     summary = _summary(scene, system, solver, method, verdict, history)
-    summary["seconds"] = {"set-up": setup, "total": time.perf_counter() - start, **system.timers.seconds}
+    summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if writer:
         writer.finish(summary)
+    if progress and system.comm.rank == 0:
+        tqdm.write(_stages_line(summary["seconds"]), file=sys.stderr)
     return Result(history, verdict, system, summary)
+
+
+def _stages_line(seconds):
+    """Where the time went, in one line."""
+    stages = ", ".join(f"{stage} {t:.2g}" for stage, t in seconds.items() if stage != "total" and t >= 0.005)
+    return f"{seconds['total']:.3g} s: {stages}"
 
 
 def _times(steps):
@@ -150,6 +160,9 @@ def _summary(scene, system, solver, method, verdict, history):
             "stepper": method,
             "linear_solver": solver.method,
             "solver_changes": solver.fallbacks,
+            "factorisations": solver.builds,
+            "krylov_iterations": solver.iterations,
+            "matrix_patterns": system.patterns,
             "symmetric": system.symmetric,
         },
         "iterations": verdict.iterations,

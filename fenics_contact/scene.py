@@ -20,6 +20,7 @@ from fenics_contact.contact.tools import RigidTool
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
+from fenics_contact.timing import Timers
 
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
 PENALTY_FACTOR = 100.0
@@ -173,7 +174,7 @@ class Scene:
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
-    def system(self, move=None, push=None):
+    def system(self, move=None, push=None, timers=None):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
         motion = self._motion(move or {}, push or {})
@@ -182,26 +183,29 @@ class Scene:
         loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, path) for group, path in self.loads]
         pressures = [(compat.Constant(self.mesh.domain, 0.0), group, path) for group, path in self.pressures]
         supports = self._support_dofs()
-        terms = [self._solid(u, loads)]
-        if pressures:
-            terms.append(self._pressure(u, pressures, supports))
+        timers = timers or Timers()
+        with timers("compile"):
+            terms = [self._solid(u, loads)]
+            if pressures:
+                terms.append(self._pressure(u, pressures, supports))
+            smallest = self.volume_ratio(u)
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
-        for term in contacts:
-            term.initialise(state)
+        with timers("compile"):  # the first call of a kernel loads or compiles it
+            for term in contacts:
+                term.initialise(state)
+                term.evaluate(state, True)
         refuse_loose(self, contacts, supports, state)
 
         def set_loads(t):
             for constant, _, path in [*loads, *pressures]:
                 constant.value[...] = path(t)
 
-        smallest = self.volume_ratio(u)
-
         def check():
             worst = smallest()
             return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
 
-        system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, timers)
         system.contacts, system.units = contacts, self.units
         refuse_deep_start(self, system)
         return system

@@ -100,10 +100,12 @@ class System:
     not admissible.
     """
 
-    def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None):
+    def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None, timers=None):
         self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
         self.set_loads, self.check = set_loads, check
-        self.timers = Timers()
+        self.timers = timers or Timers()
+        for term in terms:
+            term.timers = self.timers
         self.space = state.u.function_space
         self.comm = self.space.mesh.comm
         self.symmetric = all(term.symmetric for term in terms)
@@ -179,7 +181,7 @@ class System:
         tool_residual = np.zeros_like(self.tool_residual)
         self.forces = 0.0
         for term in self.terms:
-            with self.timers(f"residual: {term.name}"):
+            with self.timers("residual"):
                 with self._work.localForm() as local:
                     local.set(0.0)
                     array = local.array_w
@@ -196,14 +198,14 @@ class System:
 
     def assemble_tangent(self):
         """Fill the matrix (supports not yet eliminated) and the border."""
-        with self.timers("tangent: pattern"):
+        with self.timers("insertion"):
             self._provide_couplings()
         if self.border is not None:
             self.border.clear()
         for term in self.terms:
-            with self.timers(f"tangent: {term.name}"):
+            with self.timers("bulk tangent"):
                 term.add_tangent(self.state, self.matrix, self.border)
-        with self.timers("tangent: exchange"):
+        with self.timers("insertion"):
             self.matrix.assemble()
             self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
             if self.border is not None:

@@ -146,7 +146,7 @@ class ReusingSolver:
         return 0
 
     def _run(self, ksp, matrix, rhs, out, tolerance, limit):
-        with self.timers("linear solve"):
+        with self.timers("solve"):
             ksp.setOperators(matrix, self._copy)
             ksp.setTolerances(rtol=tolerance, max_it=limit)
             ksp.solve(rhs, out)
