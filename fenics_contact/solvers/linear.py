@@ -159,7 +159,8 @@ def _soft_modes(system, matrix):
     """
     owned = system.space.dofmap.index_map.size_local
     X = system.space.tabulate_dof_coordinates()[:owned] + system.vector.array_r.reshape(-1, 3)
-    X = X - X.mean(axis=0) if owned else X
+    # one centre for all ranks: a motion that changes between them costs energy there
+    X = X - system.comm.allreduce(X.sum(axis=0)) / system.comm.allreduce(owned)
     modes = np.zeros((6, owned, 3))
     for i in range(3):
         modes[i, :, i] = 1.0
