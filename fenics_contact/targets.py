@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.scene import AXES, SceneError
+from fenics_contact.checks import AXES, SceneError
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,12 @@ TABLE = {
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat"},
     "assembly": {"numpy", "petsc4py", "compat", "timing"},
     "solvers": {"numpy", "petsc4py", "assembly", "timing"},
+    "checks": {"numpy", "compat", "assembly"},
     "scene": {"numpy", "mpi4py", "basix", "ufl", "compat", "materials", "virtual_power", "mesh_io", "assembly", "contact",
-              "output"},
+              "checks", "output"},
     "output": {"numpy", "matplotlib", "mpl_toolkits", "ufl", "compat", "virtual_power", "assembly", "kernels"},
-    "run": {"numpy", "tqdm", "compat", "assembly", "solvers", "output", "scene", "targets"},
-    "targets": {"numpy", "compat", "scene"},
+    "targets": {"numpy", "compat", "checks"},
+    "run": {"numpy", "tqdm", "compat", "assembly", "solvers", "output", "checks", "targets"},
     # what the package offers to its users
     "__init__": {"compat", "materials", "mesh_io", "contact", "scene", "solvers", "output", "run", "targets"},
 }  # fmt: skip

@@ -229,7 +229,7 @@ class Path:
             if now * before < 0.0 or now == 0.0:
                 bound = TARGET_TOLERANCE * max(self.spans[name], abs(now))
                 arrival = self._locate(
-                    arrival, rate, before, lambda _, gap=gap: gap(), lambda now, _, bound=bound: abs(now) <= bound
+                    arrival, rate, before, lambda _, gap=gap: gap(), lambda now, _, near=bound: abs(now) <= near
                 )
                 reached = name
         return arrival, reached
