@@ -63,7 +63,8 @@ def exact_pressure(reading, K, u):
         return stress(end[1], end[0] / (RADIUS + WALL))[0]
 
     hoop = 1 + u / RADIUS
-    radial = brentq(outer_stress, 0.5 * hoop**-2, min(1.05, 2 * hoop**-2), xtol=1e-13)
+    membrane = brentq(lambda radial: stress(radial, hoop)[0], 0.1 * hoop**-2, 1.1)  # of a wall without thickness
+    radial = brentq(outer_stress, 0.8 * membrane, 1.2 * membrane, xtol=1e-13)
     return -stress(radial, hoop)[0] / hoop**2
 
 
