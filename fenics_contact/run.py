@@ -10,7 +10,8 @@ from fenics_contact import compat
 from fenics_contact.checks import SceneError
 from fenics_contact.output.history import history_row
 from fenics_contact.output.writer import Writer, prepare_folder
-from fenics_contact.solvers.arc_length import ArcLength, ArcSteps, depends_on_load, follow
+from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
+from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
@@ -56,6 +57,7 @@ def solve(
     tolerance=None,
     progress=True,
     until=None,
+    back=None,
     record=None,
 ):
     """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
@@ -69,7 +71,8 @@ def solve(
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
     value), a function of the state that changes its sign there, or a list of these, of which the first reached counts;
-    steps: ArcSteps, or a number whose inverse is the first step's load increment.
+    back: the same for a way back along the path, with friction another one; steps: ArcSteps, or a number whose inverse is
+    the first step's load increment.
 
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
@@ -79,11 +82,11 @@ def solve(
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     continuation = method == "arc_length"
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
-    arcs = _arc_steps(steps, until, continuation)
+    arcs = _arc_steps(steps, until, back, continuation)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push)
     _refuse_nan(system, times)
-    targets = distances(until, scene, system) if continuation else {}
+    legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear)
@@ -112,7 +115,7 @@ def solve(
         bar.update(state.t - bar.n)
 
     if continuation:
-        verdict = follow(system, stepper, arcs, targets, on_step)
+        verdict = follow(system, stepper, arcs, legs, on_step)
     else:
         verdict = run(system, stepper, times, on_step)
     bar.close()
@@ -123,7 +126,7 @@ def solve(
     return Result(history, verdict, system, summary)
 
 
-def _arc_steps(steps, until, continuation):
+def _arc_steps(steps, until, back, continuation):
     """ArcSteps of a continuation, checked; None for the other methods."""
     if not continuation:
         if until is not None or isinstance(steps, ArcSteps):

@@ -1,6 +1,6 @@
-"""Arc-length continuation: the load parameter t is an unknown too, so that the path can pass its limit points.
+"""One step of arc length: the load parameter t is an unknown too, so that a path can pass its limit points.
 
-A step keeps a length ds of the increment (du, dq, dt) of displacements, tools' travel and load fixed:
+The step keeps a length ds of the increment (du, dq, dt) of displacements, tools' travel and load fixed:
 
     ds^2 = |du|^2 / nodes + |dq|^2 + (L dt)^2
 
@@ -8,36 +8,15 @@ the spherical constraint of Crisfield (1981, doi:10.1016/0045-7949(81)90108-5), 
 the stiffest step so far: load never counts more than displacement, and where nothing but t moves it alone carries on.
 """
 
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from fenics_contact.solvers.control import Verdict
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
 from fenics_contact.solvers.newton import StepFailed, StepReport, _forcing, relative_residual
 
 # Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
 LOAD_PROBE = 1e-4
-LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
-TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
-TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
-
-
-@dataclass(frozen=True)
-class ArcSteps:
-    """Steps of a continuation.
-
-    first: load increment the first step aims at; largest: bound of the arc [length], about the mean displacement of a step;
-    smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
-    gives up; iterations: tangent solves per step that steer the arc's length.
-    """
-
-    first: float = 0.05
-    largest: float = np.inf
-    smallest: float = 1e-4
-    most: int = 200
-    iterations: int = 5
 
 
 @dataclass
@@ -104,8 +83,8 @@ class ArcLength:
         return self.per_load != before
 
     # -- the path's rate ------------------------------------------------------------------------------------------
-    def start(self, system, onward):
-        """Unit rate of the path at the first state, t growing or, for onward = -1, falling; sets the scale of loads."""
+    def start(self, system, last=None):
+        """Unit rate of the path at an accepted state: t growing, or, where a last increment is given, back along it."""
         try:
             rate = self._raw_rate(system, self._load_side(system)[0])
         except LinearFailure as failure:
@@ -113,6 +92,7 @@ class ArcLength:
         self.weigh(rate)
         if not 0.0 < self.per_load < np.inf:
             raise StepFailed("the load moves nothing at the start of the path")
+        onward = 1.0 if last is None else -np.sign(self.dot(rate, last))
         return rate.times(onward / self.norm(rate))
 
     def _raw_rate(self, system, side):
@@ -194,128 +174,6 @@ def _advance(system, increment):
     increment.dq = np.where(system.tools.free, increment.dq, moved)
     system.update(increment.du, increment.dq)
     return increment
-
-
-class Path:
-    """Continuation of a system: accepted steps, limit points located, the run's end on one of its targets.
-
-    targets: {words: function () -> distance of the state from the target, which changes its sign there}.
-    """
-
-    def __init__(self, system, arc, targets, onward):
-        self.system, self.arc, self.targets = system, arc, targets
-        self.gaps = {name: gap() for name, gap in targets.items()}
-        self.spans = {name: abs(gap) for name, gap in self.gaps.items()}  # largest distances seen
-        self.slope = onward  # dt of the path's unit rate at the accepted state; its sign counts
-        self.highest = 0.0  # largest |t| seen
-
-    def step(self, length, rate):
-        """The next state, not yet accepted, and the name of the target reached, if any; StepFailed if there is none."""
-        arrival = self._arrive(length, rate)
-        self._onward = arrival.rate.dt
-        if arrival.rate.dt * self.slope < 0.0:
-            highest = max(self.highest, abs(self.system.state.t))
-            arrival = self._locate(
-                arrival,
-                rate,
-                self.slope,
-                lambda a: a.rate.dt,
-                lambda dt, width: abs(dt) * width <= LIMIT_TOLERANCE * highest,
-            )
-            arrival.report.limit_point = int(np.sign(self.slope))
-        reached = None
-        for name, gap in self.targets.items():
-            before, now = self.gaps[name], gap()
-            if now * before < 0.0 or now == 0.0:
-                bound = TARGET_TOLERANCE * max(self.spans[name], abs(now))
-                arrival = self._locate(
-                    arrival, rate, before, lambda _, gap=gap: gap(), lambda now, _, near=bound: abs(now) <= near
-                )
-                reached = name
-        return arrival, reached
-
-    def commit(self, arrival):
-        self.system.commit()
-        # a located limit point lies a hair before or behind the extremum: its own sign says nothing
-        self.slope = self._onward if arrival.report.limit_point else arrival.rate.dt
-        self.highest = max(self.highest, abs(self.system.state.t))
-        self.gaps = {name: gap() for name, gap in self.targets.items()}
-        self.spans = {name: max(self.spans[name], abs(gap)) for name, gap in self.gaps.items()}
-
-    def _arrive(self, length, rate):
-        arrival = self.arc.step(self.system, length, rate)
-        if wrong := self.system.check():
-            raise StepFailed(wrong)
-        return arrival
-
-    def _locate(self, arrival, rate, first, value, close):
-        """The arrival within this step where value(arrival) vanishes: regula falsi over arc lengths, Illinois variant
-        (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
-
-        first: the value at the step's start, or its sign; close(value, width of the bracket): whether that is it.
-        """
-        low, high, at_low, at_high, here, kept = 0.0, arrival.length, first, value(arrival), value(arrival), 0
-        for _ in range(TRIALS):
-            if close(here, high - low):
-                return arrival
-            self.system.rollback()
-            place = high - at_high * (high - low) / (at_high - at_low)
-            arrival = self._arrive(place, rate)
-            here = value(arrival)
-            if here * at_high > 0.0:
-                high, at_high, at_low, kept = place, here, at_low * (0.5 if kept < 0 else 1.0), -1
-            else:
-                low, at_low, at_high, kept = place, here, at_high * (0.5 if kept > 0 else 1.0), 1
-        raise StepFailed(f"{TRIALS} arcs did not settle on one point")
-
-
-def follow(system, arc, steps, targets, on_step, onward=1.0):
-    """Continue from the system's state along its path until a target is reached; a failing arc is halved and tried again.
-
-    on_step(report, seconds, True): called after each accepted step, on all ranks. Returns a Verdict, not converged where no
-    target was reached. onward: 1 to start with t growing, -1 with t falling.
-    """
-    verdict = Verdict(converged=False)
-    try:
-        rate = arc.start(system, onward)
-    except StepFailed as failure:
-        verdict.reason = f"at the start: {failure}"
-        return verdict
-    path = Path(system, arc, targets, onward)
-    first = length = min(steps.first / abs(rate.dt), steps.largest)
-    for _ in range(steps.most):
-        start = time.perf_counter()
-        while True:
-            try:
-                arrival, reached = path.step(length, rate)
-                break
-            except StepFailed as failure:
-                system.rollback()
-                length /= 2
-                if length < steps.smallest * first:
-                    verdict.reason = f"after t = {system.state.t:.6g}: {failure}"
-                    return verdict
-                verdict.cuts += 1
-        path.commit(arrival)
-        report, rate = arrival.report, arrival.rate
-        verdict.t = system.state.t
-        verdict.iterations += report.iterations
-        verdict.residuals.append(report.residuals)
-        on_step(report, time.perf_counter() - start, True)
-        if reached:
-            verdict.converged, verdict.reason = True, f"reached {reached}"
-            return verdict
-        length = min(length * _growth(steps.iterations / report.iterations), steps.largest)
-        arc.weigh(arrival.increment)
-        size = arc.norm(rate)
-        length, rate = length * size, rate.times(1.0 / size)
-    verdict.reason = f"{steps.most} steps reached none of: {', '.join(targets)}; the last has t = {verdict.t:.6g}"
-    return verdict
-
-
-def _growth(ratio):
-    """Change of the arc length: fewer iterations than aimed at allow a longer one (Ramm 1981), within bounds."""
-    return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
 
 
 def depends_on_load(system):
