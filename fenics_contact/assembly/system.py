@@ -54,25 +54,36 @@ class Border:
 
 
 class FormTerm:
-    """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear)."""
+    """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear).
+
+    Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
+    confuses the values of two rules in one kernel.
+    """
 
     def __init__(self, name, residual, tangent=None, symmetric=True):
         self.name, self.symmetric = name, symmetric
-        self.residual_form = compat.compile_form(residual)
-        self.tangent_form = compat.compile_form(tangent) if tangent is not None else None
+        self._residuals, self._tangents = _compiled(residual), _compiled(tangent)
+        self.tangent_form = self._tangents[0] if self._tangents else None  # its cells' couplings are the matrix pattern
 
     def add_residual(self, state, residual, tool_residual):
-        compat.assemble_vector(residual, self.residual_form)
+        for form in self._residuals:
+            compat.assemble_vector(residual, form)
 
     def couplings(self, state):
         """None: the cells' own couplings are the pattern's base."""
 
     def add_tangent(self, state, matrix, border):
-        if self.tangent_form is not None:
-            compat.assemble_matrix(matrix, self.tangent_form)
+        for form in self._tangents:
+            compat.assemble_matrix(matrix, form)
 
     def commit(self, state):
         """Forms keep no history."""
+
+
+def _compiled(forms):
+    if forms is None:
+        return []
+    return [compat.compile_form(form) for form in (forms if isinstance(forms, list) else [forms])]
 
 
 class System:
