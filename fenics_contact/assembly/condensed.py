@@ -48,10 +48,11 @@ class CondensedPressure(FormTerm):
     and the residual is the virtual power at this p(u): a pure function of u. Its derivative is
     K(p) + B^T D B with B = int q J div v dX, D = M^-1 (int q U''(theta) q dX) M^-1.
 
-    In K(p), the tangent at fixed pressure, p is not p(u) but what the tangent before predicted for this u,
-    p + D B du, as if the pressure were an unknown of its own: far from the solution p(u) = K (J - 1) carries K times
-    the second-order error of J, which makes Newton diverge at large K / mu; the prediction does not. At the first tangent
-    after a commit or a rollback it is the committed state's, so that a step cut back equals a small step.
+    In K(p), the tangent at fixed pressure, p is not p(u) but the one Newton's method gives a pressure that is an unknown
+    of its own: p + s (p(u) - p) + D B du after a share s of the last tangent's increment. Far from the solution
+    p(u) = K (J - 1) carries K times the second-order error of J, which makes Newton diverge at large K / mu; this one
+    does not. The line search looks at the residual of the same pressure. At the first tangent after a commit or a rollback
+    it is the committed state's, so that a step cut back equals a small step.
 
     forms: compiled `volume` int q J, `law` int q U'(theta), `stiffness` int q U''(theta) q, `mass` M, `coupling` B;
     pressure, predicted, dilatation: Functions in q's space, written here; residual holds `pressure`, tangent `predicted`.
@@ -88,30 +89,40 @@ class CondensedPressure(FormTerm):
         self._projected("volume", self._dilatation)
         return self._projected("law", self.pressure)
 
-    def _prediction(self, u, pressure):
-        """Pressure by cell that the last tangent predicts for displacement u."""
+    def _follow(self, state):
+        """Put the pressure that follows the last tangent into `predicted`, and return it by cell."""
+        u = state.u.x.array
         if np.array_equal(u, self._start[0]):
-            return self._start[1]
-        if self._last is None:
-            return pressure
-        before, p, slope = self._last
-        return p + np.einsum("cij,cj->ci", slope, (u - before)[self._dofs])
+            values = self._start[1]
+        elif self._last is None:
+            values = self._evaluate()
+        else:
+            before, own, eliminated, slope = self._last
+            values = own + state.share * (eliminated - own) + np.einsum("cij,cj->ci", slope, (u - before)[self._dofs])
+        self._predicted.x.array[self._pressure_dofs] = values
+        return values
 
     def add_residual(self, state, residual, tool_residual):
         self._evaluate()
         super().add_residual(state, residual, tool_residual)
 
+    def add_followed_residual(self, state, residual, tool_residual):
+        """The residual at the pressure of the tangent."""
+        kept = self._evaluate()
+        self.pressure.x.array[self._pressure_dofs] = self._follow(state)
+        super().add_residual(state, residual, tool_residual)
+        self.pressure.x.array[self._pressure_dofs] = kept
+
     def add_tangent(self, state, matrix, border):
-        u, pressure = state.u.x.array, self._evaluate()
-        self._predicted.x.array[self._pressure_dofs] = self._prediction(u, pressure)
+        eliminated, own = self._evaluate(), self._follow(state)
         super().add_tangent(state, matrix, border)
         coupling = self._coupling.assemble()
         slope = self._inverse_mass @ (self._stiffness.assemble() @ (self._inverse_mass @ coupling))
         if len(coupling):
             matrix.setValuesBlockedLocalRCV(self._blocks, self._blocks, coupling.transpose(0, 2, 1) @ slope, addv=True)
-        self._last = u.copy(), pressure, slope
+        self._last = state.u.x.array.copy(), own, eliminated, slope
 
     def commit(self, state):
-        """Keep the pressure predicted for the accepted displacement: where the next step, or its repetition, starts."""
-        u, pressure = state.u.x.array, self._evaluate()
-        self._start = u.copy(), self._prediction(u, pressure)
+        """Keep the pressure at the accepted displacement: where the next step, or its repetition, starts."""
+        self._evaluate()
+        self._start = state.u.x.array.copy(), self._follow(state)

@@ -14,11 +14,15 @@ from fenics_contact.timing import Timers
 
 @dataclass
 class State:
-    """Displacement u (Function, [length]), travel of the tools (tools, 3) [length] and load parameter t."""
+    """Displacement u (Function, [length]), travel of the tools (tools, 3) [length] and load parameter t.
+
+    share: how much of the last tangent solve's increment is in u; terms with unknowns of their own follow by it.
+    """
 
     u: object
     travel: np.ndarray
     t: float = 0.0
+    share: float = 1.0
 
 
 class Term(Protocol):
@@ -38,6 +42,9 @@ class Term(Protocol):
     def add_tangent(self, state, matrix, border): ...
 
     def commit(self, state): ...
+
+    # A term that condenses unknowns of its own also offers add_followed_residual, with the arguments of add_residual: the
+    # residual at the values its unknowns have by the last tangent's linearisation, where Newton's method proper has them.
 
 
 class Border:
@@ -101,6 +108,7 @@ class System:
         self.space = state.u.function_space
         self.comm = self.space.mesh.comm
         self.symmetric = all(term.symmetric for term in terms)
+        self.condensed = any(hasattr(term, "add_followed_residual") for term in terms)
         self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
         self._couplings = [np.empty(0, dtype=np.int64)] * len(terms)
         self.matrix = self._new_matrix()
@@ -156,17 +164,22 @@ class System:
         """Force scale below which residuals are rounding: a body that moves without strain has no other [force]."""
         return 1e-4 * self.stiffness * self.vector.norm(PETSc.NormType.NORM_INFINITY)
 
-    def update(self, du, dq):
-        """Add a PETSc increment (owned part) and a travel increment to the state."""
+    def update(self, du, dq, share=1.0):
+        """Add a PETSc increment (owned part) and a travel increment to the state.
+
+        share: how much of the last tangent solve's increment the state then holds.
+        """
         self.vector.axpy(1.0, du)
         copy_to_ghosts(self.vector)
         self.state.travel += dq
+        self.state.share = share
 
     # -- evaluation -----------------------------------------------------------------------------------------------
-    def assemble_residual(self):
+    def assemble_residual(self, followed=False):
         """Fill residual_vector (supports' dofs zero) and tool_residual; returns the out-of-balance norm [force].
 
         `forces` is then the largest norm of a single term, reactions included: the scale of the residual.
+        followed: with condensed unknowns where the last tangent's linearisation puts them, see Term.
         """
         total = self.residual_vector
         total.set(0.0)
@@ -177,7 +190,8 @@ class System:
                 with self._work.localForm() as local:
                     local.set(0.0)
                     array = local.array_w
-                    term.add_residual(self.state, array, tool_residual)
+                    add = getattr(term, "add_followed_residual", term.add_residual) if followed else term.add_residual
+                    add(self.state, array, tool_residual)
                 sum_to_owners(self._work)
                 self.forces = max(self.forces, self._work.norm())
                 total.axpy(1.0, self._work)
