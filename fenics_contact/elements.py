@@ -7,8 +7,33 @@ from fenics_contact import compat, materials
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.system import FormTerm
+from fenics_contact.checks import SceneError
 
 ELEMENTS = ("displacement", "reduced", "mixed")
+# K / mu above which an element of degree 1 without treatment is refused: Cook's membrane is then half as soft as it is
+# on 32 cells per edge (demos/locking.py).
+LOCKS = 1000.0
+
+
+def refuse_element(element, degree, tetrahedra, materials_by_body, accept_locking):
+    """An element must be known, fit its materials, and not lock; a locking one may be asked for."""
+    if element not in ELEMENTS:
+        raise SceneError(f"element '{element}' is not one of {', '.join(ELEMENTS)}")
+    for body, material in materials_by_body.items():
+        if element != "displacement" and getattr(material, "volumetric", None) is None:
+            raise SceneError(
+                f"element '{element}' needs an energy isochoric(I1, I2) + volumetric(J), but '{material.name}' of body "
+                f"'{body}' is not stated as such a sum; use element='displacement' with degree=2"
+            )
+        ratio = material.bulk_modulus / material.shear_modulus
+        locks = degree == 1 and (element == "displacement" or tetrahedra)
+        if locks and ratio > LOCKS and not accept_locking:
+            cells = "tetrahedra of degree 1 (whatever their pressure)" if tetrahedra else "hexahedra of degree 1"
+            remedy = "element='mixed' with degree=2" if tetrahedra else "element='mixed'"
+            raise SceneError(
+                f"body '{body}' has K / mu = {ratio:.3g}: {cells} with element '{element}' lock above {LOCKS:g}; use "
+                f"{remedy}, or accept_locking=True to see it"
+            )
 
 
 def quadrature_degree(degree, reduced=False):
