@@ -183,6 +183,11 @@ def cell_evaluator(mesh, ufl_expression, points):
     return evaluate
 
 
+def exterior_facets(mesh):
+    """Owned facets with a cell on one side only, on any rank."""
+    return np.asarray(dolfinx_mesh.exterior_facet_indices(mesh.topology))
+
+
 def cells_of_exterior_facets(mesh, facets=None):
     """Owned cells behind exterior facets (all, or those among `facets`), and each facet's number in its cell."""
     facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)

@@ -7,9 +7,9 @@ import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
+from fenics_contact.checks import SceneError
 from fenics_contact.output.history import history_row
 from fenics_contact.output.writer import Writer, prepare_folder
-from fenics_contact.scene import SceneError
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
@@ -115,9 +115,10 @@ def _times(steps):
 def _refuse_nan(system, times):
     """Paths, forces and supports given as functions must be finite at every t the run will visit."""
     for t in times:
-        system.tools.prescribed(t), system.tools.forces(t)  # they check themselves
+        system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t)  # they check themselves
         if bad := [name for name in system.comm.allgather(system.supports.not_finite(t)) if name]:
             raise SceneError(f"prescribed displacement of {bad[0]} is not finite at t = {t:g}; mend its function")
+    system.set_loads(0.0)
 
 
 def _stepper(method, solver, tolerance):

@@ -9,9 +9,9 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.supports import Supports, ToolMotion
-from fenics_contact.assembly.system import FormTerm, State, System
+from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
+from fenics_contact.checks import AXES, SceneError, ramp, refuse_deep_start, refuse_inside, refuse_loose
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.surface import slave_surface
@@ -21,7 +21,6 @@ from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
 
-AXES = {"x": 0, "y": 1, "z": 2}
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
 PENALTY_FACTOR = 100.0
 # Default tangential over normal penalty: ten times more elastic slip, for far fewer iterations; its price in force is
@@ -48,10 +47,6 @@ class _Contact:
     tangential_penalty: float | None
     tangential_share: float
     points: object
-
-
-class SceneError(ValueError):
-    """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
 
 
 def young(material):
@@ -81,7 +76,7 @@ class Scene:
             raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
         self.bodies, self.degree, self.units = bodies, degree, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
-        self.contacts, self.loads, self._supports = [], [], []
+        self.contacts, self.loads, self.pressures, self._supports = [], [], [], []
 
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(self, group, axis="xyz"):
@@ -99,13 +94,21 @@ class Scene:
         self._supports.append((_names(group), AXES[axis], value))
 
     def traction(self, group, vector):
-        """Dead traction per reference area on a surface [pressure], reached at t = 1; fixed in direction."""
-        self._facets(group)
-        self.loads.append((_names(group), _finite(vector, f"traction on '{group}'")))
+        """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
+        refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
+        self.loads.append((_names(group), ramp(vector, f"traction on '{group}'")))
+
+    def pressure(self, group, value):
+        """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
+
+        value: reached at t = 1, or a function of t.
+        """
+        refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
+        self.pressures.append((_names(group), ramp(value, f"pressure on '{group}'", ())))
 
     def body_force(self, vector):
-        """Force per reference volume on all bodies [force/length^3], reached at t = 1."""
-        self.loads.append((None, _finite(vector, "body force")))
+        """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
+        self.loads.append((None, ramp(vector, "body force")))
 
     def contact(
         self,
@@ -176,18 +179,21 @@ class Scene:
         motion = self._motion(move or {}, push or {})
         u = compat.Function(self.space, name="displacement")
         state = State(u, np.zeros((len(self.tools), 3)))
-        loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, value) for group, value in self.loads]
-        terms = [self._solid(u, loads)]
+        loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, path) for group, path in self.loads]
+        pressures = [(compat.Constant(self.mesh.domain, 0.0), group, path) for group, path in self.pressures]
         supports = self._support_dofs()
+        terms = [self._solid(u, loads)]
+        if pressures:
+            terms.append(self._pressure(u, pressures, supports))
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
         for term in contacts:
             term.initialise(state)
-        self._refuse_loose(contacts, supports, state)
+        refuse_loose(self, contacts, supports, state)
 
         def set_loads(t):
-            for constant, _, value in loads:
-                constant.value[:] = t * value
+            for constant, _, path in [*loads, *pressures]:
+                constant.value[...] = path(t)
 
         smallest = self.volume_ratio(u)
 
@@ -203,7 +209,7 @@ class Scene:
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
         system.contacts, system.units = contacts, self.units
-        self._refuse_deep_start(system)
+        refuse_deep_start(self, system)
         return system
 
     def dx(self, body):
@@ -233,6 +239,17 @@ class Scene:
                 power -= vp.dead_traction_power(constant, v, self.ds(group))
         return FormTerm("solid", power, rate)
 
+    def _pressure(self, u, pressures, supports):
+        """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
+        domain, v, du = self.mesh.domain, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        power = sum(-vp.follower_pressure_power(p, u, v, domain, self.ds(group)) for p, group, _ in pressures)
+        rate = sum(-vp.follower_pressure_power_rate(p, u, du, v, domain, self.ds(group)) for p, group, _ in pressures)
+        for p, _, _ in pressures:
+            p.value = 1.0
+        term = FormTerm("pressure", power, rate)
+        term.symmetric = is_symmetric(term.tangent_form, u, supports)
+        return term
+
     def _support_dofs(self):
         X = self.space.tabulate_dof_coordinates()
         entries, names = [], []
@@ -256,8 +273,8 @@ class Scene:
         for tool in self.tools:
             if tool in move and tool in push:
                 raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
-            paths.append(_ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
-            forces.append(_ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
+            paths.append(ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
+            forces.append(ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
             free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
@@ -306,57 +323,6 @@ class Scene:
             )
         return master
 
-    def _refuse_loose(self, contacts, supports, state):
-        """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
-        comm = self.mesh.comm
-        for names, blocks in self._bonded_bodies():
-            dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
-            held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
-            for contact in contacts:
-                if comm.allreduce(contact.touches(blocks)):
-                    held |= contact.held_axes(state, comm)
-            if loose := sorted(set("xyz") - held):
-                raise SceneError(
-                    f"nothing holds body '{names}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
-                    "add a contact that holds it"
-                )
-
-    def _bonded_bodies(self):
-        """Groups of bodies that share nodes: (names, local nodes) of each."""
-        tags, groups = self.mesh.cell_tags, []
-        for body in self.bodies:
-            cells = tags.indices[tags.values == self.mesh.volume_tag(body.group)]
-            names, blocks = body.group, self._nodes_of(cells)
-            for group in list(groups):
-                if self.mesh.comm.allreduce(len(np.intersect1d(group[1], blocks))):
-                    groups.remove(group)
-                    names, blocks = f"{group[0]}, {names}", np.union1d(group[1], blocks)
-            groups.append((names, blocks))
-        return groups
-
-    def _nodes_of(self, cells):
-        """Local nodes of cells, also where the cells themselves are another rank's."""
-        touched = compat.Function(self.space)
-        touched.x.array[3 * compat.cell_dofs(self.space)[cells]] = 1.0
-        vector = compat.petsc_vector(touched)
-        sum_to_owners(vector)
-        copy_to_ghosts(vector)
-        return np.flatnonzero(touched.x.array[::3] > 0.0)
-
-    def _refuse_deep_start(self, system):
-        """Nothing may overlap by more than a cell at the start, nor a tool reach nodes behind its slave surface."""
-        X = self.space.tabulate_dof_coordinates()
-        for contact, statement in zip(system.contacts, self.contacts, strict=True):
-            slave = np.zeros(len(X), dtype=bool)
-            slave[compat.locate_blocks(self.space, self.mesh.facets(*statement.slave))] = True
-            overlap = contact.excessive_overlap(system.state, X, slave, self.mesh.comm)
-            if overlap > 0.0:
-                raise SceneError(
-                    f"contact '{contact.name}': the master '{contact.master_name}' starts {overlap:.3g} inside the body, "
-                    f"where a cell is {contact.surface.cell_height:.3g} high; move its starting place outwards, or name all "
-                    "surfaces it meets as slaves"
-                )
-
     def volume_ratio(self, u):
         """Function () -> smallest J = det F over the quadrature points of all ranks."""
         cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
@@ -371,18 +337,3 @@ def _names(group):
 
 def _master_name(master):
     return master.name if isinstance(master, RigidTool) else "+".join(_names(master))
-
-
-def _finite(vector, what):
-    vector = np.asarray(vector, dtype=float)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise SceneError(f"{what} must be three finite numbers, not {vector}")
-    return vector
-
-
-def _ramp(value, what):
-    """(3,) vector reached at t = 1, or a function of t, as a function of t."""
-    if callable(value):
-        return lambda t: _finite(value(t), f"{what} at t = {t}")
-    end = _finite(value, what)
-    return lambda t: t * end

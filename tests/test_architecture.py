@@ -23,10 +23,11 @@ TABLE = {
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat"},
     "assembly": {"numpy", "petsc4py", "compat", "timing"},
     "solvers": {"numpy", "petsc4py", "assembly", "timing"},
+    "checks": {"numpy", "compat", "assembly"},
     "scene": {"numpy", "mpi4py", "basix", "ufl", "compat", "materials", "virtual_power", "mesh_io", "assembly", "contact",
-              "output"},
+              "checks", "output"},
     "output": {"numpy", "matplotlib", "mpl_toolkits", "ufl", "compat", "virtual_power", "assembly", "kernels"},
-    "run": {"numpy", "tqdm", "compat", "assembly", "solvers", "output", "scene"},
+    "run": {"numpy", "tqdm", "compat", "assembly", "solvers", "output", "checks"},
     # what the package offers to its users
     "__init__": {"compat", "materials", "mesh_io", "contact", "scene", "solvers", "output", "run"},
 }  # fmt: skip

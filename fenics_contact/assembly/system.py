@@ -75,6 +75,23 @@ class FormTerm:
         """Forms keep no history."""
 
 
+def is_symmetric(tangent_form, u, supports):
+    """Whether a bilinear form is symmetric on the dofs that no support holds, in a random configuration. Collective."""
+    saved, vector = u.x.array.copy(), compat.petsc_vector(u)
+    u.x.array[:] = np.random.default_rng(0).standard_normal(len(saved))
+    u.x.array[supports.dofs] = supports.values(1.0)
+    copy_to_ghosts(vector)
+    matrix = compat.create_matrix(tangent_form)
+    compat.assemble_matrix(matrix, tangent_form)
+    matrix.assemble()
+    matrix.zeroRowsColumnsLocal(supports.owned, 0.0)
+    size = matrix.norm()
+    transposed = matrix.transpose(PETSc.Mat())
+    transposed.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    u.x.array[:] = saved
+    return transposed.norm() <= 1e-10 * size  # sums of round-off; a real asymmetry is of the order of the entries
+
+
 class System:
     """Sum of terms with supports and tools; the steppers know nothing else.
 
