@@ -34,15 +34,16 @@ def along(X, time):
 
 def iron(foundation, indenter, slave, master, steps, **contact):
     mesh = read_gmsh(ironing.build, foundation=foundation, indenter=indenter, depth=DEPTH)
-    scene = Scene(
-        Body(mesh, "foundation", from_elastic(E, NU)), Body(mesh, "indenter", from_elastic(HARDER * E, NU))
-    )
+    scene = Scene(Body(mesh, "foundation", from_elastic(E, NU)), Body(mesh, "indenter", from_elastic(HARDER * E, NU)))
     scene.fix("foundation_bottom")
     scene.fix("ends", "y")
     scene.prescribe("indenter_top", "x", along)
     scene.prescribe("indenter_top", "z", down)
     scene.contact(slave, master, FRICTION, name="interface", **contact)
     press, draw, lift = steps
-    times = np.concatenate([np.linspace(0, 1, press + 1)[1:], np.linspace(1, 2, draw + 1)[1:], np.linspace(2, 3, lift + 1)[1:]]) / 3
+    times = (
+        np.concatenate([np.linspace(0, 1, press + 1)[1:], np.linspace(1, 2, draw + 1)[1:], np.linspace(2, 3, lift + 1)[1:]])
+        / 3
+    )
     result = solve(scene, steps=times, out=OUT, progress=False)
     return scene, result

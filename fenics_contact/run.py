@@ -53,13 +53,15 @@ def solve(
     linear="auto",
     tolerance=None,
     progress=True,
+    record=None,
 ):
     """Carry a scene from t = 0 to t = 1.
 
     move: {tool: travel (3,) at t = 1 [length], or a function of t}; push: {tool: force (3,) at t = 1 [force], or a function
     of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's) or "snes"; linear: "auto",
-    "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8).
+    "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
+    record: {name: function of the state -> number}, columns added to the history, called on all ranks.
 
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
@@ -86,6 +88,7 @@ def solve(
             travel = {tool.name: state.travel[i] for i, tool in enumerate(scene.tools)}
             measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
             row = history_row(len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units)
+            row |= {name: float(value(state)) for name, value in (record or {}).items()}
             history.append(row)
             if writer:
                 writer.step(row, on_schedule)
