@@ -25,8 +25,8 @@ RIGHT = RADIUS * TURN + TAIL  # mm, from the point where it first touches to the
 THICKNESSES = (2.0, 1.0, 0.5)  # mm
 STRETCH = (1.0, 1.4, 1.4, 1.7)  # of the moved part at the times 0 ... 3: stretched, wound, pulled till it slides
 STEPS = (3, 18, 10)
-# A strap presses with T/R, here some 0.01 MPa: with the default, made for solid blocks, it sank by some ten nanometres
-# and each lifting node a jump. This one lets it sink by 4 to 16 micrometres, less than a thousandth of the radius.
+# A strap presses with T/R, here some 0.01 MPa. The default, made for solid blocks, would let it sink by a tenth of a
+# micrometre, for many more iterations; this lets it sink by 4 to 16, less than a thousandth of the radius.
 PENALTY = 5.0  # MPa/mm
 
 

@@ -7,6 +7,7 @@ from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.units import Units
 from fenics_contact.run import Result, solve
 from fenics_contact.scene import Body, Scene, SceneError
+from fenics_contact.tool_mesh import rigid_surface
 
 __all__ = [
     "Body",
@@ -24,6 +25,7 @@ __all__ = [
     "rigid_plane",
     "rigid_punch",
     "rigid_sphere",
+    "rigid_surface",
     "solve",
     "user_energy",
     "yeoh",

@@ -28,8 +28,9 @@ TABLE = {
               "checks", "output"},
     "output": {"numpy", "matplotlib", "mpl_toolkits", "ufl", "compat", "virtual_power", "assembly", "kernels"},
     "run": {"numpy", "tqdm", "compat", "assembly", "solvers", "output", "checks"},
+    "tool_mesh": {"numpy", "mpi4py", "mesh_io", "contact"},
     # what the package offers to its users
-    "__init__": {"compat", "materials", "mesh_io", "contact", "scene", "solvers", "output", "run"},
+    "__init__": {"compat", "materials", "mesh_io", "tool_mesh", "contact", "scene", "solvers", "output", "run"},
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one
 ONLY = {
