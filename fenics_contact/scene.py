@@ -14,9 +14,9 @@ from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
 from fenics_contact.checks import AXES, SceneError, ramp, refuse_behind, refuse_deep_start, refuse_inside, refuse_loose
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
+from fenics_contact.contact.meshed_tool import MeshedToolContact
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
-from fenics_contact.contact.meshed_tool import MeshedToolContact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh

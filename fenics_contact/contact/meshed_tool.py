@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_contact.contact.deformable import DeformableContact
-from fenics_contact.contact.master import ToolSurface
+from fenics_contact.contact.master import ToolSurface, area_vectors
 
 # A slave point and the facet nearest to it say on which side of the tool the body is if their normals are this parallel.
 DECISIVE = 0.5
@@ -43,18 +43,23 @@ class MeshedToolContact(DeformableContact):
     def back_share(self, state, comm):
         """Share of the slave points that see the nearest facet of the tool from behind. Collective."""
         coords, points, normals = self._positions(state)
+        if self.surface.gradients is not None:  # nodal normals are means of facets of degree 1
+            s = self.surface
+            x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
+            tangents = np.einsum("eqtk,ekc->eqtc", s.gradients, x).reshape(-1, 2, 3)
+            normals = _unit(np.cross(tangents[:, 0], tangents[:, 1]))
         some = slice(None, None, max(len(points) // SAMPLES, 1))
         corners = coords[self._facets[0]]
-        centres, outward = corners.mean(axis=1), _unit_normals(corners)
+        centres, outward = corners.mean(axis=1), _unit(area_vectors(corners))
         nearest = np.array([np.argmin(((centres - x) ** 2).sum(axis=1)) for x in points[some]], dtype=np.int64)
         toward = np.einsum("pc,pc->p", points[some] - centres[nearest], outward[nearest])
         facing = -np.einsum("pc,pc->p", normals[some], outward[nearest])
-        behind = (facing < -DECISIVE) & (toward < 0.0)
-        before = (facing > DECISIVE) & (toward > 0.0)
+        touch = self.surface.cell_height  # so near to it, only the normals decide
+        behind = (facing < -DECISIVE) & (toward < touch)
+        before = (facing > DECISIVE) & (toward > -touch)
         behind, before = comm.allreduce(np.array([behind.sum(), before.sum()]))
         return behind / max(behind + before, 1)
 
 
-def _unit_normals(corners):
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
