@@ -73,7 +73,7 @@ class DeformableContact:
     def _positions(self, state):
         """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3) and their normals."""
         u = state.u.x.array
-        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(u)])
+        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
         points, normals = np.empty((len(self._slaves[2]), 3)), np.empty((len(self._slaves[2]), 3))
         slave_points(coords, self._slaves[0], self._slaves[1], points)
         at_nodes = np.zeros_like(coords)
@@ -115,6 +115,10 @@ class DeformableContact:
         unpaired = self._project(state)[2][1] == NONE
         gaps = self._first_projection(state)[1][4][unpaired]
         return -min(comm.allgather(gaps.min(initial=0.0)))
+
+    def back_share(self, state, comm):
+        """Zero: normals of a body's facets point out of it."""
+        return 0.0
 
     def touches(self, blocks):
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
@@ -160,7 +164,7 @@ class DeformableContact:
         np.add.at(sums, nodes, forces.reshape(*nodes.shape, 3))
         first = len(self._local)
         residual.reshape(-1, 3)[self._local] += sums[:first]
-        self.master.add_forces(sums[first:], residual)
+        self.master.add_forces(sums[first:], residual, tool_residual)
 
     def add_tangent(self, state, matrix, border):
         active, _, tangent, nodes = self.evaluate(state, True)
