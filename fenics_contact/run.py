@@ -9,8 +9,9 @@ from tqdm import tqdm
 from fenics_contact import compat
 from fenics_contact.output.history import history_row
 from fenics_contact.output.writer import Writer, prepare_folder
+from fenics_contact.restart import Keeper
 from fenics_contact.scene import SceneError
-from fenics_contact.solvers.control import run
+from fenics_contact.solvers.control import Verdict, run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.snes import Snes
@@ -53,13 +54,17 @@ def solve(
     linear="auto",
     tolerance=None,
     progress=True,
+    checkpoint=False,
+    resume=False,
 ):
     """Carry a scene from t = 0 to t = 1.
 
     move: {tool: travel (3,) at t = 1 [length], or a function of t}; push: {tool: force (3,) at t = 1 [force], or a function
     of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's) or "snes"; linear: "auto",
-    "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8).
+    "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8); checkpoint: keep
+    every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go on from the last
+    checkpoint in `out`, where there is one, on any number of ranks.
 
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
@@ -68,15 +73,18 @@ def solve(
     times = _times(steps)
     if method not in STEPPERS:
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
+    every = _checkpoint_steps(checkpoint, resume, out)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push)
     _refuse_nan(system, times)
     solver = LinearSolver(system, linear)
     stepper = _stepper(method, solver, tolerance)
+    keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
+    verdict, history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
     smallest_J = scene.volume_ratio(system.state.u)
     with system.timers("output"):
-        writer = Writer(folder, scene, system) if folder else None
-    history = []
+        resumed = list(history) if history else None
+        writer = Writer(folder, scene, system, safe=keeper is not None, rows=resumed) if folder else None
     setup = time.perf_counter() - start
     bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
 
@@ -87,18 +95,33 @@ def solve(
             measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
             row = history_row(len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units)
             history.append(row)
+            if writer and on_schedule:
+                writer.write_fields(len(history))
+            if keeper:
+                keeper.keep()
             if writer:
-                writer.step(row, on_schedule)
+                writer.write_row(row)
         bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
         bar.update(state.t - bar.n)
 
-    verdict = run(system, stepper, times, on_step)
+    run(system, stepper, times, on_step, verdict=verdict)
     bar.close()
     summary = _summary(scene, system, solver, method, verdict, history)
     summary["seconds"] = {"set-up": setup, "total": time.perf_counter() - start, **system.timers.seconds}
     if writer:
         writer.finish(summary)
     return Result(history, verdict, system, summary)
+
+
+def _checkpoint_steps(checkpoint, resume, out):
+    """After how many accepted steps a checkpoint is due, 0 for never."""
+    if isinstance(checkpoint, bool):
+        checkpoint = int(checkpoint or resume)
+    if checkpoint != int(checkpoint) or checkpoint < 0:
+        raise SceneError(f"checkpoint = {checkpoint}: give True, or the number of accepted steps from one to the next")
+    if checkpoint and out is None:
+        raise SceneError("checkpoint and resume need a folder: give out=...")
+    return int(checkpoint)
 
 
 def _times(steps):

@@ -39,6 +39,12 @@ class Term(Protocol):
 
     def commit(self, state): ...
 
+    def history(self):
+        """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
+
+    def restore(self, values):
+        """Take up what history gave, for this rank's elements."""
+
 
 class Border:
     """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
@@ -73,6 +79,12 @@ class FormTerm:
 
     def commit(self, state):
         """Forms keep no history."""
+
+    def history(self):
+        return {}
+
+    def restore(self, values):
+        """Nothing to take up."""
 
 
 class System:
@@ -135,6 +147,14 @@ class System:
         self.state.travel[:] = travel
         self.state.t = t
         self.set_loads(t)
+
+    def resume(self, travel, t):
+        """Declare the displacement in the state, with this travel and t, the committed one; the terms know their history."""
+        self.state.travel[:] = travel
+        self.state.t = t
+        self.set_loads(t)
+        self._committed = self._snapshot()
+        self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
     @property
     def committed_t(self):

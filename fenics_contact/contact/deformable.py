@@ -232,6 +232,23 @@ class DeformableContact:
         self._anchors = new
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
 
+    @property
+    def key(self):
+        return self.surface.key
+
+    def history(self):
+        """Anchors as keys of the master's nodes (-1: none) and their weights, and the slip paths."""
+        shape, (nodes, weights) = (*self.gap.shape, 4), self._anchors
+        keys = np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - len(self._local))]
+        return {"anchor": keys.reshape(shape), "weight": weights.reshape(shape), "slip_path": self.slip_path}
+
+    def restore(self, values):
+        keys, order = values["anchor"].reshape(-1, 4), np.argsort(self.master.keys)
+        nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
+        weights = np.ascontiguousarray(values["weight"].reshape(-1, 4))
+        self._anchors = np.where(keys < 0, -1, nodes), weights
+        self.slip_path = np.ascontiguousarray(values["slip_path"])
+
     # -- output ---------------------------------------------------------------------------------------------------
     def split_traction(self, state):
         """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""

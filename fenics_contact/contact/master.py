@@ -4,6 +4,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.numbering import node_keys
 
 
 def oriented_facets(space, facets):
@@ -36,9 +37,9 @@ class MasterSurface:
     """All facets of a master group on every rank, in an order that no partition changes.
 
     facets = (nodes (nf, 4), size (nf,)) number the surface's nodes 0 ... nm - 1, each once; blocks (nm,) their global
-    block numbers, rising; X (nm, 3) reference positions; edge, longest: median and largest length of the facets' edges.
-    The exchange is one gather of the owned positions to all ranks per evaluation: a surface is small against its
-    volume.
+    block numbers, rising; keys (nm,): their numbers that no partition changes; X (nm, 3) reference positions; edge,
+    longest: median and largest length of the facets' edges. The exchange is one gather of the owned positions to all
+    ranks per evaluation: a surface is small against its volume.
     """
 
     def __init__(self, space, facets):
@@ -55,6 +56,7 @@ class MasterSurface:
         self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
         self.owned = (self.blocks[self.mine] - first).astype(np.int64)
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
+        self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
         self.X = self._gather(space.tabulate_dof_coordinates()[self.owned])
         corners = self.X[self.facets[0]]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)

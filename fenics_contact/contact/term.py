@@ -99,6 +99,16 @@ class RigidContact:
         self._anchor = new
         self.slip_path = self.slip_path + sliding
 
+    @property
+    def key(self):
+        return self.surface.key
+
+    def history(self):
+        return {"anchor": self._anchor, "slip_path": self.slip_path}
+
+    def restore(self, values):
+        self._anchor, self.slip_path = (np.ascontiguousarray(values[name]) for name in ("anchor", "slip_path"))
+
     def excessive_overlap(self, state, X, slave, comm):
         """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.
 

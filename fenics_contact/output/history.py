@@ -31,9 +31,14 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
 class HistoryFile:
     """Appends rows to history.csv and flushes each, so that a killed run keeps its accepted steps."""
 
-    def __init__(self, folder):
-        self._file = open(Path(folder) / "history.csv", "w", newline="")  # noqa: SIM115 - lives as long as the run
+    def __init__(self, folder, rows=()):
+        """rows: those of the steps before, where a run is resumed; they replace what a killed run left of the file."""
+        draft = Path(folder) / "history.part"
+        self._file = open(draft, "w", newline="")  # noqa: SIM115 - lives as long as the run
         self._writer = None
+        for row in rows:
+            self.write(row)
+        draft.replace(draft.with_suffix(".csv"))
 
     def write(self, row):
         if self._writer is None:
@@ -50,11 +55,12 @@ def write_summary(folder, content):
     """summary.json, replaced in one move so that readers never see half of it."""
     target = Path(folder) / "summary.json"
     draft = target.with_suffix(".part")
-    draft.write_text(json.dumps(content, indent=2, default=_plain) + "\n")
+    draft.write_text(json.dumps(content, indent=2, default=plain) + "\n")
     draft.replace(target)
 
 
-def _plain(value):
+def plain(value):
+    """What JSON takes in place of a NumPy value."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
