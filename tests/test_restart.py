@@ -193,13 +193,13 @@ def test_a_torn_file_leaves_the_generation_before(tmp_path):
     assert files.read() is None
 
 
-def small(folder, resume):
-    """Thirty accepted steps of a few milliseconds each, nearly all of them spent in writing."""
+def small(folder, resume, steps):
+    """Accepted steps of a few milliseconds each, nearly all of them spent in writing."""
     scene = Scene(Body(read_gmsh(box.build, size=(10.0, 10.0, 5.0), cells=(2, 2, 1)), "box", RUBBER))
     scene.fix("zmin")
     tool = rigid_plane((0, 0, 5.0), (0, 0, -1.0))
     scene.contact("zmax", tool, 0.3, name="c")
-    return solve(scene, move={tool: (1.0, 0, -1.0)}, steps=30, out=folder, checkpoint=True, resume=resume, progress=False)
+    return solve(scene, move={tool: (1.0, 0, -1.0)}, steps=steps, out=folder, checkpoint=True, resume=resume, progress=False)
 
 
 def accepted(folder):
@@ -209,13 +209,13 @@ def accepted(folder):
 
 
 @pytest.mark.serial
-def test_killed_at_any_moment(tmp_path, kills=3):
+def test_killed_at_any_moment(tmp_path, kills=3, steps=30):
     rng = random.Random(time.time_ns())
     out, log = tmp_path / "run", []
     kept = 0
     for _ in range(kills):
         run = subprocess.Popen(
-            [sys.executable, __file__, out, "small"], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}
+            [sys.executable, __file__, out, "small", str(steps)], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}
         )
         deadline = time.monotonic() + 60.0
         while accepted(out) <= kept and run.poll() is None and time.monotonic() < deadline:
@@ -228,23 +228,23 @@ def test_killed_at_any_moment(tmp_path, kills=3):
         assert found is not None and found[1]["step"] >= rows >= kept, (log, rows)
         log.append((rows, found[1]["step"]))
         kept = found[1]["step"]
-        if kept == 30:
+        if kept == steps:
             break
-    result = small(out, True)
-    assert result.converged and [row["step"] for row in result.history] == list(range(1, 31)), log
-    whole = small(tmp_path / "whole", False)
+    result = small(out, True, steps)
+    assert result.converged and [row["step"] for row in result.history] == list(range(1, steps + 1)), log
+    whole = small(tmp_path / "whole", False, steps)
     assert apart(numbers(result), numbers(whole)) < SAME
     times = times_of_fields(out)
-    assert times == times_of_fields(tmp_path / "whole") and len(times["displacement"]) == 31
+    assert times == times_of_fields(tmp_path / "whole") and len(times["displacement"]) == steps + 1
     return log
 
 
 if __name__ == "__main__":
     where, what = Path(sys.argv[1]), sys.argv[2]
     if what == "small":
-        small(where, True)
-    elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20
-        print(test_killed_at_any_moment(where, int(sys.argv[3])))
+        small(where, True, int(sys.argv[3]))
+    elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20 kills 400 steps
+        print(test_killed_at_any_moment(where, int(sys.argv[3]), int(sys.argv[5])))
     else:
         resume = sys.argv[3] == "resume"
         found = {name: numbers(carry(name, where, ALL[: int(what)], resume)) for name in list(SCENES)[1:]}
