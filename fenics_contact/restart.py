@@ -5,7 +5,7 @@ from dataclasses import asdict
 from fenics_contact.assembly.memory import Memory
 from fenics_contact.output.checkpoint import CheckpointFiles
 from fenics_contact.scene import SceneError
-from fenics_contact.solvers.control import Verdict
+from fenics_contact.solvers.verdict import Verdict
 
 
 class Keeper:
@@ -39,7 +39,6 @@ class Keeper:
         if fields:
             self.stepper.recall(fields)
         self.verdict, self.rows = Verdict(**content["verdict"]), content["rows"]
-        self.verdict.converged, self.verdict.reason = True, "converged"  # what ended the run before may be mended now
 
     def keep(self):
         """Call after every accepted step: writes a checkpoint where one is due. Collective."""

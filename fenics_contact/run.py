@@ -11,10 +11,11 @@ from fenics_contact.output.history import history_row
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.scene import SceneError
-from fenics_contact.solvers.control import Verdict, run
+from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.snes import Snes
+from fenics_contact.solvers.verdict import Verdict
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes}
 
@@ -36,6 +37,12 @@ class Result:
     @property
     def converged(self):
         return self.verdict.converged
+
+    def require(self):
+        """Itself where the run converged; else the script ends with the reason and a nonzero exit code."""
+        if self.converged:
+            return self
+        raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
 
     def column(self, name):
         """A history column at all accepted steps; KeyError lists the columns."""
@@ -81,7 +88,7 @@ def solve(
     stepper = _stepper(method, solver, tolerance)
     keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
     verdict, history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
-    smallest_J = scene.volume_ratio(system.state.u)
+    smallest_J = scene.volume_ratio(system.state.u).smallest
     with system.timers("output"):
         resumed = list(history) if history else None
         writer = Writer(folder, scene, system, safe=keeper is not None, rows=resumed) if folder else None
@@ -153,9 +160,15 @@ def _summary(scene, system, solver, method, verdict, history):
     return {
         "verdict": {
             "converged": verdict.converged,
-            "t": verdict.t,
+            "kind": verdict.kind,
             "reason": verdict.reason,
+            "place": verdict.place,
+            "step": verdict.step,
+            "t": verdict.t,
+            "remedy": verdict.remedy,
             "cut_backs": verdict.cuts,
+            "smallest_step": verdict.smallest,
+            "notes": verdict.notes,
         },
         "scene": {
             "units": vars(scene.units),

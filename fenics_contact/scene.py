@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
@@ -20,6 +19,7 @@ from fenics_contact.contact.tools import RigidTool
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
+from fenics_contact.volume_ratio import VolumeRatio
 
 AXES = {"x": 0, "y": 1, "z": 2}
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
@@ -189,13 +189,8 @@ class Scene:
             for constant, _, value in loads:
                 constant.value[:] = t * value
 
-        smallest = self.volume_ratio(u)
-
-        def check():
-            worst = smallest()
-            return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
-
-        system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
+        check = self.volume_ratio(u).check
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, self._bonded_bodies())
         system.contacts, system.units = contacts, self.units
         self._refuse_deep_start(system)
         return system
@@ -255,7 +250,7 @@ class Scene:
             free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
-        return ToolMotion(paths, forces, free)
+        return ToolMotion(paths, forces, free, [tool.name for tool in self.tools])
 
     def _modulus_by_cell(self):
         cells = self.mesh.domain.topology.index_map(3)
@@ -352,11 +347,8 @@ class Scene:
                 )
 
     def volume_ratio(self, u):
-        """Function () -> smallest J = det F over the quadrature points of all ranks."""
-        cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
-        points, _ = basix.make_quadrature(cell, 2 * self.degree + 1)
-        evaluate = compat.cell_evaluator(self.mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
-        return lambda: self.mesh.comm.allreduce(float(np.min(evaluate(), initial=np.inf)), op=MPI.MIN)
+        """J = det F of a displacement."""
+        return VolumeRatio(self.mesh, self.bodies, self.degree, u)
 
 
 def _names(group):

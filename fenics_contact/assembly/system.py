@@ -45,6 +45,18 @@ class Term(Protocol):
     def restore(self, values):
         """Take up what history gave, for this rank's elements."""
 
+    def statuses(self):
+        """Status codes (n,) of this rank's points at the state evaluated last."""
+
+    def spots(self):
+        """Reference positions (n, 3) of these points."""
+
+    def rounded(self, state):
+        """None, or the Finding that forces at the state evaluated last are round-off. Collective."""
+
+    def trouble(self, state):
+        """None, or the Finding that keeps the step after this accepted state from converging. Collective."""
+
 
 class Border:
     """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
@@ -86,18 +98,30 @@ class FormTerm:
     def restore(self, values):
         """Nothing to take up."""
 
+    def statuses(self):
+        return np.empty(0, dtype=int)
+
+    def spots(self):
+        return np.empty((0, 3))
+
+    def rounded(self, state):
+        """None: forms compute no differences of coordinates."""
+
+    def trouble(self, state):
+        """None: what forms suffer from is found in the tangent."""
+
 
 class System:
     """Sum of terms with supports and tools; the steppers know nothing else.
 
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
-    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is
-    not admissible.
+    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(least=0.0): None, or the Finding
+    that names the place where J is no more than `least`; bodies: (name, local nodes) of each group of bonded bodies.
     """
 
-    def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None):
+    def __init__(self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, bodies=()):
         self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
-        self.set_loads, self.check = set_loads, check
+        self.set_loads, self.check, self.bodies = set_loads, check, bodies
         self.timers = Timers()
         self.space = state.u.function_space
         self.comm = self.space.mesh.comm
@@ -113,7 +137,15 @@ class System:
         self.tool_residual = np.zeros((len(tools), 3))
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
+        self.extent = self._extent()
         self._committed = self._snapshot()
+
+    def _extent(self):
+        """Largest side of the box around all bodies [length]."""
+        X = self.space.tabulate_dof_coordinates()
+        low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)
+        low, high = np.min(self.comm.allgather(low), axis=0), np.max(self.comm.allgather(high), axis=0)
+        return float((high - low).max())
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
@@ -170,6 +202,13 @@ class System:
         self.vector.axpy(1.0, du)
         copy_to_ghosts(self.vector)
         self.state.travel += dq
+
+    def objection(self):
+        """None, or the Finding why a state in balance must not be accepted. Collective."""
+        found = self.check()
+        for term in self.terms:
+            found = found or term.rounded(self.state)
+        return found
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def assemble_residual(self):

@@ -2,28 +2,14 @@
 
 import math
 import time
-from dataclasses import dataclass, field
 
-from fenics_contact.solvers.newton import StepFailed
+from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
+from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 SMALLEST = 1e-4  # of t, or this share of the schedule's shortest step where that is smaller
+HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
-
-
-@dataclass
-class Verdict:
-    """How a run ended: converged, the load parameter reached, and in words why not.
-
-    size: largest step [t] to try next, endless while no step failed.
-    """
-
-    converged: bool = True
-    t: float = 0.0
-    reason: str = "converged"
-    cuts: int = 0
-    iterations: int = 0
-    residuals: list = field(default_factory=list)  # per accepted step: out-of-balance share after each solve
-    size: float = math.inf
 
 
 def smallest_step(times, smallest=SMALLEST):
@@ -39,7 +25,7 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
     that of the steps before, where a run is resumed. Returns the Verdict.
     """
     verdict = verdict or Verdict()
-    smallest = smallest or smallest_step(times)
+    verdict.smallest = smallest or smallest_step(times)
     for target in times:
         while target - system.committed_t > 1e-12:
             start = time.perf_counter()
@@ -47,13 +33,13 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             size = goal - system.committed_t
             try:
                 report = stepper.step(system, goal)
-                if wrong := system.check():
-                    raise StepFailed(wrong)
+                if wrong := system.objection():
+                    raise StepFailed.of(wrong)
             except StepFailed as failure:
-                system.rollback()
-                if size / 2 < smallest:
-                    verdict.converged, verdict.reason = False, f"at t = {goal:.6g}: {failure}"
+                if size / 2 < verdict.smallest or failure.finding.kind in HOPELESS:
+                    verdict.stop(diagnose(system, failure), goal)
                     return verdict
+                system.rollback()
                 verdict.cuts += 1
                 verdict.size = size / 2
                 continue
@@ -63,6 +49,7 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             verdict.t = goal
             verdict.iterations += report.iterations
             verdict.residuals.append(report.residuals)
+            verdict.notes += [f"step {len(verdict.residuals)} to t = {goal:.6g}: {note}" for note in report.notes]
             on_step(report, time.perf_counter() - start, goal == target)
     return verdict
 

@@ -3,22 +3,23 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from petsc4py import PETSc
 
+from fenics_contact.solvers.cycles import StatusWatch
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
+from fenics_contact.solvers.verdict import StepFailed
 
+FARTHEST = 1e3  # sizes of the bodies; a tangent that moves a node by more than that is singular to round-off
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
-
-
-class StepFailed(RuntimeError):
-    """A step did not converge; the message says why."""
 
 
 @dataclass
 class StepReport:
-    """What a step took: tangent solves and the out-of-balance norm over the force scale after each of them."""
+    """What a step took: tangent solves, the out-of-balance norm over the force scale after each, what was resolved."""
 
     iterations: int = 0
     residuals: list = field(default_factory=list)
+    notes: list = field(default_factory=list)
 
 
 class Newton:
@@ -37,6 +38,7 @@ class Newton:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         report = StepReport()
+        watch = StatusWatch(system, report.notes)
         before = np.inf  # the predictor carries supports and tools, so it is taken whole
         while True:
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
@@ -48,6 +50,8 @@ class Newton:
                 return report
             if report.iterations >= self.limit:
                 raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
+            if watch.cycles(report.residuals):
+                before = _move(system, du, dq, -0.5)  # between two sets of statuses lies what neither of them balances
             du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
 
     def _shorten(self, system, du, dq, before):
@@ -110,7 +114,9 @@ def solve_once(system, linear, du, dq, tolerance=TIGHTEST):
     try:
         increment = linear.solve(du, dq, tolerance)
     except LinearFailure as failure:
-        raise StepFailed(str(failure)) from None
+        raise StepFailed(*failure.args) from None
+    if not increment[0].norm(PETSc.NormType.NORM_INFINITY) <= FARTHEST * system.extent + np.abs(du).max(initial=0.0):
+        raise StepFailed("the tangent is singular: an increment is not finite or far larger than the bodies")
     system.update(*increment)
     return increment
 
