@@ -63,6 +63,7 @@ def solve(
     progress=True,
     checkpoint=False,
     resume=False,
+    smallest_step=None,
 ):
     """Carry a scene from t = 0 to t = 1.
 
@@ -71,7 +72,8 @@ def solve(
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's) or "snes"; linear: "auto",
     "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8); checkpoint: keep
     every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go on from the last
-    checkpoint in `out`, where there is one, on any number of ranks.
+    checkpoint in `out`, where there is one, on any number of ranks; smallest_step: share of the load below which a step is
+    not cut (1e-4 of the schedule's shortest step).
 
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
@@ -80,6 +82,8 @@ def solve(
     times = _times(steps)
     if method not in STEPPERS:
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
+    if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
+        raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     every = _checkpoint_steps(checkpoint, resume, out)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push)
@@ -111,7 +115,7 @@ def solve(
         bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
         bar.update(state.t - bar.n)
 
-    run(system, stepper, times, on_step, verdict=verdict)
+    run(system, stepper, times, on_step, smallest_step, verdict)
     bar.close()
     summary = _summary(scene, system, solver, method, verdict, history)
     summary["seconds"] = {"set-up": setup, "total": time.perf_counter() - start, **system.timers.seconds}

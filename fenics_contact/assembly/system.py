@@ -137,6 +137,7 @@ class System:
         self.tool_residual = np.zeros((len(tools), 3))
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
+        self._accepted_stiffness = 0.0
         self.extent = self._extent()
         self._committed = self._snapshot()
 
@@ -170,10 +171,11 @@ class System:
         for term in self.terms:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
-        self._committed = self._snapshot()
+        self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
 
     def rollback(self):
         """Return to the last committed state."""
+        self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
         self.state.travel[:] = travel
@@ -185,7 +187,7 @@ class System:
         self.state.travel[:] = travel
         self.state.t = t
         self.set_loads(t)
-        self._committed = self._snapshot()
+        self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
     @property

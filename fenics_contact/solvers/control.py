@@ -3,11 +3,11 @@
 import math
 import time
 
-from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
+from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 
-SMALLEST = 1e-4  # of t, or this share of the schedule's shortest step where that is smaller
+SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
@@ -41,6 +41,8 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
                     return verdict
                 system.rollback()
                 verdict.cuts += 1
+                if failure.finding.kind == CYCLING:
+                    verdict.notes.append(f"step to t = {goal:.6g} cut back: {failure}, {failure.finding.place}")
                 verdict.size = size / 2
                 continue
             system.commit()

@@ -2,28 +2,37 @@
 
 import numpy as np
 
-from fenics_contact.assembly.finding import CYCLING, spot
+from fenics_contact.assembly.finding import CYCLING, Finding, spot
 from fenics_contact.solvers.verdict import StepFailed
 
 LONGEST = 4  # period looked for
 TURNS = 2  # repetitions that make a cycle; one may be chance
-BROKEN = 3  # cycles broken up in a step before it is given up
 
 
 class StatusWatch:
     """Sees after each Newton iteration whether the statuses of all terms' points repeat. Collective throughout."""
 
     def __init__(self, system, notes):
-        self.system, self.notes, self._seen, self._broken = system, notes, [], 0
+        self.system, self.notes, self._seen, self._finding = system, notes, [], None
 
-    def cycles(self, residuals):
+    @property
+    def cycling(self):
+        """Has a cycle been seen in this step?"""
+        return self._finding is not None
+
+    def look(self, residuals):
         """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on."""
         period = self._period()
-        if not period or residuals[-1] < 0.5 * residuals[-1 - TURNS * period]:
-            return False
-        self._note(period)
-        self._seen.clear()
-        return True
+        if period and residuals[-1] > 0.5 * residuals[-1 - TURNS * period]:
+            self.blame()
+            self._finding = self._cycle(period)
+            self.notes.append(f"{self._finding.reason} ({self._finding.place}): increments shortened")
+            self._seen.clear()
+
+    def blame(self):
+        """StepFailed, if a cycle was seen in this step: shorter increments have not helped."""
+        if self._finding:
+            raise StepFailed.of(self._finding)
 
     def _period(self):
         """0, or the period in which the statuses have been repeating."""
@@ -38,8 +47,7 @@ class StatusWatch:
             np.array_equal(a, b) for a, b in zip(recent, recent[period:], strict=False)
         )
 
-    def _note(self, period):
-        self._broken += 1
+    def _cycle(self, period):
         recent = np.array(self._seen[-period:])
         moving = (recent != recent[0]).any(axis=0)
         spots = np.concatenate([term.spots() for term in self.system.terms])[moving]
@@ -48,7 +56,4 @@ class StatusWatch:
         points = [point for part in self.system.comm.allgather(here) for point in part]
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
         text = f"the status of {len(points)} points repeats every {period} iterations"
-        if self._broken > BROKEN:
-            remedy = "lower tangential_share= or friction there, take more steps, or use points=3 (Gauss points)"
-            raise StepFailed(text, CYCLING, place, remedy)
-        self.notes.append(f"{text} ({place}): resolved by going half the way")
+        return Finding(CYCLING, text, place, "take more steps, lower tangential_share=, or use points=3 (Gauss points)")

@@ -3,13 +3,14 @@
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.finding import INVERTED, LIMIT_POINT, LOST, RIGID_MOTION, UNKNOWN, Finding, spot
+from fenics_contact.assembly.finding import LIMIT_POINT, LOST, MEMORY, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding, spot
 
 # A motion counts as free below this share of the stiffness that its nodes have each alone: round-off is 1e-15, and the
 # least of what holds a body, one corner in contact, is far above.
 FREE = 1e-10
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
+CERTAIN = (MEMORY, TOO_STIFF)  # causes that need no further evidence
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
@@ -19,21 +20,24 @@ MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "tu
 
 def diagnose(system, failure):
     """Finding of the cause of a StepFailed: call at the failing iterate; the system is rolled back here. Collective."""
+    known = failure.finding
     inverted = system.check()
     system.rollback()
-    if failure.finding.kind not in (UNKNOWN, INVERTED):
-        return failure.finding
+    if known.kind in CERTAIN:
+        return known
     if inverted and (worst := system.check(SQUEEZED)):  # no iterate gone astray: the accepted state was about to
         return worst
-    system.assemble_residual()
     troubles = [found for term in system.terms if (found := term.trouble(system.state))]
+    if lost := [trouble for trouble in troubles if trouble.kind == LOST]:
+        return lost[0]
+    if known.kind == RIGID_MOTION:
+        return known
     system.assemble_tangent()
     matrix = _supported(system)
-    lost = [trouble for trouble in troubles if trouble.kind == LOST]
-    found = next(iter(lost), None) or rigid_motion(system, matrix) or next(iter(troubles), None)
+    found = rigid_motion(system, matrix) or next(iter(troubles), None)
     if found is None and matrix.getSize()[0] <= LARGEST:
         found = limit_point(system, matrix)
-    return found or inverted or failure.finding
+    return found or (inverted if known.kind == UNKNOWN else None) or known
 
 
 def _supported(system):
