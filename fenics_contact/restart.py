@@ -3,8 +3,8 @@
 from dataclasses import asdict
 
 from fenics_contact.assembly.memory import Memory
+from fenics_contact.checks import SceneError
 from fenics_contact.output.checkpoint import CheckpointFiles
-from fenics_contact.scene import SceneError
 from fenics_contact.solvers.verdict import Verdict
 
 

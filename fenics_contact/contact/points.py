@@ -48,9 +48,14 @@ class SlavePoints:
             return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
         return None
 
-    def rounded(self, state):
-        """None, or the Finding that penetrations are too small for a number beside the coordinates. Collective."""
+    def objection(self, state):
+        """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, or
+        penetrations are too small for a number beside the coordinates. Collective."""
         comm = state.u.function_space.mesh.comm
+        depth = self.lost_depth(state, comm)
+        if depth > self.touch:
+            text = f"'{self.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+            return Finding(LOST, text, f"contact '{self.name}'", "take smaller steps, or raise the penalty")
         pressure = np.linalg.norm(self.traction, axis=2).ravel()
         largest, place = self._worst(comm, pressure)
         soft = self.surface.stiffness.min(initial=np.inf)

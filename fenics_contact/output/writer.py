@@ -31,11 +31,12 @@ def prepare_folder(path, comm):
 class Writer:
     """Writes every accepted step into a folder: history.csv and the fields, at the end summary.json and body.png.
 
-    safe: fields go into files that a kill leaves intact; rows: history rows of the steps before, where a run is resumed.
+    clock: function () -> time stamp in results.xdmf, which must grow: a continuation's t does not; safe: fields go into
+    files that a kill leaves intact; rows: history rows of the steps before, where a run is resumed.
     """
 
-    def __init__(self, folder, scene, system, safe=False, rows=None):
-        self.comm = system.comm
+    def __init__(self, folder, scene, system, clock, safe=False, rows=None):
+        self.comm, self._clock = system.comm, clock
         self.folder, self.scene, self.system = folder, scene, system
         self.fields = Fields(scene, system)
         self._history = HistoryFile(folder, rows or ()) if self.comm.rank == 0 else None
@@ -47,7 +48,7 @@ class Writer:
     def write_fields(self, step):
         """Fields of accepted step number `step`, 0 for the start."""
         self.fields.update()
-        self._series.write(step, self.fields.all, self.system.state.t)
+        self._series.write(step, self.fields.all, self._clock())
 
     def write_row(self, row):
         if self._history:
