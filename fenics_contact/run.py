@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.checks import SceneError
-from fenics_contact.output.history import history_row
+from fenics_contact.output.history import history_row, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
@@ -16,6 +16,7 @@ from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
+from fenics_contact.solvers.penalty_error import penalty_error
 from fenics_contact.solvers.snes import Snes
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.targets import distances
@@ -144,6 +145,8 @@ def solve(
         run(system, stepper, times, on_step, smallest_step, verdict)
     bar.close()
     summary = _summary(scene, system, solver, method, verdict, history)
+    error = penalty_error(system, solver) if verdict.converged else None
+    summary["penalty_error"] = penalty_summary(error, [tool.name for tool in scene.tools], scene.units)
     summary["seconds"] = {"set-up": setup, "total": time.perf_counter() - start, **system.timers.seconds}
     if writer:
         writer.finish(summary)

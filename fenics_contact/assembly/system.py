@@ -30,6 +30,7 @@ class Term(Protocol):
 
     name: str
     symmetric: bool
+    penalised: bool  # is it proportional to penalties, with resultants(state) -> forces (n,) and values at its points (m,)?
 
     def add_residual(self, state, residual, tool_residual): ...
 
@@ -84,6 +85,8 @@ class FormTerm:
     Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
     confuses the values of two rules in one kernel.
     """
+
+    penalised = False
 
     def __init__(self, name, residual, tangent=None, symmetric=True):
         self.name, self.symmetric = name, symmetric

@@ -17,6 +17,14 @@ class SlavePoints:
     Needs their name and surface, and per element and point status, gap, cover, traction and met (has been in contact).
     """
 
+    penalised = True
+
+    def resultants(self, state):
+        """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,). Collective."""
+        self.evaluate(state, False)
+        comm = state.u.function_space.mesh.comm
+        return self.measures(state, comm)["force"], self.split_traction(state)[0].ravel()
+
     @property
     def key(self):
         return self.surface.key

@@ -28,6 +28,23 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
     return row
 
 
+def penalty_summary(error, tools, units):
+    """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known."""
+    if error is None:
+        return {}
+    out = {}
+    for name, e in error["contacts"].items():
+        size, peak = float(np.linalg.norm(e["force"])), e["peak"]
+        out[name] = {
+            f"force_change_{units.force}": list(e["force_change"]),
+            "force_change_share": float(np.linalg.norm(e["force_change"])) / size if size else 0.0,
+            f"peak_pressure_{units.pressure}": peak,
+            "peak_pressure_change_share": e["peak_change"] / peak if peak else 0.0,
+        }
+    travel = {f"{tool}_{units.length}": list(change) for tool, change in zip(tools, error["travel_change"], strict=True)}
+    return {"contacts": out, "travel_change": travel}
+
+
 class HistoryFile:
     """Appends rows to history.csv and flushes each, so that a killed run keeps its accepted steps."""
 
