@@ -27,7 +27,7 @@ def refuse_inside(mesh, facets, what):
 def refuse_loose(scene, contacts, supports, state):
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
     comm = scene.mesh.comm
-    for names, blocks in _bonded_bodies(scene):
+    for names, blocks in bonded_bodies(scene):
         dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
         held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
         for contact in contacts:
@@ -40,7 +40,7 @@ def refuse_loose(scene, contacts, supports, state):
             )
 
 
-def _bonded_bodies(scene):
+def bonded_bodies(scene):
     """Groups of bodies that share nodes: (names, local nodes) of each."""
     tags, groups = scene.mesh.cell_tags, []
     for body in scene.bodies:

@@ -8,14 +8,17 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.checks import SceneError
-from fenics_contact.output.history import history_row
+from fenics_contact.output.history import history_row, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
+from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
+from fenics_contact.solvers.penalty_error import penalty_error
 from fenics_contact.solvers.snes import Snes
+from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.targets import distances
 from fenics_contact.timing import Timers
 
@@ -40,6 +43,12 @@ class Result:
     def converged(self):
         return self.verdict.converged
 
+    def require(self):
+        """Itself where the run converged; else the script ends with the reason and a nonzero exit code."""
+        if self.converged:
+            return self
+        raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
+
     def column(self, name):
         """A history column at all accepted steps; KeyError lists the columns."""
         if self.history and name not in self.history[0]:
@@ -57,6 +66,9 @@ def solve(
     linear="auto",
     tolerance=None,
     progress=True,
+    checkpoint=False,
+    resume=False,
+    smallest_step=None,
     until=None,
     back=None,
     record=None,
@@ -67,7 +79,11 @@ def solve(
     of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
-    record: {name: function of the state -> number}, columns added to the history, called on all ranks.
+    smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
+    {name: function of the state -> number}, columns added to the history, called on all ranks.
+
+    checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
+    on from the last checkpoint in `out`, where there is one, on any number of ranks.
 
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
@@ -84,6 +100,9 @@ def solve(
     continuation = method == "arc_length"
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
     arcs = _arc_steps(steps, until, back, continuation)
+    every = _checkpoint_steps(checkpoint, resume, out, continuation)
+    if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
+        raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push, timers)
     _refuse_nan(system, times)
@@ -92,12 +111,14 @@ def solve(
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear)
     stepper = _stepper(method, solver, tolerance)
-    history = []
+    keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
+    verdict, history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
     with timers("compile"):
-        smallest_J = scene.volume_ratio(system.state.u)
+        smallest_J = scene.volume_ratio(system.state.u).smallest
     with timers("output"):
+        resumed = list(history) if history else None
         clock = (lambda: len(history)) if continuation else (lambda: system.state.t)
-        writer = Writer(folder, scene, system, clock) if folder else None
+        writer = Writer(folder, scene, system, clock, keeper is not None, resumed) if folder else None
     setup = timers.table()["total"]
     bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
 
@@ -111,17 +132,24 @@ def solve(
             if continuation:
                 row["limit_point"] = report.limit_point
             history.append(row)
+            if writer and on_schedule:
+                writer.write_fields(len(history))
+            if keeper:
+                keeper.keep()
             if writer:
-                writer.step(row, on_schedule)
+                writer.write_row(row)
         bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
         bar.update(state.t - bar.n)
 
     if continuation:
         verdict = follow(system, stepper, arcs, legs, on_step)
     else:
-        verdict = run(system, stepper, times, on_step)
+        run(system, stepper, times, on_step, smallest_step, verdict)
     bar.close()
     summary = _summary(scene, system, solver, method, verdict, history)
+    with timers("penalty error"):
+        error = penalty_error(system, solver) if verdict.converged else None
+    summary["penalty_error"] = penalty_summary(error, [tool.name for tool in scene.tools], scene.units)
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if writer:
         writer.finish(summary)
@@ -134,6 +162,19 @@ def _stages_line(seconds):
     """Where the time went, in one line."""
     stages = ", ".join(f"{stage} {t:.2g}" for stage, t in seconds.items() if stage != "total" and t >= 0.005)
     return f"{seconds['total']:.3g} s: {stages}"
+
+
+def _checkpoint_steps(checkpoint, resume, out, continuation):
+    """After how many accepted steps a checkpoint is due, 0 for never."""
+    if isinstance(checkpoint, bool):
+        checkpoint = int(checkpoint or resume)
+    if checkpoint != int(checkpoint) or checkpoint < 0:
+        raise SceneError(f"checkpoint = {checkpoint}: give True, or the number of accepted steps from one to the next")
+    if checkpoint and continuation:
+        raise SceneError('checkpoint and resume go with steps in t; method="arc_length" cannot be resumed yet')
+    if checkpoint and out is None:
+        raise SceneError("checkpoint and resume need a folder: give out=...")
+    return int(checkpoint)
 
 
 def _arc_steps(steps, until, back, continuation):
@@ -191,9 +232,15 @@ def _summary(scene, system, solver, method, verdict, history):
     return {
         "verdict": {
             "converged": verdict.converged,
-            "t": verdict.t,
+            "kind": verdict.kind,
             "reason": verdict.reason,
+            "place": verdict.place,
+            "step": verdict.step,
+            "t": verdict.t,
+            "remedy": verdict.remedy,
             "cut_backs": verdict.cuts,
+            "smallest_step": verdict.smallest,
+            "notes": verdict.notes,
         },
         "scene": {
             "units": vars(scene.units),

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
@@ -11,7 +10,16 @@ from fenics_contact import compat
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
-from fenics_contact.checks import AXES, SceneError, ramp, refuse_behind, refuse_deep_start, refuse_inside, refuse_loose
+from fenics_contact.checks import (
+    AXES,
+    SceneError,
+    bonded_bodies,
+    ramp,
+    refuse_behind,
+    refuse_deep_start,
+    refuse_inside,
+    refuse_loose,
+)
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolContact
@@ -23,6 +31,7 @@ from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
 from fenics_contact.timing import Timers
+from fenics_contact.volume_ratio import VolumeRatio
 
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
 PENALTY_FACTOR = 100.0
@@ -198,7 +207,7 @@ class Scene:
             terms = [solid]
             if pressures:
                 terms.append(self._pressure(u, pressures, supports))
-            smallest = self.volume_ratio(u)
+            check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
         with timers("compile"):  # the first call of a kernel loads or compiles it
@@ -211,17 +220,7 @@ class Scene:
             for constant, _, path in [*loads, *pressures]:
                 constant.value[...] = path(t)
 
-        def check():
-            worst = smallest()
-            if not worst > 0.0:
-                return f"an element turned inside out (smallest J {worst:.3g})"
-            for term in contacts:
-                depth = term.lost_depth(state, self.mesh.comm)
-                if depth > term.touch:
-                    return f"contact '{term.name}' was passed through by {depth:.3g}: a point lies too deep to be held"
-            return None
-
-        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, timers)
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bonded_bodies(self), timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
         refuse_behind(system)
         refuse_deep_start(self, system)
@@ -295,7 +294,7 @@ class Scene:
             free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
-        return ToolMotion(paths, forces, free)
+        return ToolMotion(paths, forces, free, [tool.name for tool in self.tools])
 
     def _modulus_by_cell(self):
         cells = self.mesh.domain.topology.index_map(3)
@@ -346,11 +345,8 @@ class Scene:
         return master
 
     def volume_ratio(self, u):
-        """Function () -> smallest J = det F over the quadrature points of all ranks."""
-        cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
-        points, _ = basix.make_quadrature(cell, quadrature_degree(self.degree))
-        evaluate = compat.cell_evaluator(self.mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
-        return lambda: self.mesh.comm.allreduce(float(np.min(evaluate(), initial=np.inf)), op=MPI.MIN)
+        """J = det F of a displacement."""
+        return VolumeRatio(self.mesh, self.bodies, self.degree, u)
 
 
 def _names(group):

@@ -4,6 +4,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.numbering import node_keys
 
 
 def oriented_facets(space, facets):
@@ -55,9 +56,9 @@ class _Surface:
 class MasterSurface(_Surface):
     """All facets of a master group on every rank, in an order that no partition changes.
 
-    facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers, rising.
-    The exchange is one gather of the owned positions to all ranks per evaluation: a surface is small against its
-    volume.
+    facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers, rising; keys (nm,):
+    their numbers that no partition changes. The exchange is one gather of the owned positions to all ranks per
+    evaluation: a surface is small against its volume.
     """
 
     def __init__(self, space, facets):
@@ -74,6 +75,7 @@ class MasterSurface(_Surface):
         self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
         self.owned = (self.blocks[self.mine] - first).astype(np.int64)
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
+        self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
         super().__init__(facets, self._gather(space.tabulate_dof_coordinates()[self.owned]))
 
     def _gather(self, owned):
@@ -102,6 +104,7 @@ class ToolSurface(_Surface):
         super().__init__((tool.nodes, tool.size), tool.X)
         self.index = index
         self.blocks = np.full(len(tool.X), -1, dtype=np.int64)  # no node of the System
+        self.keys = np.arange(len(tool.X))
         self.owned = np.empty(0, dtype=np.int64)
 
     def positions(self, state):

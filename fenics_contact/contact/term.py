@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact.contact.measures import contact_measures
+from fenics_contact.contact.points import SlavePoints
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
 from fenics_contact.kernels.status import OPEN
@@ -12,7 +13,7 @@ from fenics_contact.timing import Timers
 TOUCH = 1e-10
 
 
-class RigidContact:
+class RigidContact(SlavePoints):
     """Penalty contact with Coulomb friction between slave points and a rigid tool.
 
     surface: SlaveSurface; tool: RigidTool; index: row of the tool in the state's travel; friction: Coulomb's mu;
@@ -36,6 +37,7 @@ class RigidContact:
         self.excess = np.zeros((ne, nq))
         self.cover = np.ones((ne, nq))
         self.slip_path = np.zeros((ne, nq))
+        self.met = np.zeros((ne, nq), dtype=bool)
         self._anchor = np.zeros((ne, nq, 3))
         self.timers = Timers()  # those of the System it becomes part of
 
@@ -92,6 +94,7 @@ class RigidContact:
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
         self.evaluate(state, False)
+        self.met = self.met | (self.status != OPEN)
         self._commit(state, self.friction, self.touch)
 
     def _commit(self, state, mu, touch):
@@ -104,6 +107,12 @@ class RigidContact:
         )  # fmt: skip
         self._anchor = new
         self.slip_path = self.slip_path + sliding
+
+    def history(self):
+        return {"anchor": self._anchor, "slip_path": self.slip_path, "met": self.met}
+
+    def restore(self, values):
+        self._anchor, self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in self.history())
 
     def excessive_overlap(self, state, X, slave, comm):
         """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.solvers.control import Verdict
-from fenics_contact.solvers.newton import StepFailed
+from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
@@ -123,8 +123,8 @@ class Path:
 
     def _arrive(self, length, rate):
         arrival = self.arc.step(self.system, length, rate)
-        if wrong := self.system.check():
-            raise StepFailed(wrong)
+        if wrong := self.system.objection():
+            raise StepFailed.of(wrong)
         return arrival
 
     def _locate(self, arrival, rate, first, value, close):
@@ -163,8 +163,7 @@ def follow(system, arc, steps, legs, on_step):
         for targets in legs:
             reached.append(path.follow(targets))
     except StepFailed as failure:
-        system.rollback()
-        verdict.reason = f"after t = {system.state.t:.6g}: {failure}"
+        verdict.stop(diagnose(system, failure), system.state.t)
     else:
         verdict.converged, verdict.reason = True, "reached " + ", then ".join(reached)
     return verdict

@@ -3,14 +3,20 @@
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.finding import MEMORY, RIGID_MOTION
 from fenics_contact.solvers.reuse import TIGHTEST, ReusingSolver
 
 # Above this many unknowns smoothed aggregation beats factorisation (README, speed).
 ITERATIVE_ABOVE = 6_000
 
+# MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
+# Not -8, -9 and -14, -15: a nearly singular matrix, whose pivots are delayed, asks for more work space than foreseen.
+NO_MEMORY = (-5, -7, -13, -19)
+OUT_OF_MEMORY = 55  # PETSc's error code
+
 
 class LinearFailure(RuntimeError):
-    """The linear solver could not solve the tangent system; the message says why."""
+    """The linear solver could not solve the tangent system; arguments (why, kind of finding, place, remedy)."""
 
 
 class LinearSolver:
@@ -94,12 +100,17 @@ class LinearSolver:
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
-            raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
+            remedy = "bring it into contact before the force acts"
+            raise LinearFailure("it meets no resistance", RIGID_MOTION, self._tools(free), remedy) from None
         for amount, column in zip(travel, columns, strict=True):
             du.axpy(amount, column)
         total = dq.ravel().copy()
         total[free] += travel
         return du, total.reshape(-1, 3)
+
+    def _tools(self, free):
+        """Names of the tools with free components."""
+        return ", ".join(f"tool '{name}'" for name in dict.fromkeys(self.system.tools.names[c // 3] for c in free))
 
     def _add_prescribed_travel(self, rhs, dq):
         if self.system.border is None:
@@ -142,11 +153,16 @@ class LinearSolver:
             solver.use("direct")
             reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0:
-            raise LinearFailure(
-                f"the {self.method} linear solver failed (reason {reason}): the tangent is singular (is a body free to "
-                "move?) or memory ran out"
-            )
+            raise LinearFailure(*self._cause(reason))
         return out
+
+    def _cause(self, reason):
+        """Arguments of LinearFailure after PETSc's reason or error code."""
+        code = self._solver.mumps_code() if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED else 0
+        if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
+            text = f"the direct solver could not get the memory it needs (MUMPS {code})"
+            return text, MEMORY, "", 'use linear="iterative", more ranks on more machines, or a coarser mesh'
+        return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)
 
 
 def _soft_modes(system, matrix):

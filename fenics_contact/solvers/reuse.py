@@ -154,3 +154,7 @@ class ReusingSolver:
         self.iterations += iterations
         self._reuse.solved(iterations, tolerance)
         return reason
+
+    def mumps_code(self):
+        """MUMPS' INFOG(1) of the last factorisation, 0 where there is none."""
+        return self._fresh.getPC().getFactorMatrix().getMumpsInfog(1) if self.method == "direct" else 0
