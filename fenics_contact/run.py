@@ -97,7 +97,8 @@ def solve(
         clock = (lambda: len(history)) if continuation else (lambda: system.state.t)
         writer = Writer(folder, scene, system, clock) if folder else None
     setup = time.perf_counter() - start
-    bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
+    layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t has no end known before
+    bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format=layout)
 
     def on_step(report, seconds, on_schedule):
         with system.timers("output"):
@@ -111,8 +112,9 @@ def solve(
             history.append(row)
             if writer:
                 writer.step(row, on_schedule)
-        bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
-        bar.update(state.t - bar.n)
+        bar.set_postfix_str(f"step {len(history)}, t = {state.t:.4g}, {report.iterations} iterations", refresh=continuation)
+        if not continuation:
+            bar.update(state.t - bar.n)
 
     if continuation:
         verdict = follow(system, stepper, arcs, legs, on_step)
