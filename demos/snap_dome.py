@@ -76,8 +76,8 @@ def picture(through, back, moved, limits, shapes, path):
     """Force over travel, and the dome at the points marked on it."""
     figure = Figure(figsize=(11, 6.5))
     axes = figure.add_axes((0.07, 0.1, 0.5, 0.85))
-    axes.plot(*np.insert(np.transpose(through), 0, 0.0, axis=0).T, "-o", markersize=3, label="pushed, through")
-    axes.plot(*np.transpose(back), "--", label="pushed, back")
+    axes.plot(*(np.insert(values, 0, 0.0) for values in through), "-o", markersize=3, label="pushed, through")
+    axes.plot(*back, "--", label="pushed, back")
     axes.plot(*moved, "k+", label="moved: travel prescribed")
     for letter, (travel, force) in zip("abc", limits, strict=True):
         axes.plot(travel, force, "rv", markersize=7)
@@ -88,9 +88,9 @@ def picture(through, back, moved, limits, shapes, path):
     everywhere = [values for _, values in shapes]
     colours = min(v.min() for v in everywhere), max(v.max() for v in everywhere)
     for i, (letter, (corners, values)) in enumerate(zip("abc", shapes, strict=True)):
-        body = figure.add_axes((0.6, 0.67 - 0.32 * i, 0.28, 0.31), projection="3d")
-        scale = draw_body(body, corners, values, limits=colours, view=(12, 35))
-        body.set_title(letter, loc="left")
+        body = figure.add_axes((0.58, 0.64 - 0.32 * i, 0.31, 0.36), projection="3d")
+        scale = draw_body(body, corners, values, limits=colours, view=(12, 225))  # from the side of the cuts
+        body.text2D(0.1, 0.75, letter, transform=body.transAxes, fontsize=12)
         body.set_xticks([]), body.set_yticks([])
     figure.colorbar(scale, cax=figure.add_axes((0.92, 0.25, 0.015, 0.5)), label="vertical displacement [mm]")
     figure.savefig(path, dpi=150)
