@@ -81,8 +81,8 @@ def solve(
     if method not in STEPPERS:
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     continuation = method == "arc_length"
-    times = np.array([0.5, 1.0]) if continuation else _times(steps)
     arcs = _arc_steps(steps, until, back, continuation)
+    times = np.array([0.5, 1.0]) if continuation else _times(steps)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push)
     _refuse_nan(system, times)
@@ -142,7 +142,7 @@ def _arc_steps(steps, until, back, continuation):
         if np.ndim(steps) != 0:
             raise SceneError('method="arc_length" chooses its own t; give steps as ArcSteps or as one number')
         steps = ArcSteps(first=1.0 / len(_times(steps)))
-    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest}
+    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest, "turn": steps.turn}
     counts = {"most": steps.most, "iterations": steps.iterations}
     for name, value in lengths.items():
         if not value > 0.0:
