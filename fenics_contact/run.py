@@ -98,11 +98,11 @@ def solve(
     if method not in STEPPERS:
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     continuation = method == "arc_length"
-    times = np.array([0.5, 1.0]) if continuation else _times(steps)
     arcs = _arc_steps(steps, until, back, continuation)
     every = _checkpoint_steps(checkpoint, resume, out, continuation)
     if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
         raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
+    times = np.array([0.5, 1.0]) if continuation else _times(steps)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
     system = scene.system(move, push, timers)
     _refuse_nan(system, times)
@@ -112,50 +112,67 @@ def solve(
     solver = LinearSolver(system, linear)
     stepper = _stepper(method, solver, tolerance)
     keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
-    verdict, history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
-    with timers("compile"):
-        smallest_J = scene.volume_ratio(system.state.u).smallest
-    with timers("output"):
-        resumed = list(history) if history else None
-        clock = (lambda: len(history)) if continuation else (lambda: system.state.t)
-        writer = Writer(folder, scene, system, clock, keeper is not None, resumed) if folder else None
+    record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
     setup = timers.table()["total"]
-    bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
-
-    def on_step(report, seconds, on_schedule):
-        with timers("output"):
-            state = system.state
-            travel = {tool.name: state.travel[i] for i, tool in enumerate(scene.tools)}
-            measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
-            row = history_row(len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units)
-            row |= {name: float(value(state)) for name, value in (record or {}).items()}
-            if continuation:
-                row["limit_point"] = report.limit_point
-            history.append(row)
-            if writer and on_schedule:
-                writer.write_fields(len(history))
-            if keeper:
-                keeper.keep()
-            if writer:
-                writer.write_row(row)
-        bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
-        bar.update(state.t - bar.n)
-
+    verdict = record.verdict
     if continuation:
-        verdict = follow(system, stepper, arcs, legs, on_step)
+        verdict = follow(system, stepper, arcs, legs, record)
     else:
-        run(system, stepper, times, on_step, smallest_step, verdict)
-    bar.close()
-    summary = _summary(scene, system, solver, method, verdict, history)
+        run(system, stepper, times, record, smallest_step, verdict)
+    record.bar.close()
+    summary = _summary(scene, system, solver, method, verdict, record.history)
     with timers("penalty error"):
         error = penalty_error(system, solver) if verdict.converged else None
     summary["penalty_error"] = penalty_summary(error, [tool.name for tool in scene.tools], scene.units)
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
-    if writer:
-        writer.finish(summary)
+    if record.writer:
+        record.writer.finish(summary)
     if progress and system.comm.rank == 0:
         tqdm.write(_stages_line(summary["seconds"]), file=sys.stderr)
-    return Result(history, verdict, system, summary)
+    return Result(record.history, verdict, system, summary)
+
+
+class _Record:
+    """What a run keeps of every accepted step: a history row, fields, a checkpoint; and its progress bar.
+
+    Called with the step's report, its seconds and whether it is on the schedule, on all ranks.
+    """
+
+    def __init__(self, scene, system, folder, keeper, extra, continuation, progress):
+        self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
+        self.continuation = continuation
+        self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
+        with system.timers("compile"):
+            self._smallest_J = scene.volume_ratio(system.state.u).smallest
+        with system.timers("output"):
+            resumed = list(self.history) if self.history else None
+            clock = (lambda: len(self.history)) if continuation else (lambda: system.state.t)
+            self.writer = Writer(folder, scene, system, clock, keeper is not None, resumed) if folder else None
+        layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
+        self.bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format=layout)
+
+    def __call__(self, report, seconds, on_schedule):
+        with self.system.timers("output"):
+            self.history.append(self._row(report, seconds))
+            if self.writer and on_schedule:
+                self.writer.write_fields(len(self.history))
+            if self.keeper:
+                self.keeper.keep()
+            if self.writer:
+                self.writer.write_row(self.history[-1])
+        t = self.system.state.t
+        words = f"step {len(self.history)}, t = {t:.4g}, {report.iterations} iterations"
+        self.bar.set_postfix_str(words, refresh=self.continuation)
+        if not self.continuation:
+            self.bar.update(t - self.bar.n)
+
+    def _row(self, report, seconds):
+        state, units = self.system.state, self.scene.units
+        travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
+        measures = {contact.name: contact.measures(state, self.system.comm) for contact in self.system.contacts}
+        row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
+        row |= {name: float(value(state)) for name, value in self.extra.items()}
+        return row | ({"limit_point": report.limit_point} if self.continuation else {})
 
 
 def _stages_line(seconds):
@@ -191,7 +208,7 @@ def _arc_steps(steps, until, back, continuation):
         if np.ndim(steps) != 0:
             raise SceneError('method="arc_length" chooses its own t; give steps as ArcSteps or as one number')
         steps = ArcSteps(first=1.0 / len(_times(steps)))
-    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest}
+    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest, "turn": steps.turn}
     counts = {"most": steps.most, "iterations": steps.iterations}
     for name, value in lengths.items():
         if not value > 0.0:
