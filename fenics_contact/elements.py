@@ -36,9 +36,14 @@ def refuse_element(element, degree, tetrahedra, materials_by_body, accept_lockin
             )
 
 
-def quadrature_degree(degree, reduced=False):
-    """Full: 2 x 2 x 2 points in hexahedra of degree 1, 3 x 3 x 3 of degree 2; reduced: one less per direction."""
-    return 2 * (degree - 1) if reduced else 2 * degree + 1
+def quadrature_degree(degree):
+    """Full integration: 2 x 2 x 2 points in hexahedra of degree 1, 3 x 3 x 3 of degree 2."""
+    return 2 * degree + 1
+
+
+def _linear_pressure(mesh, degree):
+    """Whether the volume has four parameters per cell, or one: tetrahedra have too few nodes for more than one."""
+    return degree == 2 and compat.cell_name(mesh) == "hexahedron"
 
 
 def solid_term(element, u, parts, loads_power, degree):
@@ -49,7 +54,7 @@ def solid_term(element, u, parts, loads_power, degree):
     """
     space = u.function_space
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-    full, less = quadrature_degree(degree), quadrature_degree(degree, reduced=True)
+    full, less = quadrature_degree(degree), 2 if _linear_pressure(space.mesh, degree) else 0
     if element == "mixed":
         return _mixed(u, v, du, parts, loads_power, degree)
     rules = [[(material, dx(full)) for material, dx in parts]]
@@ -95,10 +100,10 @@ def _mixed(u, v, du, parts, loads_power, degree):
 def pressure_space(mesh, degree):
     """Space of pressures for displacements of a degree, and value(q): the UFL scalar of one of its functions.
 
-    Degree 1: one value per cell; degree 2: linear in X in each cell, in the reference position itself and not the
-    parent cell's coordinates, which distorted cells would spoil.
+    One value per cell, or in hexahedra of degree 2 linear in X: in the reference position itself and not in the parent
+    cell's coordinates, which distorted cells would spoil.
     """
-    if degree == 1:
+    if not _linear_pressure(mesh, degree):
         return compat.constant_space(mesh), lambda q: q
     vectors = compat.constant_space(mesh, (3,))
     centre, size = compat.Function(vectors), compat.Function(vectors)
