@@ -206,7 +206,13 @@ class Scene:
 
         def check():
             worst = smallest()
-            return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
+            if not worst > 0.0:
+                return f"an element turned inside out (smallest J {worst:.3g})"
+            for term in contacts:
+                depth = term.lost_depth(state, self.mesh.comm)
+                if depth > term.touch:
+                    return f"contact '{term.name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+            return None
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
