@@ -13,6 +13,7 @@ from mpi4py import MPI
 from scipy.optimize import minimize
 
 from fenics_contact import (
+    ArcSteps,
     Body,
     Scene,
     SceneError,
@@ -25,9 +26,9 @@ from fenics_contact import (
     user_energy,
 )
 from fenics_contact.output.fields import Fields
-from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers import linear
 from fenics_contact.solvers.newton import Newton
-from meshes import box, cook, disc, patch_block, rod
+from meshes import box, cook, disc, patch_block, rod, sphere_shell
 
 A1, A2 = 0.1863, 0.0098
 MU = 2 * (A1 + A2)
@@ -198,7 +199,7 @@ def test_a_step_cut_back_equals_the_small_step():
     ends = []
     for give_up in (False, True):
         s = system()
-        stepper = Newton(LinearSolver(s))
+        stepper = Newton(linear.LinearSolver(s))
         stepper.step(s, 0.2)
         s.commit()
         if give_up:
@@ -216,6 +217,19 @@ def test_snes_takes_the_mixed_element_too():
     _, newton = strip(200.0, cells=4, steps=5, tolerance=1e-11)
     _, snes = strip(200.0, cells=4, steps=5, tolerance=1e-11, method="snes")
     assert abs(snes / newton - 1) < 1e-8  # tolerance
+
+
+@pytest.mark.serial
+def test_the_iterative_solver_begins_later_at_a_large_bulk_modulus(monkeypatch):
+    """Its iterations grow with the square root of K / mu: by sqrt(1e4 / 500) = 4.5 later, of 1215 unknowns here."""
+    monkeypatch.setattr(linear, "ITERATIVE_ABOVE", 1000)
+    mesh = read_gmsh(box.build, cells=(8, 8, 4))
+    chosen = []
+    for ratio in (10.0, 1e4):
+        scene = Scene(Body(mesh, "box", rubber(ratio * MU)), element="mixed")
+        scene.fix("zmin")
+        chosen.append(linear.LinearSolver(scene.system()).method)
+    assert chosen == ["iterative", "direct"]
 
 
 @pytest.mark.serial
@@ -340,7 +354,9 @@ def test_torsion(exact_torsion):
     c, moment, force = exact_torsion
     seen = []
     for cells in (4, 8):
-        scene = Scene(Body(read_gmsh(rod.build, height=2.0, cells=cells, layers=cells), "rod", rubber(200.0)), element="mixed")
+        scene = Scene(
+            Body(read_gmsh(rod.build, height=2.0, cells=cells, layers=cells), "rod", rubber(200.0)), element="mixed"
+        )
         for end, z in (("bottom", 0.0), ("top", 2.0)):
             for axis in (0, 1):
 
@@ -363,6 +379,24 @@ def test_torsion(exact_torsion):
         seen.append([(x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0]).sum(), f[:, 2].sum()])
     limit = (4 * np.array(seen[1]) - seen[0]) / 3
     assert np.abs(limit / [moment, force] - 1).max() < 0.01, (seen, limit)  # the bound asked of the benchmarks
+
+
+@pytest.mark.serial
+def test_arc_length_passes_the_limit_point_of_an_inflated_shell():
+    """K = 200 MPa, the paper's second invariant: the limit point of the exact radial solution is at 5.96192 kPa."""
+    mesh = read_gmsh(sphere_shell.build, inner=95.0, thickness=1.0, cells=4, layers=1)
+    scene = Scene(Body(mesh, "shell", materials.mooney_paper(A1, A2, 200.0)), element="mixed")
+    for axis in "xyz":
+        scene.fix(f"symmetry_{axis}", axis)
+    scene.pressure("inner", 0.005)
+    steps = ArcSteps(first=0.1, largest=10.0)
+    result = solve(
+        scene, method="arc_length", steps=steps, until=lambda state: np.abs(state.u.x.array).max() - 60.0, progress=False
+    )
+    assert result.converged, result.verdict.reason
+    peak = int(np.argmax(result.column("limit_point") == 1))
+    # a chord of 0.2 rad lies 0.2^2 / 12 = 0.33 % of the radius inside the sphere on average, and p goes with 1 / radius
+    assert abs(0.005 * result.column("t")[peak] / 5.96192e-3 - 1) < 0.005
 
 
 @pytest.mark.serial

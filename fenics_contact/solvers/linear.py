@@ -6,6 +6,8 @@ from petsc4py import PETSc
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 # Above this many unknowns smoothed aggregation beats factorisation (README, speed).
 ITERATIVE_ABOVE = 30_000
+# Bulk over shear modulus at which the two are even at that size: the iterations grow with its square root, factors not.
+SLOWED_ABOVE = 500.0
 
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
 
@@ -26,7 +28,8 @@ class LinearSolver:
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
         size = system.vector.getSize()
-        self.method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
+        above = ITERATIVE_ABOVE * np.sqrt(max(1.0, system.bulk_over_shear / SLOWED_ABOVE))
+        self.method = method if method != "auto" else ("iterative" if size > above else "direct")
         self._forced = method == "iterative"
         self.iterations = 0
         self.fallbacks = []  # what the log and the summary say of a change of solver
