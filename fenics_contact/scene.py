@@ -223,6 +223,7 @@ class Scene:
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bonded_bodies(self), timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
         refuse_behind(system)
+        system.bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in self.bodies)
         refuse_deep_start(self, system)
         return system
 

@@ -177,6 +177,7 @@ class System:
         self._work = self.vector.duplicate()
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
+        self.bulk_over_shear = 1.0  # the largest of the bodies: what slows an iterative solver
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0

@@ -8,6 +8,9 @@ from fenics_contact.solvers.reuse import TIGHTEST, ReusingSolver
 
 # Above this many unknowns smoothed aggregation beats factorisation (README, speed).
 ITERATIVE_ABOVE = 6_000
+# Bulk over shear modulus beyond which that bound rises with the square root of the ratio, as multigrid's iterations do: the
+# two are even at 3e4 unknowns and a ratio of 500.
+SLOWED_ABOVE = 20.0
 
 # MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
 # Not -8, -9 and -14, -15: a nearly singular matrix, whose pivots are delayed, asks for more work space than foreseen.
@@ -32,7 +35,8 @@ class LinearSolver:
         self.system = system
         size = system.vector.getSize()
         self._forced = method == "iterative"
-        method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
+        above = ITERATIVE_ABOVE * np.sqrt(max(1.0, system.bulk_over_shear / SLOWED_ABOVE))
+        method = method if method != "auto" else ("iterative" if size > above else "direct")
         self.fallbacks = []  # what the log and the summary say of a change of solver
         self._pivot = None
         self._solver = ReusingSolver(
