@@ -9,6 +9,7 @@ import math
 import gmsh
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 from scipy.optimize import minimize
 
@@ -424,7 +425,7 @@ def test_an_unknown_element_is_refused():
 
 
 def test_an_energy_without_parts_is_refused_by_mixed_elements():
-    law = user_energy(lambda F: 0.2 * materials.ufl.inner(F, F), 0.4, 5.0, name="my law")
+    law = user_energy(lambda F: 0.2 * ufl.inner(F, F), 0.4, 5.0, name="my law")
     mesh = read_gmsh(box.build)
     for element in ("reduced", "mixed"):
         with pytest.raises(SceneError, match="'my law'.*element='displacement'"):
