@@ -1,7 +1,7 @@
 """Shallow ironing: a stiff round indenter is pressed into a softer block, drawn along it with friction, and lifted.
 
-The scene of Fischer & Wriggers (2006, doi:10.1016/j.cma.2005.09.025), repeated by later papers whose forces scatter; plane
-strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
+The scene of Fischer & Wriggers (2006, Comput. Methods Appl. Mech. Engrg. 195, 5020), repeated by later papers whose
+forces scatter; plane strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
 
     mpirun -n 2 python3 demos/ironing.py
 """
