@@ -190,6 +190,7 @@ def _summary(scene, system, solver, method, verdict, history):
         "scene": {
             "units": vars(scene.units),
             "degree": scene.degree,
+            "element": scene.element,
             "materials": {body.group: body.material.name for body in scene.bodies},
             "contacts": [_contact_summary(c, system) for c in system.contacts],
         },
