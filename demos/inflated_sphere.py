@@ -70,9 +70,7 @@ def exact_pressure(reading, K, u):
 
 def exact_limit(reading, K):
     """Largest pressure [MPa] and the displacement [mm] at it."""
-    found = minimize_scalar(
-        lambda u: -exact_pressure(reading, K, u), bounds=(20, 80), method="bounded", options={"xatol": 1e-5}
-    )
+    found = minimize_scalar(lambda u: -exact_pressure(reading, K, u), bounds=(20, 80), method="bounded")
     return -found.fun, found.x
 
 
@@ -93,15 +91,8 @@ def inflate(mesh, reading, K, out=None):
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", SCALE)
     radial = inner_radial(scene)
-    result = solve(
-        scene,
-        method="arc_length",
-        steps=ArcSteps(first=0.1, largest=10.0),
-        until=lambda state: radial(state) - LAST,
-        record={"inner_radial_mm": radial},
-        out=out,
-        progress=False,
-    )
+    arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": lambda state: radial(state) - LAST}
+    result = solve(scene, **arc, record={"inner_radial_mm": radial}, out=out, progress=False)
     if not result.converged:
         raise SystemExit(f"reading {reading}, K = {K}: {result.verdict.reason}")
     return result.column("inner_radial_mm"), SCALE * result.column("t"), int(np.argmax(result.column("limit_point") == 1))
