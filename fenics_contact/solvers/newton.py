@@ -4,8 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fenics_contact.solvers.linear import LinearFailure
-from fenics_contact.solvers.reuse import TIGHTEST
+from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
 
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 
