@@ -75,6 +75,7 @@ class LinearSolver:
             rights.append(rhs)
         self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides])
         increments = [self._solve(rhs) for rhs in rights]
+        PETSc.garbage_cleanup(system.comm)  # Python alone never frees what several ranks share
         for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
             with du.localForm() as local:
                 local.array_w[system.supports.dofs] = du_supports
