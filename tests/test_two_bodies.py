@@ -129,8 +129,8 @@ def test_tangent_is_the_derivative_of_the_residual(points, friction, shift, stat
     system.matrix.zeroEntries()
     contact.add_tangent(state, system.matrix, None)
     system.matrix.assemble()
-    assert (contact.status == status).all()
     at_start, way = residual(), system.vector.duplicate()
+    assert (contact.status == status).all()
     way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
     slope = (system.matrix * way).array.copy()
     remainders = []
@@ -152,7 +152,7 @@ def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
     out = np.zeros(len(state.u.x.array))
     contact.add_residual(state, out, np.zeros((0, 3)))
     assert np.abs(out.reshape(-1, 3).sum(axis=0)).max() < 1e-11 * np.abs(out).max()
-    contact.evaluate(state, False)
+    contact.evaluate(state)
     contact.commit(state)
     size, status = np.linalg.norm(contact.traction, axis=2), contact.status.copy()
     assert (status == STICK).all()
@@ -260,3 +260,24 @@ def test_master_facets_without_area_are_found():
     master.X[master.facets[0][5]] = place
     found = master.degenerate()
     assert len(found) == 1 and np.allclose(found[0], place)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["nodes", 2])
+def test_foreseen_gaps_are_linear_in_the_motion(points):
+    """What Newton judges by: the gaps' first-order change, second order away from the true gaps."""
+    system, contact = deformed(points, 0.3, (0.4, 0.1, -0.02))
+    state, start = system.state, system.state.u.x.array.copy()
+    way = np.random.default_rng(3).uniform(-1, 1, len(start))
+    errors = []
+    for step in 1e-3 / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start
+        system.assemble_tangent()
+        state.u.x.array[:] = start + step * way
+        contact.foresee(state)
+        foreseen = contact._judged
+        contact.release()
+        contact.evaluate(state)
+        errors.append(np.linalg.norm(foreseen - contact.gap.ravel()))
+    errors = np.array(errors)
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.98 and errors[0] < 1e-2 * np.sqrt(contact.gap.size) * 1e-3

@@ -22,7 +22,12 @@ class State:
 
 
 class Term(Protocol):
-    """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes."""
+    """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes.
+
+    A term with `foresees` set offers hold(share), foresee(state) and release(), between which its evaluation depends on
+    unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
+    has no such unknowns and no kinks either.
+    """
 
     name: str
     symmetric: bool
@@ -101,7 +106,8 @@ class System:
         self.tool_residual = np.zeros((len(tools), 3))
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
-        self._committed = self._snapshot()
+        self._committed = self._earlier = self._snapshot()
+        self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
@@ -126,15 +132,54 @@ class System:
         for term in self.terms:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
-        self._committed = self._snapshot()
+        self._earlier, self._committed = self._committed, self._snapshot()
 
     def rollback(self):
         """Return to the last committed state."""
+        self.release()
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
         self.state.travel[:] = travel
         self.state.t = t
         self.set_loads(t)
+
+    def extrapolate(self, owed):
+        """Put the state, of parameter t, on the line through the last two accepted ones, supports where they belong.
+
+        owed: supports' displacements still missing. False, and nothing moved, where there is no such line, where the
+        supports leave it, where an element would turn inside out, or where a contact's kinks are met unforeseen.
+        """
+        (u, travel, t), (u_before, _, t_before) = self._committed, self._earlier
+        if not self._foreseeing or len(self.tools) or not t > t_before:
+            return False
+        share = (self.state.t - t) / (t - t_before)
+        step, dofs = share * (u - u_before), self.supports.dofs
+        strays = self.comm.allreduce(np.array([np.sum((step[dofs] - owed) ** 2), np.sum(owed**2)]))
+        if strays[0] > 0.25 * strays[1]:
+            return False
+        self.state.u.x.array[:] = u + step
+        self.state.u.x.array[dofs] = u[dofs] + owed
+        for term in self._foreseeing:
+            term.hold(share)
+        if np.isfinite(self.assemble_residual()):
+            return True
+        self.release()
+        self.state.u.x.array[:] = u
+        return False
+
+    @property
+    def foresees(self):
+        """True where a term has unknowns of its own that solves carry along."""
+        return bool(self._foreseeing)
+
+    def foresee(self):
+        """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
+        for term in self._foreseeing:
+            term.foresee(self.state)
+
+    def release(self):
+        for term in self._foreseeing:
+            term.release()
 
     @property
     def committed_t(self):
