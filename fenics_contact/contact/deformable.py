@@ -182,8 +182,8 @@ class DeformableContact:
     def hold(self, share):
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
         now, before = self._gaps
-        # a pressure at most doubles, and none turns into a pull
-        self._judged = np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.0), now)
+        # a pressure doubles or halves at most: it stays one, and what was open before gives no slope
+        self._judged = np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.5 * now), now)
 
     def release(self):
         """Judge by the gaps again."""
