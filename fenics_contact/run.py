@@ -152,6 +152,7 @@ def _summary(scene, system, solver, method, verdict, history):
             "symmetric": system.symmetric,
         },
         "iterations": verdict.iterations,
+        "corrections": verdict.corrections,
         "residuals_per_step": verdict.residuals,
         "last_step": history[-1] if history else {},
         "ranks": system.comm.size,

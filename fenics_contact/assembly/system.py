@@ -106,7 +106,8 @@ class System:
         self.tool_residual = np.zeros((len(tools), 3))
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
-        self._committed = self._earlier = self._snapshot()
+        self._committed = self._snapshot()
+        self._accepted = [self._committed]  # the last three
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
 
     def _new_matrix(self):
@@ -132,7 +133,8 @@ class System:
         for term in self.terms:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
-        self._earlier, self._committed = self._committed, self._snapshot()
+        self._committed = self._snapshot()
+        self._accepted = [*self._accepted[-2:], self._committed]
 
     def rollback(self):
         """Return to the last committed state."""
@@ -144,28 +146,41 @@ class System:
         self.set_loads(t)
 
     def extrapolate(self, owed):
-        """Put the state, of parameter t, on the line through the last two accepted ones, supports where they belong.
+        """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
 
-        owed: supports' displacements still missing. False, and nothing moved, where there is no such line, where the
-        supports leave it, where an element would turn inside out, or where a contact's kinks are met unforeseen.
+        owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where
+        an element would turn inside out, or where no term foresees the kinks of a contact.
         """
-        (u, travel, t), (u_before, _, t_before) = self._committed, self._earlier
-        if not self._foreseeing or len(self.tools) or not t > t_before:
+        if not self._foreseeing or len(self.tools):
             return False
-        share = (self.state.t - t) / (t - t_before)
-        step, dofs = share * (u - u_before), self.supports.dofs
-        strays = self.comm.allreduce(np.array([np.sum((step[dofs] - owed) ** 2), np.sum(owed**2)]))
-        if strays[0] > 0.25 * strays[1]:
-            return False
-        self.state.u.x.array[:] = u + step
-        self.state.u.x.array[dofs] = u[dofs] + owed
-        for term in self._foreseeing:
-            term.hold(share)
-        if np.isfinite(self.assemble_residual()):
-            return True
-        self.release()
-        self.state.u.x.array[:] = u
+        u, dofs = self._committed[0], self.supports.dofs
+        for count in (3, 2):
+            step = self._onwards(self._accepted[-count:]) if len(self._accepted) >= count else None
+            if step is None or self._strays(step[dofs] - owed, owed):
+                continue
+            step[dofs] = owed
+            self.state.u.x.array[:] = u + step
+            for term in self._foreseeing:
+                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self._accepted[-2][2]))
+            if np.isfinite(self.assemble_residual()):
+                return True
+            self.release()
+            self.state.u.x.array[:] = u
         return False
+
+    def _onwards(self, states):
+        """Displacement from the last of these states to the present t on the polynomial through all of them (Lagrange)."""
+        times = np.array([state[2] for state in states])
+        step = -states[-1][0]
+        for i, (u, _, t) in enumerate(states):
+            others = np.delete(times, i)
+            step = step + np.prod((self.state.t - others) / (t - others)) * u
+        return step
+
+    def _strays(self, gap, owed):
+        """True where supports would end further from their places than half the way they go. Collective."""
+        sizes = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
+        return bool(sizes[0] > 0.25 * sizes[1])
 
     @property
     def foresees(self):

@@ -275,4 +275,3 @@ class DeformableContact:
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
         closed = self.status != OPEN
         return contact_measures(self, state, comm, closed, self.gap)
-

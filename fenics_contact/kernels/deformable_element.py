@@ -137,9 +137,13 @@ def point_traction(q, g, judged, has_anchor, law, vec):
         for p in range(3):  # T_tr = eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k)) of (17)
             vec[TRIAL, p] = eps_t[q] * (vec[W, p] - along * vec[NORMAL, p])
         limit = mu * max(-eps_n[q] * judged, 0.0)  # (16); a gap within touch presses on nothing
-        status = coulomb_return(vec[TRIAL], limit, vec[TANGENTIAL])
+        size = math.sqrt(vec[TRIAL, 0] ** 2 + vec[TRIAL, 1] ** 2 + vec[TRIAL, 2] ** 2)
+        if size <= eps_t[q] * touch:  # no way beyond round-off: it has no direction to slip in
+            status = STICK
+            vec[TANGENTIAL, :] = vec[TRIAL]
+        else:
+            status = coulomb_return(vec[TRIAL], limit, vec[TANGENTIAL])
         if status == SLIP and judged != g:
-            size = math.sqrt(vec[TRIAL, 0] ** 2 + vec[TRIAL, 1] ** 2 + vec[TRIAL, 2] ** 2)
             for p in range(3):
                 vec[TANGENTIAL, p] = -mu * N * vec[TRIAL, p] / size
     for p in range(3):

@@ -15,6 +15,7 @@ class Verdict:
     reason: str = "converged"
     cuts: int = 0
     iterations: int = 0
+    corrections: int = 0
     residuals: list = field(default_factory=list)  # per accepted step: out-of-balance share after each solve
 
 
@@ -46,6 +47,7 @@ def run(system, stepper, times, on_step, smallest=1e-4):
             pieces.pop()
             verdict.t = goal
             verdict.iterations += report.iterations
+            verdict.corrections += report.corrections
             verdict.residuals.append(report.residuals)
             on_step(report, time.perf_counter() - start, not pieces)
     return verdict

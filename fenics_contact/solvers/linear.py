@@ -62,11 +62,12 @@ class LinearSolver:
                 options[PREFIX + key] = value
         self.ksp.getPC().setType("gamg")
 
-    def solve(self, du_supports, dq, tolerance=TIGHTEST):
+    def solve(self, du_supports, dq, tolerance=TIGHTEST, again=False):
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
 
         du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
         tolerance: relative residual at which an iterative solver may stop; the direct one does not look at it.
+        again: keep the tangent and factorisation of the last solve; supports and tools then stay where they are.
         Raises LinearFailure, on all ranks, if the solver fails.
         """
         self.ksp.setTolerances(rtol=tolerance)
@@ -74,7 +75,7 @@ class LinearSolver:
         rhs = system.residual_vector.copy()
         rhs.scale(-1.0)
         self._add_prescribed_travel(rhs, dq)
-        du = self._eliminate(rhs, du_supports)
+        du = system.vector.duplicate() if again else self._eliminate(rhs, du_supports)
         self._solve(rhs, du)
         if not free.size:
             return du, dq

@@ -30,7 +30,12 @@ class Pair:
         self.coords = np.ascontiguousarray(coords, float)
         size = np.array([len(set(f)) for f in nodes], np.int64)
         self.surface = (np.array(nodes, np.int64), size)
-        self.slaves = (np.array([slave], np.int64), np.array([weights], float), np.array([AREA]), np.empty((0, 2, len(slave))))
+        self.slaves = (
+            np.array([slave], np.int64),
+            np.array([weights], float),
+            np.array([AREA]),
+            np.empty((0, 2, len(slave))),
+        )
         self.law = (np.array([EPS_N]), np.array([EPS_T]), float(mu), float(touch))
         self.anchors = (np.full((1, 4), -1, np.int64), np.zeros((1, 4)))
         self.up = -DOWN
@@ -151,7 +156,7 @@ STATES = {
         lambda: make(sheet(0.1, 0.5), QUADS, 0, mu=0.1, anchor=SAME_FACET, **VALLEY), SLIP, EDGE),
     "slip pit vertex": (lambda: make(*pit(0.5), 0, mu=0.05, anchor=SAME_FACET, **BOTTOM), SLIP, VERTEX),
     "slip in tension": (
-        lambda: make(WARPED, QUADS, 1e-2, mu=0.3, touch=0.1, anchor=SAME_FACET), SLIP, INTERIOR),
+        lambda: make(WARPED, QUADS, 1e-2, mu=0.3, touch=0.02, anchor=SAME_FACET), SLIP, INTERIOR),
 }  # fmt: skip
 ALL = sorted(STATES)
 TOUCHING = [name for name in ALL if STATES[name][1] != OPEN]
@@ -301,7 +306,12 @@ def test_a_batch_is_its_pairs_one_by_one():
     first = len(coords)
     points = np.array([pair.coords[-1] for pair in single])  # make() may have rounded
     together = Pair(np.vstack([coords, points]), nodes, [first], mu=0.5)
-    slaves = (np.arange(first, first + n_points)[:, None], np.ones((n_points, 1)), np.full(n_points, AREA), np.empty((0, 2, 1)))
+    slaves = (
+        np.arange(first, first + n_points)[:, None],
+        np.ones((n_points, 1)),
+        np.full(n_points, AREA),
+        np.empty((0, 2, 1)),
+    )
     anchors = tuple(np.concatenate([pair.anchors[i] for pair in single]) for i in (0, 1))
     law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0)
     lists = (4 * np.arange(n_points + 1), np.tile(np.arange(4), n_points))
