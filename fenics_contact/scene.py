@@ -9,19 +9,19 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.supports import Supports, ToolMotion
-from fenics_contact.assembly.system import FormTerm, State, System
+from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
+from fenics_contact.checks import AXES, SceneError, ramp, refuse_deep_start, refuse_inside, refuse_loose
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import RigidTool
+from fenics_contact.elements import quadrature_degree, refuse_element, solid_term
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
 
-AXES = {"x": 0, "y": 1, "z": 2}
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
 PENALTY_FACTOR = 100.0
 # Default tangential over normal penalty: ten times more elastic slip, for far fewer iterations; its price in force is
@@ -50,10 +50,6 @@ class _Contact:
     points: object
 
 
-class SceneError(ValueError):
-    """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
-
-
 def young(material):
     """Young's modulus at rest [pressure]."""
     mu, K = material.shear_modulus, material.bulk_modulus
@@ -63,10 +59,12 @@ def young(material):
 class Scene:
     """Bodies of one mesh with their supports, loads and contacts.
 
-    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; units: names for the output.
+    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; element: "displacement", or
+    "mixed" for nearly incompressible rubber, see `elements`; accept_locking: compute even where the element is known to
+    lock; units: names for the output.
     """
 
-    def __init__(self, *bodies, degree=1, units=Units()):  # noqa: B008 - frozen
+    def __init__(self, *bodies, degree=1, element="displacement", accept_locking=False, units=Units()):  # noqa: B008 - frozen
         if not bodies:
             raise SceneError("a scene needs at least one Body")
         if degree not in (1, 2):
@@ -79,9 +77,12 @@ class Scene:
             self.mesh.volume_tag(body.group)
         if left:
             raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
-        self.bodies, self.degree, self.units = bodies, degree, units
+        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
+        laws = {body.group: body.material for body in bodies}
+        refuse_element(element, degree, tetrahedra, laws, accept_locking)
+        self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
-        self.contacts, self.loads, self._supports = [], [], []
+        self.contacts, self.loads, self.pressures, self._supports = [], [], [], []
 
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(self, group, axis="xyz"):
@@ -99,13 +100,21 @@ class Scene:
         self._supports.append((_names(group), AXES[axis], value))
 
     def traction(self, group, vector):
-        """Dead traction per reference area on a surface [pressure], reached at t = 1; fixed in direction."""
-        self._facets(group)
-        self.loads.append((_names(group), _finite(vector, f"traction on '{group}'")))
+        """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
+        refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
+        self.loads.append((_names(group), ramp(vector, f"traction on '{group}'")))
+
+    def pressure(self, group, value):
+        """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
+
+        value: reached at t = 1, or a function of t.
+        """
+        refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
+        self.pressures.append((_names(group), ramp(value, f"pressure on '{group}'", ())))
 
     def body_force(self, vector):
-        """Force per reference volume on all bodies [force/length^3], reached at t = 1."""
-        self.loads.append((None, _finite(vector, "body force")))
+        """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
+        self.loads.append((None, ramp(vector, "body force")))
 
     def contact(
         self,
@@ -176,32 +185,43 @@ class Scene:
         motion = self._motion(move or {}, push or {})
         u = compat.Function(self.space, name="displacement")
         state = State(u, np.zeros((len(self.tools), 3)))
-        loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, value) for group, value in self.loads]
-        terms = [self._solid(u, loads)]
+        loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, path) for group, path in self.loads]
+        pressures = [(compat.Constant(self.mesh.domain, 0.0), group, path) for group, path in self.pressures]
         supports = self._support_dofs()
+        solid, stress_laws = self._solid(u, loads)
+        terms = [solid]
+        if pressures:
+            terms.append(self._pressure(u, pressures, supports))
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
         for term in contacts:
             term.initialise(state)
-        self._refuse_loose(contacts, supports, state)
+        refuse_loose(self, contacts, supports, state)
 
         def set_loads(t):
-            for constant, _, value in loads:
-                constant.value[:] = t * value
+            for constant, _, path in [*loads, *pressures]:
+                constant.value[...] = path(t)
 
         smallest = self.volume_ratio(u)
 
         def check():
             worst = smallest()
-            return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
+            if not worst > 0.0:
+                return f"an element turned inside out (smallest J {worst:.3g})"
+            for term in contacts:
+                depth = term.lost_depth(state, self.mesh.comm)
+                if depth > term.touch:
+                    return f"contact '{term.name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+            return None
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
-        system.contacts, system.units = contacts, self.units
-        self._refuse_deep_start(system)
+        system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
+        refuse_deep_start(self, system)
         return system
 
-    def dx(self, body):
-        degree = 2 * self.degree + 1
+    def dx(self, body, degree=None):
+        """Integral over a body, exact to `degree` (by default the element's full integration)."""
+        degree = quadrature_degree(self.degree) if degree is None else degree
         measure = ufl.Measure(
             "dx", domain=self.mesh.domain, subdomain_data=self.mesh.cell_tags, metadata={"quadrature_degree": degree}
         )
@@ -212,20 +232,32 @@ class Scene:
             "ds",
             domain=self.mesh.domain,
             subdomain_data=self.mesh.facet_tags,
-            metadata={"quadrature_degree": 2 * self.degree + 1},
+            metadata={"quadrature_degree": quadrature_degree(self.degree)},
         )
         return measure(self.mesh.surface_tags(*_names(group)))
 
     def _solid(self, u, loads):
-        v, du = ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
-        power = sum(vp.stress_power(body.material, u, v, self.dx(body)) for body in self.bodies)
-        rate = sum(vp.stress_power_rate(body.material, u, du, v, self.dx(body)) for body in self.bodies)
-        for constant, group, _ in loads:
-            if group is None:
-                power -= sum(vp.body_force_power(constant, v, self.dx(body)) for body in self.bodies)
-            else:
-                power -= vp.dead_traction_power(constant, v, self.ds(group))
-        return FormTerm("solid", power, rate)
+        """The solid's term with the dead loads, and the laws of its Cauchy stress by body."""
+
+        def loads_power(v):
+            inside = [(constant, body) for constant, group, _ in loads if group is None for body in self.bodies]
+            outside = [(constant, group) for constant, group, _ in loads if group is not None]
+            power = sum(vp.body_force_power(constant, v, self.dx(body)) for constant, body in inside)
+            return power + sum(vp.dead_traction_power(constant, v, self.ds(group)) for constant, group in outside)
+
+        parts = [(body.material, lambda degree, body=body: self.dx(body, degree)) for body in self.bodies]
+        return solid_term(self.element, u, parts, loads_power, self.degree)
+
+    def _pressure(self, u, pressures, supports):
+        """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
+        domain, v, du = self.mesh.domain, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        power = sum(-vp.follower_pressure_power(p, u, v, domain, self.ds(group)) for p, group, _ in pressures)
+        rate = sum(-vp.follower_pressure_power_rate(p, u, du, v, domain, self.ds(group)) for p, group, _ in pressures)
+        for p, _, _ in pressures:
+            p.value = 1.0
+        term = FormTerm("pressure", power, rate)
+        term.symmetric = is_symmetric(term.tangent_form, u, supports)
+        return term
 
     def _support_dofs(self):
         X = self.space.tabulate_dof_coordinates()
@@ -250,8 +282,8 @@ class Scene:
         for tool in self.tools:
             if tool in move and tool in push:
                 raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
-            paths.append(_ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
-            forces.append(_ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
+            paths.append(ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
+            forces.append(ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
             free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
@@ -300,61 +332,10 @@ class Scene:
             )
         return master
 
-    def _refuse_loose(self, contacts, supports, state):
-        """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
-        comm = self.mesh.comm
-        for names, blocks in self._bonded_bodies():
-            dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
-            held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
-            for contact in contacts:
-                if comm.allreduce(contact.touches(blocks)):
-                    held |= contact.held_axes(state, comm)
-            if loose := sorted(set("xyz") - held):
-                raise SceneError(
-                    f"nothing holds body '{names}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
-                    "add a contact that holds it"
-                )
-
-    def _bonded_bodies(self):
-        """Groups of bodies that share nodes: (names, local nodes) of each."""
-        tags, groups = self.mesh.cell_tags, []
-        for body in self.bodies:
-            cells = tags.indices[tags.values == self.mesh.volume_tag(body.group)]
-            names, blocks = body.group, self._nodes_of(cells)
-            for group in list(groups):
-                if self.mesh.comm.allreduce(len(np.intersect1d(group[1], blocks))):
-                    groups.remove(group)
-                    names, blocks = f"{group[0]}, {names}", np.union1d(group[1], blocks)
-            groups.append((names, blocks))
-        return groups
-
-    def _nodes_of(self, cells):
-        """Local nodes of cells, also where the cells themselves are another rank's."""
-        touched = compat.Function(self.space)
-        touched.x.array[3 * compat.cell_dofs(self.space)[cells]] = 1.0
-        vector = compat.petsc_vector(touched)
-        sum_to_owners(vector)
-        copy_to_ghosts(vector)
-        return np.flatnonzero(touched.x.array[::3] > 0.0)
-
-    def _refuse_deep_start(self, system):
-        """Nothing may overlap by more than a cell at the start, nor a tool reach nodes behind its slave surface."""
-        X = self.space.tabulate_dof_coordinates()
-        for contact, statement in zip(system.contacts, self.contacts, strict=True):
-            slave = np.zeros(len(X), dtype=bool)
-            slave[compat.locate_blocks(self.space, self.mesh.facets(*statement.slave))] = True
-            overlap = contact.excessive_overlap(system.state, X, slave, self.mesh.comm)
-            if overlap > 0.0:
-                raise SceneError(
-                    f"contact '{contact.name}': the master '{contact.master_name}' starts {overlap:.3g} inside the body, "
-                    f"where a cell is {contact.surface.cell_height:.3g} high; move its starting place outwards, or name all "
-                    "surfaces it meets as slaves"
-                )
-
     def volume_ratio(self, u):
         """Function () -> smallest J = det F over the quadrature points of all ranks."""
         cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
-        points, _ = basix.make_quadrature(cell, 2 * self.degree + 1)
+        points, _ = basix.make_quadrature(cell, quadrature_degree(self.degree))
         evaluate = compat.cell_evaluator(self.mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
         return lambda: self.mesh.comm.allreduce(float(np.min(evaluate(), initial=np.inf)), op=MPI.MIN)
 
@@ -365,18 +346,3 @@ def _names(group):
 
 def _master_name(master):
     return master.name if isinstance(master, RigidTool) else "+".join(_names(master))
-
-
-def _finite(vector, what):
-    vector = np.asarray(vector, dtype=float)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise SceneError(f"{what} must be three finite numbers, not {vector}")
-    return vector
-
-
-def _ramp(value, what):
-    """(3,) vector reached at t = 1, or a function of t, as a function of t."""
-    if callable(value):
-        return lambda t: _finite(value(t), f"{what} at t = {t}")
-    end = _finite(value, what)
-    return lambda t: t * end

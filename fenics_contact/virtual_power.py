@@ -73,6 +73,12 @@ def stress_power_rate(material, u, du, v, dx):
     return ufl.inner(dtau - ufl.dot(tau, h.T), ufl.dot(ufl.grad(v), Finv)) * dx
 
 
+def dilatation_rate(u, v):
+    """Rate of J = det F under the velocity v: J div_x v."""
+    F = deformation_gradient(u)
+    return ufl.det(F) * ufl.tr(ufl.dot(ufl.grad(v), ufl.inv(F)))
+
+
 def cauchy_stress(material, u):
     """(20): sigma = tau / J."""
     F = deformation_gradient(u)
@@ -85,13 +91,30 @@ def dead_traction_power(traction, v, ds):
     return ufl.inner(traction, v) * ds
 
 
+def _area_vector(F, mesh):
+    """Current area vector over reference area, cof F N, by Nanson's formula."""
+    return ufl.det(F) * ufl.dot(ufl.inv(F).T, ufl.FacetNormal(mesh))
+
+
+def follower_pressure_power(pressure, u, v, mesh, ds):
+    """Power of a pressure [per current area] that pushes against the outward normal of the deformed surface, (19)."""
+    return -pressure * ufl.inner(_area_vector(deformation_gradient(u), mesh), v) * ds
+
+
+def follower_pressure_power_rate(pressure, u, du, v, mesh, ds):
+    """Its rate at constant pressure: the load tangent of (25), with d(n da)/dt = (tr h I - h^T) n da."""
+    F = deformation_gradient(u)
+    area = _area_vector(F, mesh)
+    h = ufl.dot(ufl.grad(du), ufl.inv(F))
+    return -pressure * ufl.inner(ufl.tr(h) * area - ufl.dot(h.T, area), v) * ds
+
+
 def body_force_power(force, v, dx):
     """Power of a force per reference volume, the last integral of (19)."""
     return ufl.inner(force, v) * dx
 
 
 def current_area(u, v, mesh, ds):
-    """Current area that belongs to each node: int N_a |cof F N| dS, by Nanson's formula."""
-    F = deformation_gradient(u)
-    cofactor_normal = ufl.det(F) * ufl.dot(ufl.inv(F).T, ufl.FacetNormal(mesh))
-    return ufl.sqrt(ufl.inner(cofactor_normal, cofactor_normal)) * v * ds
+    """Current area that belongs to each node: int N_a |cof F N| dS."""
+    area = _area_vector(deformation_gradient(u), mesh)
+    return ufl.sqrt(ufl.inner(area, area)) * v * ds

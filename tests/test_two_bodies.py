@@ -168,6 +168,38 @@ def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
         assert np.abs(np.linalg.norm(contact.traction, axis=2) - size).max() < 1e-10 * size.max()
 
 
+# ---- a stuck pair turned by its supports
+
+
+def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
+    """Pressed, then turned by 360 degrees in 20 steps, every support moving along a circle in each step."""
+    _, scene = blocks(lower_cells=(3, 3, 1), upper_cells=(2, 2, 1))
+    pressed, centre = 0.1, np.array([15.0, 20.0, 0.0])
+
+    def moved(X, t, down):
+        angle = 2 * np.pi * max(t - pressed, 0.0) / (1.0 - pressed)
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        place = X - [0.0, 0.0, down * min(t / pressed, 1.0)]
+        return centre + (place - centre) @ turn.T - X
+
+    for face, down in (("lower_bottom", 0.0), ("upper_top", 1.0)):
+        for i, axis in enumerate("xyz"):
+            scene.prescribe(face, axis, lambda X, t, i=i, down=down: moved(X, t, down)[:, i])
+    scene.contact("upper_bottom", "lower_top", 5.0, name="c")
+    times = [pressed, *(pressed + (1.0 - pressed) * np.arange(1, 21) / 20)]
+    found = []
+    for last in (1, 2, 8, 21):  # states after pressing, one step, a third of a turn, the whole turn
+        result = solve(scene, steps=times[:last], tolerance=1e-10, progress=False)
+        assert result.converged and result.verdict.cuts == 0
+        contact = result.system.contacts[0]
+        found.append((np.linalg.norm(contact.traction, axis=2), contact.status.copy(), contact.gap.copy()))
+    size, status, gap = found[0]
+    assert (status[gap <= contact.touch] == STICK).all() and (status == STICK).any()
+    for other, now, _ in found[1:]:
+        assert (now == status).all()
+        assert np.abs(other - size).max() < 1e-7 * size.max()  # forces balanced to 1e-10 of the largest, per point
+
+
 # ---- ranks
 
 
@@ -236,6 +268,13 @@ def test_a_loose_block_is_refused():
     scene.fix("lower_bottom")
     scene.contact("upper_bottom", "lower_top", 0.0)
     with pytest.raises(SceneError, match="nothing holds body 'upper' along x, y"):
+        scene.system()
+
+
+def test_blocks_that_hold_only_each_other_are_refused():
+    scene = blocks(**COARSE)[1]
+    scene.contact("upper_bottom", "lower_top", 0.3)
+    with pytest.raises(SceneError, match="nothing holds body 'lower' along x, y, z.*loose together"):
         scene.system()
 
 

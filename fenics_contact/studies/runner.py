@@ -1,0 +1,150 @@
+"""A case run over many parameters, each run in a process of its own and written to a CSV file at once."""
+
+import csv
+import inspect
+import itertools
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tqdm import tqdm
+
+from fenics_contact import compat
+
+# What a run leaves beside its parameters; empty where it does not apply.
+METRICS = (
+    "error", "value", "converged", "verdict", "t_reached", "iterations", "cut_backs", "unknowns", "seconds",
+    "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
+)  # fmt: skip
+
+
+def grid(**values):
+    """All combinations of the parameters' values, as a list of dicts."""
+    return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
+
+
+def metrics(result, error=float("nan"), value=float("nan")):
+    """The metrics of a Result. error: relative, against what the case compares with; value: the figure compared. Collective.
+
+    A failed run has its verdict and the t it reached; its error means nothing.
+    """
+    summary, verdict = result.summary, result.verdict
+    seconds, comm = summary["seconds"], result.system.comm
+    stages = {"bulk": ("tangent: solid", "residual: solid"), "linear": ("factorisation", "linear solve")}
+    contacts = [f"{part}: {c.name}" for c in result.system.contacts for part in ("tangent", "residual")]
+    spent = {k: sum(seconds.get(s, 0.0) for s in names) for k, names in (stages | {"contact": contacts}).items()}
+    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    return {
+        "error": error if verdict.converged else float("nan"),
+        "value": value,
+        "converged": verdict.converged,
+        "verdict": getattr(verdict, "kind", verdict.reason),
+        "t_reached": verdict.t,
+        "iterations": verdict.iterations,
+        "cut_backs": verdict.cuts,
+        "unknowns": summary["sizes"]["unknowns"],
+        "seconds": seconds["total"] - seconds["set-up"],
+        **{f"seconds_{stage}": amount for stage, amount in spent.items()},
+        "memory_MB": memory,
+        "processes": comm.size,
+    }
+
+
+@dataclass
+class Study:
+    """A case and the parameters it is run over.
+
+    case: function of JSON values that returns `metrics(...)`, at the top level of an importable file; runs: list of its
+    keyword arguments, where `processes` is the number of MPI processes and not given to it; repeats: runs of each, for
+    medians of times; limit: seconds after which a run counts as failed.
+    """
+
+    name: str
+    case: object
+    runs: list
+    repeats: int = 1
+    limit: float = 600.0
+    parameters: list = field(init=False)
+
+    def __post_init__(self):
+        self.parameters = list(dict.fromkeys(key for run in self.runs for key in run))
+        if clash := set(self.parameters) & set(METRICS) - {"processes"}:
+            raise ValueError(f"study '{self.name}': parameter '{clash.pop()}' has the name of a metric; rename it")
+
+    def run(self, folder, progress=True):
+        """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun."""
+        path = Path(folder) / f"{self.name}.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
+        done = {self._key(row) for row in read(path)} if path.exists() else set()
+        todo = [
+            run | {"repeat": i}
+            for i in range(self.repeats)
+            for run in self.runs
+            if self._key(run | {"repeat": i}) not in done
+        ]
+        for parameters in tqdm(todo, desc=self.name, disable=not progress):
+            row = {key: parameters.get(key, "") for key in [*self.parameters, "repeat"]} | self._measure(parameters)
+            new = not path.exists()
+            with open(path, "a", newline="") as file:
+                writer = csv.DictWriter(file, columns, extrasaction="ignore")
+                if new:
+                    writer.writeheader()
+                writer.writerow(row)
+        return path
+
+    def _key(self, row):
+        return tuple(str(row.get(name, "")) for name in [*self.parameters, "repeat"])
+
+    def _measure(self, parameters):
+        """Metrics of one run in its own process; a run that dies or takes too long is a row with its reason."""
+        arguments = {k: v for k, v in parameters.items() if k not in ("repeat", "processes")}
+        processes = int(parameters.get("processes", 1))
+        here = {"machine": _machine(), "versions": " ".join(f"{k} {v}" for k, v in compat.versions().items())}
+        with tempfile.TemporaryDirectory() as scratch:
+            answer = Path(scratch) / "metrics.json"
+            task = json.dumps([inspect.getfile(self.case), self.case.__name__, arguments, str(answer)])
+            command = [sys.executable, "-m", "fenics_contact.studies.worker", task]
+            if processes > 1:
+                command = ["mpirun", "-n", str(processes), *command]
+            # the environment as this process found it: a started MPI library would pass its own on to mpirun
+            try:
+                ended = subprocess.run(
+                    command, env=os.environ.copy(), timeout=self.limit, capture_output=True, text=True, check=False
+                )
+                reason = (ended.stderr.strip().splitlines() or [f"exit {ended.returncode}"])[-1]
+            except subprocess.TimeoutExpired:
+                reason = f"no end within {self.limit:g} s"
+            if not answer.exists():
+                return {"converged": False, "verdict": f"stopped: {reason}", "processes": processes} | here
+            return json.loads(answer.read_text()) | here
+
+
+def _machine():
+    cpu = next((line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")), "")
+    return f"{cpu or platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+
+
+def _lines(path):
+    return Path(path).read_text().splitlines() if Path(path).exists() else []
+
+
+def read(path):
+    """Rows of a study's CSV file; numbers as floats, True and False as such."""
+    with open(path, newline="") as file:
+        return [{k: _value(v) for k, v in row.items()} for row in csv.DictReader(file)]
+
+
+def _value(text):
+    if text in ("True", "False"):
+        return text == "True"
+    try:
+        return float(text) if "." in text or "e" in text.lower() or not text.lstrip("-").isdigit() else int(text)
+    except ValueError:
+        return text
