@@ -58,6 +58,7 @@ class DeformableContact:
         first = len(self._local)
         self._facets = (master.facets[0] + first, master.facets[1])
         self._blocks = np.concatenate([compat.global_blocks(space)[self._local], master.blocks]).astype(np.int64)
+        self._comm = space.mesh.comm
         self._block_count = space.dofmap.index_map.size_global
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
@@ -107,12 +108,12 @@ class DeformableContact:
 
     def _project(self, state):
         """(coords, points, projection) at the state, kept until it changes on some rank. Collective."""
-        u = state.u.x.array
-        same = self._seen is not None and np.array_equal(u, self._seen)
-        if not self.master.comm.allreduce(same, op=MPI.LAND):
+        now = state.u.x.array, state.travel
+        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
+        if not self._comm.allreduce(same, op=MPI.LAND):
             coords, points, normals = self._positions(state)
             self._projected = coords, points, self._pairing.project(points, normals, coords)
-            self._seen = u.copy()
+            self._seen = tuple(part.copy() for part in now)
         return self._projected
 
     def _first_projection(self, state):
