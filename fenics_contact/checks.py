@@ -80,6 +80,18 @@ def _nodes_of(space, cells):
     return np.flatnonzero(touched.x.array[::3] > 0.0)
 
 
+def refuse_behind(system):
+    """The slave surface must lie on the outer side of a meshed tool, by the majority of its points. Collective."""
+    for contact in system.contacts:
+        share = contact.back_share(system.state, system.comm)
+        if share > 0.5:
+            raise SceneError(
+                f"contact '{contact.name}': the normals of '{contact.master_name}' point away from the slave surface, whose "
+                f"points see its back ({share:.0%} of them); its facets must be counter-clockwise seen from the body: use "
+                "rigid_surface(..., flip=True)"
+            )
+
+
 def refuse_deep_start(scene, system):
     """Nothing may overlap by more than a cell at the start, nor a tool reach nodes behind its slave surface."""
     X = scene.space.tabulate_dof_coordinates()

@@ -11,12 +11,13 @@ from fenics_contact import compat
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
-from fenics_contact.checks import AXES, SceneError, ramp, refuse_deep_start, refuse_inside, refuse_loose
+from fenics_contact.checks import AXES, SceneError, ramp, refuse_behind, refuse_deep_start, refuse_inside, refuse_loose
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
+from fenics_contact.contact.meshed_tool import MeshedToolContact
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
-from fenics_contact.contact.tools import RigidTool
+from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.elements import quadrature_degree, refuse_element, solid_term
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
@@ -42,7 +43,7 @@ class Body:
 class _Contact:
     name: str
     slave: tuple
-    master: RigidTool | tuple
+    master: Tool | tuple
     friction: float
     penalty: float | None
     tangential_penalty: float | None
@@ -132,15 +133,15 @@ class Scene:
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
-        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on a
-        tool, and 3 on a body, where they alone feel no jump at the master's edges.
+        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on an
+        analytic tool, and 3 on a body or a meshed tool, where they alone feel no jump at the master's edges.
         """
-        if not isinstance(master, RigidTool | str | tuple | list):
+        if not isinstance(master, Tool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
         if points is None:
             points = "nodes" if isinstance(master, RigidTool) else 3
         name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
-        if not isinstance(master, RigidTool):
+        if not isinstance(master, Tool):
             master = _names(master)
             self._facets(master)
             if common := set(master) & set(_names(slave)):
@@ -149,6 +150,8 @@ class Scene:
                 )
             if self.degree != 1:
                 raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
+        if isinstance(master, MeshedTool) and self.degree != 1 and points == "nodes":
+            raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
         positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share}
@@ -167,7 +170,7 @@ class Scene:
     def tools(self):
         """The rigid tools of all contacts, each once, in order of appearance."""
         masters = [contact.master for contact in self.contacts]
-        return list(dict.fromkeys(master for master in masters if isinstance(master, RigidTool)))
+        return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
 
     def _facets(self, group):
         try:
@@ -216,6 +219,7 @@ class Scene:
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
+        refuse_behind(system)
         refuse_deep_start(self, system)
         return system
 
@@ -309,8 +313,13 @@ class Scene:
         if isinstance(contact.master, RigidTool):
             index = self.tools.index(contact.master)
             return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
-        master = self._master_surface(contact, surface)
         facets = oriented_facets(self.space, self.mesh.facets(*contact.slave))
+        if isinstance(contact.master, MeshedTool):
+            index = self.tools.index(contact.master)
+            return MeshedToolContact(
+                contact.name, surface, facets, contact.master, index, contact.friction, normal, tangential, self.space
+            )
+        master = self._master_surface(contact, surface)
         master_name = _master_name(contact.master)
         return DeformableContact(
             contact.name, master_name, surface, facets, master, contact.friction, normal, tangential, self.space
@@ -345,4 +354,4 @@ def _names(group):
 
 
 def _master_name(master):
-    return master.name if isinstance(master, RigidTool) else "+".join(_names(master))
+    return master.name if isinstance(master, Tool) else "+".join(_names(master))

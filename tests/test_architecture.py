@@ -32,8 +32,9 @@ TABLE = {
     "studies": {"numpy", "matplotlib", "tqdm", "mpi4py", "compat"},
     "targets": {"numpy", "compat", "checks"},
     "run": {"numpy", "tqdm", "compat", "assembly", "solvers", "output", "checks", "targets"},
+    "tool_mesh": {"numpy", "mpi4py", "mesh_io", "contact"},
     # what the package offers to its users
-    "__init__": {"compat", "materials", "mesh_io", "contact", "scene", "solvers", "output", "run", "targets"},
+    "__init__": {"compat", "materials", "mesh_io", "tool_mesh", "contact", "scene", "solvers", "output", "run", "targets"},
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one
 ONLY = {

@@ -84,7 +84,7 @@ class DeformableContact:
         """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
         they say in which direction a slave node looks."""
         u = state.u.x.array
-        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(u)])
+        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
         points = np.empty((len(self._slaves[2]), 3))
         slave_points(coords, self._slaves[0], self._slaves[1], points)
         return coords, points, points if self.surface.gradients is not None else self._point_normals(u)
@@ -136,6 +136,10 @@ class DeformableContact:
         gaps = self._first_projection(state)[1][4][unpaired]
         return -min(comm.allgather(gaps.min(initial=0.0)))
 
+    def back_share(self, state, comm):
+        """Zero: normals of a body's facets point out of it."""
+        return 0.0
+
     def touches(self, blocks):
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
         return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())
@@ -162,10 +166,16 @@ class DeformableContact:
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
         forces, first = self.evaluate(state), len(self._local)
         residual.reshape(-1, 3)[self._local] += forces[:first]
-        self.master.add_forces(forces[first:], residual)
+        self.master.add_forces(forces[first:], residual, tool_residual)
 
     def add_tangent(self, state, matrix, border):
-        """Sum the points' tangents by pairs of nodes, then add each pair once: insertion is what costs."""
+        rows, columns, values = self._tangent_blocks(state)
+        starts = np.flatnonzero(np.diff(rows, prepend=-1))
+        offsets, rows = np.append(starts, len(values)).astype(np.int32), rows[starts].astype(np.int32)
+        matrix.setValuesBlockedIJV(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
+
+    def _tangent_blocks(self, state):
+        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once, for insertion costs."""
         coords, _, projection = self._project(state)
         self._linearised = coords, projection
         values, used = np.zeros((len(self._keys), 3, 3)), np.zeros(len(self._keys), dtype=bool)
@@ -176,10 +186,7 @@ class DeformableContact:
         if missing:
             raise RuntimeError(f"contact '{self.name}': {missing} couplings are not in the pattern")
         places = np.flatnonzero(used)
-        rows, columns = self._rows[places], self._pattern[3][places].astype(np.int32)
-        starts = np.flatnonzero(np.diff(rows, prepend=-1))
-        offsets, rows = np.append(starts, len(places)).astype(np.int32), rows[starts].astype(np.int32)
-        matrix.setValuesBlockedIJV(offsets, columns, values[places], addv=True, rowmap=rows)
+        return self._rows[places], self._pattern[3][places], values[places]
 
     # -- Newton's own unknowns ------------------------------------------------------------------------------------
     def foresee(self, state):

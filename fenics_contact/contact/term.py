@@ -115,6 +115,10 @@ class RigidContact:
         """Zero: an analytic tool knows of every point how deep inside it is."""
         return 0.0
 
+    def back_share(self, state, comm):
+        """Zero: an analytic tool knows its outside."""
+        return 0.0
+
     def normals(self, state):
         """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
         kind, shape, origin, axes, travel = self._tool_arguments(state)
