@@ -175,7 +175,7 @@ class DeformableContact:
         matrix.setValuesBlockedIJV(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
 
     def _tangent_blocks(self, state):
-        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once, for insertion costs."""
+        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
         coords, _, projection = self._project(state)
         self._linearised = coords, projection
         values, used = np.zeros((len(self._keys), 3, 3)), np.zeros(len(self._keys), dtype=bool)
