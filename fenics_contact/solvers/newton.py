@@ -19,12 +19,12 @@ class StepFailed(RuntimeError):
 
 @dataclass
 class StepReport:
-    """What a step took: tangents, corrections solved with an old one's factorisation, and the out-of-balance norm over the
-    force scale after each tangent and what corrections followed it."""
+    """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
+    followed it, and the number of corrections, solved with the factorisation at hand."""
 
     iterations: int = 0
-    corrections: int = 0
     residuals: list = field(default_factory=list)
+    corrections: int = 0
 
 
 class Newton:
