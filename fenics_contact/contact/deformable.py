@@ -20,6 +20,7 @@ from fenics_contact.kernels.contact_pairs import (
 from fenics_contact.kernels.couplings import clique_keys
 from fenics_contact.kernels.deformable_element import element_nodes, slave_points
 from fenics_contact.kernels.status import OPEN
+from fenics_contact.timing import Timers
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
 FIRST_SEARCH = 3.0
@@ -72,6 +73,7 @@ class DeformableContact(SlavePoints):
         self._seen = self._projected = self._linearised = None
         self._judged = _NOT_HELD
         self._gaps = (np.full(ne * nq, self.search),) * 2  # when a step was last accepted, and before
+        self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
         self.status = np.zeros((ne, nq), dtype=np.int32)
         self.met = np.zeros((ne, nq), dtype=bool)
@@ -113,8 +115,9 @@ class DeformableContact(SlavePoints):
         now = state.u.x.array, state.travel
         same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
         if not self._comm.allreduce(same, op=MPI.LAND):
-            coords, points, normals = self._positions(state)
-            self._projected = coords, points, self._pairing.project(points, normals, coords)
+            with self.timers("projection"):
+                coords, points, normals = self._positions(state)
+                self._projected = coords, points, self._pairing.project(points, normals, coords, self.timers)
             self._seen = tuple(part.copy() for part in now)
         return self._projected
 
@@ -157,34 +160,38 @@ class DeformableContact(SlavePoints):
         """Evaluate all points: traction, status, gap and excess; returns forces (nx, 3) on slave and master nodes."""
         coords, _, projection = self._project(state)
         forces, shape = np.zeros_like(coords), self.gap.shape
-        add_forces(
-            coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
-            forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1),
-        )  # fmt: skip
+        with self.timers("contact kernel"):
+            add_forces(
+                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
+                forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1),
+            )  # fmt: skip
         self.gap = np.minimum(projection[4], self.search).reshape(shape)
         return forces
 
     def add_residual(self, state, residual, tool_residual):
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
         forces, first = self.evaluate(state), len(self._local)
-        residual.reshape(-1, 3)[self._local] += forces[:first]
-        self.master.add_forces(forces[first:], residual, tool_residual)
+        with self.timers("insertion"):
+            residual.reshape(-1, 3)[self._local] += forces[:first]
+            self.master.add_forces(forces[first:], residual, tool_residual)
 
     def add_tangent(self, state, matrix, border):
         rows, columns, values = self._tangent_blocks(state)
         starts = np.flatnonzero(np.diff(rows, prepend=-1))
         offsets, rows = np.append(starts, len(values)).astype(np.int32), rows[starts].astype(np.int32)
-        matrix.setValuesBlockedIJV(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
+        with self.timers("insertion"):
+            matrix.setValuesBlockedIJV(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
 
     def _tangent_blocks(self, state):
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
         coords, _, projection = self._project(state)
         self._linearised = coords, projection
         values, used = np.zeros((len(self._keys), 3, 3)), np.zeros(len(self._keys), dtype=bool)
-        missing = add_tangents(
-            coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
-            self._pattern, values, used,
-        )  # fmt: skip
+        with self.timers("contact kernel"):
+            missing = add_tangents(
+                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
+                self._pattern, values, used,
+            )  # fmt: skip
         if missing:
             raise RuntimeError(f"contact '{self.name}': {missing} couplings are not in the pattern")
         places = np.flatnonzero(used)
@@ -247,7 +254,8 @@ class DeformableContact(SlavePoints):
 
     def _near(self, coords, points, closed, projection):
         """Keys of all couplings that the points may need before they have moved by MARGIN of an edge."""
-        offsets, facets = self._pairing.within(points, coords, MARGIN * self.master.edge)
+        with self.timers("search"):
+            offsets, facets = self._pairing.within(points, coords, MARGIN * self.master.edge)
         point = np.repeat(np.arange(len(points)), np.diff(offsets))
         deep = np.flatnonzero(closed)
         point, facets = np.concatenate([point, deep]), np.concatenate([facets, projection[0][deep]])
@@ -267,6 +275,7 @@ class DeformableContact(SlavePoints):
     def initialise(self, state):
         """Anchor every point at its projection in the initial state, so that it can stick in the first step."""
         self._commit(*self._first_projection(state), touch=-np.inf)
+        self.evaluate(state)
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""

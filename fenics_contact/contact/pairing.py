@@ -23,10 +23,11 @@ class Pairing:
         self.facets, self.seek, self.search, self.margin = facets, seek, search, margin
         self._lists = self._places = None
 
-    def project(self, points, normals, coords):
+    def project(self, points, normals, coords, timers):
         """Projection of points (np, 3) with outward normals (np, 3) on the facets at positions coords (nx, 3)."""
         if self._lists is None or self._strayed(points, coords):
-            self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
+            with timers("search"):
+                self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
             self._places = points, coords
         return self._sought(points, normals, coords, self._lists, self.search)
 
