@@ -210,7 +210,12 @@ def accepted(folder):
 
 
 @pytest.mark.serial
-def test_killed_at_any_moment(tmp_path, kills=3, steps=30):
+def test_killed_at_any_moment(tmp_path):
+    kill_and_resume(tmp_path, kills=3, steps=30)
+
+
+def kill_and_resume(tmp_path, kills, steps):
+    """Kill a run again and again; rows in the history and step of the checkpoint after each kill."""
     rng = random.Random(time.time_ns())
     out, log = tmp_path / "run", []
     kept = 0
@@ -245,7 +250,7 @@ if __name__ == "__main__":
     if what == "small":
         small(where, True, int(sys.argv[3]))
     elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20 kills 400 steps
-        print(test_killed_at_any_moment(where, int(sys.argv[3]), int(sys.argv[5])))
+        print(kill_and_resume(where, int(sys.argv[3]), int(sys.argv[5])))
     else:
         resume = sys.argv[3] == "resume"
         found = {name: numbers(carry(name, where, ALL[: int(what)], resume)) for name in list(SCENES)[1:]}

@@ -10,7 +10,7 @@ import numpy as np
 from fenics_contact.output.history import plain
 
 GENERATIONS = 2
-BROKEN = (OSError, ValueError, KeyError, zipfile.BadZipFile)  # what a file that is no checkpoint raises
+BROKEN = (EOFError, OSError, ValueError, KeyError, zipfile.BadZipFile)  # what a file that is no checkpoint raises
 
 
 class CheckpointFiles:

@@ -85,10 +85,10 @@ def test_time_grows_about_linearly():
         rng = np.random.default_rng(4)
         x, nodes, size = bumpy_sheet(n, rng)
         best = np.inf
-        for _ in range(5):
-            start = time.perf_counter()
+        for _ in range(9):
+            start = time.process_time()
             candidates(x, x, nodes, size, 0.2 / n)
-            best = min(best, time.perf_counter() - start)
+            best = min(best, time.process_time() - start)
         return best
 
     seconds(20)
