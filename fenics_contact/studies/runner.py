@@ -29,6 +29,21 @@ def grid(**values):
     return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
 
 
+def expand(base, panels):
+    """The runs of a work-precision chart, each once: `base` and, from it, what its curves vary.
+
+    panels: {title: {label of a curve: {parameter: values}}}; several parameters of a curve make a grid.
+    """
+    varied = [base | run for curves in panels.values() for values in curves.values() for run in grid(**values)]
+    return list({json.dumps(run): run for run in [base, *varied]}.values())
+
+
+def of_curve(rows, base, values):
+    """The rows of a curve: equal to `base` in all that the curve does not vary, in the order of its values."""
+    wanted = [base | run for run in grid(**values)]
+    return [row for run in wanted for row in rows if all(row[key] == run[key] for key in run)]
+
+
 def metrics(result, error=float("nan"), value=float("nan")):
     """The metrics of a Result. error: relative, against what the case compares with; value: the figure compared. Collective.
 
@@ -77,8 +92,12 @@ class Study:
         if clash := set(self.parameters) & set(METRICS) - {"processes"}:
             raise ValueError(f"study '{self.name}': parameter '{clash.pop()}' has the name of a metric; rename it")
 
-    def run(self, folder, progress=True):
-        """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun."""
+    def run(self, folder, progress=True, isolated=True):
+        """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
+
+        isolated: each run in a process of its own; else one after another in this one, which saves seconds per run but
+        where nothing catches a crash, and `processes` is 1.
+        """
         path = Path(folder) / f"{self.name}.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
         columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
@@ -89,8 +108,9 @@ class Study:
             for run in self.runs
             if self._key(run | {"repeat": i}) not in done
         ]
+        measure = self._measure if isolated else self._measure_here
         for parameters in tqdm(todo, desc=self.name, disable=not progress):
-            row = {key: parameters.get(key, "") for key in [*self.parameters, "repeat"]} | self._measure(parameters)
+            row = {key: parameters.get(key, "") for key in [*self.parameters, "repeat"]} | measure(parameters)
             new = not path.exists()
             with open(path, "a", newline="") as file:
                 writer = csv.DictWriter(file, columns, extrasaction="ignore")
@@ -99,14 +119,17 @@ class Study:
                 writer.writerow(row)
         return path
 
+    def mine(self, rows):
+        """The rows that belong to this study's runs as they are stated now."""
+        wanted = {self._key(run | {"repeat": i}) for run in self.runs for i in range(self.repeats)}
+        return [row for row in rows if self._key(row) in wanted]
+
     def _key(self, row):
         return tuple(str(row.get(name, "")) for name in [*self.parameters, "repeat"])
 
     def _measure(self, parameters):
         """Metrics of one run in its own process; a run that dies or takes too long is a row with its reason."""
-        arguments = {k: v for k, v in parameters.items() if k not in ("repeat", "processes")}
-        processes = int(parameters.get("processes", 1))
-        here = {"machine": _machine(), "versions": " ".join(f"{k} {v}" for k, v in compat.versions().items())}
+        arguments, processes = _arguments(parameters), int(parameters.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
             answer = Path(scratch) / "metrics.json"
             task = json.dumps([inspect.getfile(self.case), self.case.__name__, arguments, str(answer)])
@@ -122,8 +145,19 @@ class Study:
             except subprocess.TimeoutExpired:
                 reason = f"no end within {self.limit:g} s"
             if not answer.exists():
-                return {"converged": False, "verdict": f"stopped: {reason}", "processes": processes} | here
-            return json.loads(answer.read_text()) | here
+                return {"converged": False, "verdict": f"stopped: {reason}", "processes": processes} | _here()
+            return json.loads(answer.read_text()) | _here()
+
+    def _measure_here(self, parameters):
+        return self.case(**_arguments(parameters)) | _here()
+
+
+def _arguments(parameters):
+    return {k: v for k, v in parameters.items() if k not in ("repeat", "processes")}
+
+
+def _here():
+    return {"machine": _machine(), "versions": " ".join(f"{k} {v}" for k, v in compat.versions().items())}
 
 
 def _machine():
