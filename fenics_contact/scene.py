@@ -128,8 +128,9 @@ class Scene:
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
-        tangential over normal penalty where no number is given (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on a
-        tool, and 3 on a body, where they alone feel no jump at the master's edges.
+        tangential over normal penalty where no number is given (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss
+        points per direction of each facet; by default nodes on a tool, and 3 on a body, where they alone feel no jump at
+        the master's edges.
         """
         if not isinstance(master, RigidTool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")

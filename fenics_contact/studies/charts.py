@@ -167,17 +167,16 @@ def _label_ends(axis, ends):
 def savings(path, rows, pairs, parameters=(), title=""):
     """Draw what economies buy: for each the time of the frugal run over the full one's, and the error it adds.
 
-    pairs: {words: (base of the full run, base of the frugal one, the run whose value is right)} as sets of parameters.
-    Returns a sentence for each.
+    pairs: {words: (parameters of the full run, parameters of the frugal one)}. Returns a sentence for each.
     """
     rows = medians(rows, parameters)
     figure = Figure(figsize=(8.2, 0.9 + 0.5 * len(pairs)), layout="constrained")
     axis, sentences = figure.add_subplot(), []
     for place, (words, runs) in enumerate(reversed(pairs.items())):
-        full, frugal, right = (of_curve(rows, run, {})[0] for run in runs)
+        full, frugal = (of_curve(rows, run, {})[0] for run in runs)
         if not (full["converged"] is True and frugal["converged"] is True):
             raise StudyError(f"{words}: a run did not converge")
-        ratio, added = _seconds(frugal) / _seconds(full), abs(frugal["value"] - right["value"]) / abs(right["value"])
+        ratio, added = _seconds(frugal) / _seconds(full), abs(frugal["value"] / full["value"] - 1)
         share = f"{added:.2%}" if added >= 5e-5 else "< 0.01 %"
         axis.barh(place, ratio, color=COLOURS[0] if ratio < 1.0 else COLOURS[1], height=0.55)
         axis.annotate(f" {ratio:.2f} × the time, error added {share}", (ratio, place), va="center", fontsize=8)

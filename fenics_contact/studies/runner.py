@@ -41,7 +41,7 @@ def expand(base, panels):
 def of_curve(rows, base, values):
     """The rows of a curve: equal to `base` in all that the curve does not vary, in the order of its values."""
     wanted = [base | run for run in grid(**values)]
-    return [row for run in wanted for row in rows if all(row[key] == run[key] for key in run)]
+    return [row for run in wanted for row in rows if all(row.get(key) == run[key] for key in run)]
 
 
 def metrics(result, error=float("nan"), value=float("nan")):
@@ -101,15 +101,13 @@ class Study:
         path = Path(folder) / f"{self.name}.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
         columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
-        done = {self._key(row) for row in read(path)} if path.exists() else set()
-        todo = [
-            run | {"repeat": i}
-            for i in range(self.repeats)
-            for run in self.runs
-            if self._key(run | {"repeat": i}) not in done
-        ]
+        before = read(path) if path.exists() else []
+        done, failed = {self._key(row) for row in before}, {self._key(r, False) for r in before if r["converged"] is not True}
+        runs = [run | {"repeat": i} for i in range(self.repeats) for run in self.runs]
         measure = self._measure if isolated else self._measure_here
-        for parameters in tqdm(todo, desc=self.name, disable=not progress):
+        for parameters in tqdm([run for run in runs if self._key(run) not in done], desc=self.name, disable=not progress):
+            if self._key(parameters, False) in failed:
+                continue  # there is no time to take the median of
             row = {key: parameters.get(key, "") for key in [*self.parameters, "repeat"]} | measure(parameters)
             new = not path.exists()
             with open(path, "a", newline="") as file:
@@ -117,6 +115,8 @@ class Study:
                 if new:
                     writer.writeheader()
                 writer.writerow(row)
+            if not row["converged"]:
+                failed.add(self._key(parameters, False))
         return path
 
     def mine(self, rows):
@@ -124,8 +124,8 @@ class Study:
         wanted = {self._key(run | {"repeat": i}) for run in self.runs for i in range(self.repeats)}
         return [row for row in rows if self._key(row) in wanted]
 
-    def _key(self, row):
-        return tuple(str(row.get(name, "")) for name in [*self.parameters, "repeat"])
+    def _key(self, row, with_repeat=True):
+        return tuple(str(row.get(name, "")) for name in [*self.parameters, *["repeat"] * with_repeat])
 
     def _measure(self, parameters):
         """Metrics of one run in its own process; a run that dies or takes too long is a row with its reason."""
