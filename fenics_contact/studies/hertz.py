@@ -97,6 +97,4 @@ def report(rows, charts, quick):
     rows, keys = rows["hertz"], list(BASE)
     work_precision(charts / "hertz.png", rows, BASE, QUICK if quick else PANELS, TITLE, keys, "error of the force")
     bases = {"cylinder": BASE} if quick else {"cylinder": BASE, "sphere": BASE | {"tool": "sphere", "cells": 8}}
-    return [
-        f"{tool}: {answer([row for row in rows if row['tool'] == tool], base, keys)}" for tool, base in bases.items()
-    ]
+    return [f"{tool}: {answer([row for row in rows if row['tool'] == tool], base, keys)}" for tool, base in bases.items()]

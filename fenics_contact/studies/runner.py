@@ -102,7 +102,8 @@ class Study:
         path.parent.mkdir(parents=True, exist_ok=True)
         columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
         before = read(path) if path.exists() else []
-        done, failed = {self._key(row) for row in before}, {self._key(r, False) for r in before if r["converged"] is not True}
+        done = {self._key(row) for row in before}
+        failed = {self._key(row, False) for row in before if row["converged"] is not True}
         runs = [run | {"repeat": i} for i in range(self.repeats) for run in self.runs]
         measure = self._measure if isolated else self._measure_here
         for parameters in tqdm([run for run in runs if self._key(run) not in done], desc=self.name, disable=not progress):
