@@ -7,13 +7,19 @@ from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.units import Units
 from fenics_contact.run import Result, solve
 from fenics_contact.scene import Body, Scene, SceneError
+from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.targets import Displacement, Load, Travel
 
 __all__ = [
+    "ArcSteps",
     "Body",
+    "Displacement",
+    "Load",
     "NamedMesh",
     "Result",
     "Scene",
     "SceneError",
+    "Travel",
     "Units",
     "from_elastic",
     "mooney_paper",

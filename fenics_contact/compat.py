@@ -55,7 +55,9 @@ def _space(mesh, family, degree, shape):
 def _make_space(mesh, family, degree, shape):
     if _HAS_FUNCTIONSPACE:
         return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
-    make = {0: fem.FunctionSpace, 1: fem.VectorFunctionSpace, 2: fem.TensorFunctionSpace}[len(shape)]
+    if len(shape) == 1:
+        return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
+    make = fem.TensorFunctionSpace if shape else fem.FunctionSpace
     return make(mesh, (family, degree))
 
 

@@ -7,19 +7,24 @@ units of pressure (MPa with lengths in mm and forces in N).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import ufl
 
 
 @dataclass(frozen=True)
 class Isotropic:
-    """Energy psi(I1, I2, J) [pressure] of the paper's invariants; `moduli` are (shear, bulk) at rest [pressure]."""
+    """Energy psi(I1, I2, J) [pressure] of the paper's invariants, moduli at rest [pressure].
+
+    isochoric(I1, I2), volumetric(J): the two parts whose sum psi is, if it is one; elements that do not lock need them.
+    """
 
     name: str
     psi: Callable
     shear_modulus: float
     bulk_modulus: float
+    isochoric: Callable | None = None
+    volumetric: Callable | None = None
 
 
 @dataclass(frozen=True)
@@ -54,22 +59,57 @@ def moderate_pressure(J, K):
     return K / 2 * (J - 1) ** 2
 
 
-def mooney_paper(a1, a2, K):
+def barrier(J, K):
+    """Psi_0 = K/4 (J^2 - 1 - 2 ln J), infinite at J = 0 (Simo & Taylor 1982; Simo & Hughes 1998, Computational
+    Inelasticity, (9.2.3))."""
+    return K / 4 * (J**2 - 1 - 2 * ufl.ln(J))
+
+
+def _split(name, isochoric, volumetric, shear, K):
+    """The law isochoric(I1, I2) + volumetric(J, K)."""
+
+    def volume(J):
+        return volumetric(J, K)
+
+    def psi(I1, I2, J):
+        return isochoric(I1, I2) + volume(J)
+
+    law = "" if volumetric is moderate_pressure else f", volume by {volumetric.__name__}"
+    return Isotropic(f"{name}, K = {K}{law}", psi, shear, K, isochoric, volume)
+
+
+def isochoric_part(material):
+    """The material without its volumetric energy."""
+    return replace(material, psi=lambda I1, I2, J: material.isochoric(I1, I2))
+
+
+def volumetric_part(material):
+    """The material without its isochoric energy."""
+    return replace(material, psi=lambda I1, I2, J: material.volumetric(J))
+
+
+def with_pressure(material, p):
+    """Isochoric energy + p J: the volume answers with a pressure p [pressure] that is a field of its own."""
+    return replace(material, psi=lambda I1, I2, J: material.isochoric(I1, I2) + p * J)
+
+
+def mooney_paper(a1, a2, K, volumetric=moderate_pressure):
     """Psi = a1 (I1 - 3) + a2 (tr(B^.B^) - 3) + K/2 (J - 1)^2, (22), with the paper's second invariant tr(B^ . B^).
 
     The shear modulus at rest is 2 a1 + 8 a2. All parameters in units of pressure; ValueError if not positive.
+    volumetric(J, K), here as in the other laws: the volume's energy if it is another one, e.g. `barrier`.
     """
     _positive("mooney_paper", a1=a1, K=K)
     _finite("mooney_paper", a2=a2)
     _stable("mooney_paper", 2 * a1 + 8 * a2)
 
-    def psi(I1, I2, J):
-        return a1 * (I1 - 3) + a2 * (I2 - 3) + moderate_pressure(J, K)
+    def isochoric(I1, I2):
+        return a1 * (I1 - 3) + a2 * (I2 - 3)
 
-    return Isotropic(f"Mooney, I2 = tr(B.B), a1 = {a1}, a2 = {a2}, K = {K}", psi, 2 * a1 + 8 * a2, K)
+    return _split(f"Mooney, I2 = tr(B.B), a1 = {a1}, a2 = {a2}", isochoric, volumetric, 2 * a1 + 8 * a2, K)
 
 
-def mooney_rivlin(a1, a2, K):
+def mooney_rivlin(a1, a2, K, volumetric=moderate_pressure):
     """Psi = a1 (I1 - 3) + a2 ((I1^2 - tr(B^.B^))/2 - 3) + K/2 (J - 1)^2: classical Mooney (1940, doi:10.1063/1.1712836).
 
     The shear modulus at rest is 2 a1 + 2 a2. All parameters in units of pressure; ValueError if not positive.
@@ -78,31 +118,31 @@ def mooney_rivlin(a1, a2, K):
     _finite("mooney_rivlin", a2=a2)
     _stable("mooney_rivlin", 2 * a1 + 2 * a2)
 
-    def psi(I1, I2, J):
-        return a1 * (I1 - 3) + a2 * ((I1**2 - I2) / 2 - 3) + moderate_pressure(J, K)
+    def isochoric(I1, I2):
+        return a1 * (I1 - 3) + a2 * ((I1**2 - I2) / 2 - 3)
 
-    return Isotropic(f"Mooney-Rivlin, classical I2, a1 = {a1}, a2 = {a2}, K = {K}", psi, 2 * (a1 + a2), K)
+    return _split(f"Mooney-Rivlin, classical I2, a1 = {a1}, a2 = {a2}", isochoric, volumetric, 2 * (a1 + a2), K)
 
 
-def neo_hooke(mu, K):
+def neo_hooke(mu, K, volumetric=moderate_pressure):
     """Psi = mu/2 (I1 - 3) + K/2 (J - 1)^2 (Treloar 1943, doi:10.1039/TF9433900036; volume term (21)), moduli in pressure."""
     _positive("neo_hooke", mu=mu, K=K)
 
-    def psi(I1, I2, J):
-        return mu / 2 * (I1 - 3) + moderate_pressure(J, K)
+    def isochoric(I1, I2):
+        return mu / 2 * (I1 - 3)
 
-    return Isotropic(f"neo-Hooke, mu = {mu}, K = {K}", psi, mu, K)
+    return _split(f"neo-Hooke, mu = {mu}", isochoric, volumetric, mu, K)
 
 
-def yeoh(c1, c2, c3, K):
+def yeoh(c1, c2, c3, K, volumetric=moderate_pressure):
     """Psi = sum c_i (I1 - 3)^i + K/2 (J - 1)^2 (Yeoh 1993, doi:10.5254/1.3538343), parameters in pressure, 2 c1 at rest."""
     _positive("yeoh", c1=c1, K=K)
     _finite("yeoh", c2=c2, c3=c3)
 
-    def psi(I1, I2, J):
-        return c1 * (I1 - 3) + c2 * (I1 - 3) ** 2 + c3 * (I1 - 3) ** 3 + moderate_pressure(J, K)
+    def isochoric(I1, I2):
+        return c1 * (I1 - 3) + c2 * (I1 - 3) ** 2 + c3 * (I1 - 3) ** 3
 
-    return Isotropic(f"Yeoh, c1 = {c1}, c2 = {c2}, c3 = {c3}, K = {K}", psi, 2 * c1, K)
+    return _split(f"Yeoh, c1 = {c1}, c2 = {c2}, c3 = {c3}", isochoric, volumetric, 2 * c1, K)
 
 
 def from_elastic(E, nu):

@@ -17,6 +17,7 @@ from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import RigidTool
+from fenics_contact.elements import quadrature_degree, refuse_element, solid_term
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
@@ -59,10 +60,12 @@ def young(material):
 class Scene:
     """Bodies of one mesh with their supports, loads and contacts.
 
-    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; units: names for the output.
+    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; element: "displacement", or
+    "mixed" for nearly incompressible rubber, see `elements`; accept_locking: compute even where the element is known to
+    lock; units: names for the output.
     """
 
-    def __init__(self, *bodies, degree=1, units=Units()):  # noqa: B008 - frozen
+    def __init__(self, *bodies, degree=1, element="displacement", accept_locking=False, units=Units()):  # noqa: B008 - frozen
         if not bodies:
             raise SceneError("a scene needs at least one Body")
         if degree not in (1, 2):
@@ -75,7 +78,10 @@ class Scene:
             self.mesh.volume_tag(body.group)
         if left:
             raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
-        self.bodies, self.degree, self.units = bodies, degree, units
+        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
+        laws = {body.group: body.material for body in bodies}
+        refuse_element(element, degree, tetrahedra, laws, accept_locking)
+        self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
         self.contacts, self.loads, self.pressures, self._supports = [], [], [], []
 
@@ -188,7 +194,8 @@ class Scene:
         loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, path) for group, path in self.loads]
         pressures = [(compat.Constant(self.mesh.domain, 0.0), group, path) for group, path in self.pressures]
         supports = self._support_dofs()
-        terms = [self._solid(u, loads)]
+        solid, stress_laws = self._solid(u, loads)
+        terms = [solid]
         if pressures:
             terms.append(self._pressure(u, pressures, supports))
         modulus = self._modulus_by_cell()
@@ -205,15 +212,22 @@ class Scene:
 
         def check():
             worst = smallest()
-            return f"an element turned inside out (smallest J {worst:.3g})" if not worst > 0.0 else None
+            if not worst > 0.0:
+                return f"an element turned inside out (smallest J {worst:.3g})"
+            for term in contacts:
+                depth = term.lost_depth(state, self.mesh.comm)
+                if depth > term.touch:
+                    return f"contact '{term.name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+            return None
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
-        system.contacts, system.units = contacts, self.units
+        system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
         refuse_deep_start(self, system)
         return system
 
-    def dx(self, body):
-        degree = 2 * self.degree + 1
+    def dx(self, body, degree=None):
+        """Integral over a body, exact to `degree` (by default the element's full integration)."""
+        degree = quadrature_degree(self.degree) if degree is None else degree
         measure = ufl.Measure(
             "dx", domain=self.mesh.domain, subdomain_data=self.mesh.cell_tags, metadata={"quadrature_degree": degree}
         )
@@ -224,20 +238,21 @@ class Scene:
             "ds",
             domain=self.mesh.domain,
             subdomain_data=self.mesh.facet_tags,
-            metadata={"quadrature_degree": 2 * self.degree + 1},
+            metadata={"quadrature_degree": quadrature_degree(self.degree)},
         )
         return measure(self.mesh.surface_tags(*_names(group)))
 
     def _solid(self, u, loads):
-        v, du = ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
-        power = sum(vp.stress_power(body.material, u, v, self.dx(body)) for body in self.bodies)
-        rate = sum(vp.stress_power_rate(body.material, u, du, v, self.dx(body)) for body in self.bodies)
-        for constant, group, _ in loads:
-            if group is None:
-                power -= sum(vp.body_force_power(constant, v, self.dx(body)) for body in self.bodies)
-            else:
-                power -= vp.dead_traction_power(constant, v, self.ds(group))
-        return FormTerm("solid", power, rate)
+        """The solid's term with the dead loads, and the laws of its Cauchy stress by body."""
+
+        def loads_power(v):
+            inside = [(constant, body) for constant, group, _ in loads if group is None for body in self.bodies]
+            outside = [(constant, group) for constant, group, _ in loads if group is not None]
+            power = sum(vp.body_force_power(constant, v, self.dx(body)) for constant, body in inside)
+            return power + sum(vp.dead_traction_power(constant, v, self.ds(group)) for constant, group in outside)
+
+        parts = [(body.material, lambda degree, body=body: self.dx(body, degree)) for body in self.bodies]
+        return solid_term(self.element, u, parts, loads_power, self.degree)
 
     def _pressure(self, u, pressures, supports):
         """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
@@ -326,7 +341,7 @@ class Scene:
     def volume_ratio(self, u):
         """Function () -> smallest J = det F over the quadrature points of all ranks."""
         cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
-        points, _ = basix.make_quadrature(cell, 2 * self.degree + 1)
+        points, _ = basix.make_quadrature(cell, quadrature_degree(self.degree))
         evaluate = compat.cell_evaluator(self.mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
         return lambda: self.mesh.comm.allreduce(float(np.min(evaluate(), initial=np.inf)), op=MPI.MIN)
 

@@ -73,6 +73,12 @@ def stress_power_rate(material, u, du, v, dx):
     return ufl.inner(dtau - ufl.dot(tau, h.T), ufl.dot(ufl.grad(v), Finv)) * dx
 
 
+def dilatation_rate(u, v):
+    """Rate of J = det F under the velocity v: J div_x v."""
+    F = deformation_gradient(u)
+    return ufl.det(F) * ufl.tr(ufl.dot(ufl.grad(v), ufl.inv(F)))
+
+
 def cauchy_stress(material, u):
     """(20): sigma = tau / J."""
     F = deformation_gradient(u)

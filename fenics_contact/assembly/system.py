@@ -14,11 +14,15 @@ from fenics_contact.timing import Timers
 
 @dataclass
 class State:
-    """Displacement u (Function, [length]), travel of the tools (tools, 3) [length] and load parameter t."""
+    """Displacement u (Function, [length]), travel of the tools (tools, 3) [length] and load parameter t.
+
+    share: how much of the last tangent solve's increment is in u; terms with unknowns of their own follow by it.
+    """
 
     u: object
     travel: np.ndarray
     t: float = 0.0
+    share: float = 1.0
 
 
 class Term(Protocol):
@@ -39,6 +43,9 @@ class Term(Protocol):
 
     def commit(self, state): ...
 
+    # A term that condenses unknowns of its own also offers add_followed_residual, with the arguments of add_residual: the
+    # residual at the values its unknowns have by the last tangent's linearisation, where Newton's method proper has them.
+
 
 class Border:
     """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
@@ -54,25 +61,36 @@ class Border:
 
 
 class FormTerm:
-    """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear)."""
+    """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear).
+
+    Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
+    confuses the values of two rules in one kernel.
+    """
 
     def __init__(self, name, residual, tangent=None, symmetric=True):
         self.name, self.symmetric = name, symmetric
-        self.residual_form = compat.compile_form(residual)
-        self.tangent_form = compat.compile_form(tangent) if tangent is not None else None
+        self._residuals, self._tangents = _compiled(residual), _compiled(tangent)
+        self.tangent_form = self._tangents[0] if self._tangents else None  # its cells' couplings are the matrix pattern
 
     def add_residual(self, state, residual, tool_residual):
-        compat.assemble_vector(residual, self.residual_form)
+        for form in self._residuals:
+            compat.assemble_vector(residual, form)
 
     def couplings(self, state):
         """None: the cells' own couplings are the pattern's base."""
 
     def add_tangent(self, state, matrix, border):
-        if self.tangent_form is not None:
-            compat.assemble_matrix(matrix, self.tangent_form)
+        for form in self._tangents:
+            compat.assemble_matrix(matrix, form)
 
     def commit(self, state):
         """Forms keep no history."""
+
+
+def _compiled(forms):
+    if forms is None:
+        return []
+    return [compat.compile_form(form) for form in (forms if isinstance(forms, list) else [forms])]
 
 
 def is_symmetric(tangent_form, u, supports):
@@ -107,6 +125,7 @@ class System:
         self.space = state.u.function_space
         self.comm = self.space.mesh.comm
         self.symmetric = all(term.symmetric for term in terms)
+        self.condensed = any(hasattr(term, "add_followed_residual") for term in terms)
         self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
         self._couplings = [np.empty(0, dtype=np.int64)] * len(terms)
         self.matrix = self._new_matrix()
@@ -162,17 +181,22 @@ class System:
         """Force scale below which residuals are rounding: a body that moves without strain has no other [force]."""
         return 1e-4 * self.stiffness * self.vector.norm(PETSc.NormType.NORM_INFINITY)
 
-    def update(self, du, dq):
-        """Add a PETSc increment (owned part) and a travel increment to the state."""
+    def update(self, du, dq, share=1.0):
+        """Add a PETSc increment (owned part) and a travel increment to the state.
+
+        share: how much of the last tangent solve's increment the state then holds.
+        """
         self.vector.axpy(1.0, du)
         copy_to_ghosts(self.vector)
         self.state.travel += dq
+        self.state.share = share
 
     # -- evaluation -----------------------------------------------------------------------------------------------
-    def assemble_residual(self):
+    def assemble_residual(self, followed=False):
         """Fill residual_vector (supports' dofs zero) and tool_residual; returns the out-of-balance norm [force].
 
         `forces` is then the largest norm of a single term, reactions included: the scale of the residual.
+        followed: with condensed unknowns where the last tangent's linearisation puts them, see Term.
         """
         total = self.residual_vector
         total.set(0.0)
@@ -183,7 +207,8 @@ class System:
                 with self._work.localForm() as local:
                     local.set(0.0)
                     array = local.array_w
-                    term.add_residual(self.state, array, tool_residual)
+                    add = getattr(term, "add_followed_residual", term.add_residual) if followed else term.add_residual
+                    add(self.state, array, tool_residual)
                 sum_to_owners(self._work)
                 self.forces = max(self.forces, self._work.norm())
                 total.axpy(1.0, self._work)

@@ -106,6 +106,16 @@ class DeformableContact:
         deepest = -min(comm.allgather(gaps.min(initial=0.0)))
         return deepest if deepest > self.surface.cell_height else 0.0
 
+    def lost_depth(self, state, comm):
+        """Depth [length] of the deepest slave point inside the master that is too deep to have a partner, else zero.
+
+        A Newton step that carries bodies through each other by more than the search distance ends in such a state, which
+        looks like an open contact. Collective.
+        """
+        unpaired = self._project(state)[2][1] == NONE
+        gaps = self._first_projection(state)[1][4][unpaired]
+        return -min(comm.allgather(gaps.min(initial=0.0)))
+
     def touches(self, blocks):
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
         return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())

@@ -111,6 +111,10 @@ class RigidContact:
         at_surface, behind = np.max(comm.allgather(here), axis=0)
         return max(at_surface, behind) if at_surface > height or behind > 0.1 * height else 0.0
 
+    def lost_depth(self, state, comm):
+        """Zero: an analytic tool knows of every point how deep inside it is."""
+        return 0.0
+
     def normals(self, state):
         """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
         kind, shape, origin, axes, travel = self._tool_arguments(state)

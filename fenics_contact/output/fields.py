@@ -50,8 +50,8 @@ class Fields:
         centre = {"hexahedron": [0.5, 0.5, 0.5], "tetrahedron": [0.25, 0.25, 0.25]}[compat.cell_name(scene.mesh.domain)]
         self._centre_J = compat.cell_evaluator(scene.mesh.domain, ufl.det(vp.deformation_gradient(u)), centre)
         self._centre_stress = [
-            (self._cells(body), compat.cell_evaluator(scene.mesh.domain, vp.cauchy_stress(body.material, u), centre))
-            for body in scene.bodies
+            (self._cells(body), compat.cell_evaluator(scene.mesh.domain, vp.cauchy_stress(law, u), centre))
+            for body, law in zip(scene.bodies, self.system.stress_laws, strict=True)
         ]
 
     def _cells(self, body):

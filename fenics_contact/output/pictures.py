@@ -4,6 +4,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -26,6 +27,22 @@ def draw_body(axes, corners, values, limits=None, view=(28, 40)):
     axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])))
     axes.view_init(*view)
     return scale
+
+
+def draw_slice(axes, corners, values, across="z"):
+    """Draw the facets (n, 3 or 4, 3) normal to an axis, coloured by their mean value, into plane axes; returns the colours.
+
+    For plane strain: both ends of the slice lie on top of each other.
+    """
+    axis = "xyz".index(across)
+    flat = np.ptp(corners[..., axis], axis=1) < 1e-9 * np.ptp(corners)
+    plane = [i for i in range(3) if i != axis]
+    facets = PolyCollection(corners[flat][..., plane], array=values[flat].mean(axis=1), cmap=COLOURS)
+    facets.set(edgecolor=(0, 0, 0, 0.25), linewidth=0.2)
+    axes.add_collection(facets)
+    axes.autoscale()
+    axes.set_aspect("equal")
+    return facets
 
 
 def body_picture(path, corners, values, label, title="", view=(28, 40)):

@@ -29,10 +29,13 @@ def prepare_folder(path, comm):
 
 
 class Writer:
-    """Writes every accepted step into a folder: history.csv and results.xdmf, at the end summary.json and body.png."""
+    """Writes every accepted step into a folder: history.csv and results.xdmf, at the end summary.json and body.png.
 
-    def __init__(self, folder, scene, system):
-        self.comm = system.comm
+    clock: function () -> time stamp in results.xdmf, which must grow: a continuation's t does not.
+    """
+
+    def __init__(self, folder, scene, system, clock):
+        self.comm, self._clock = system.comm, clock
         self.folder, self.scene, self.system = folder, scene, system
         self.fields = Fields(scene, system)
         self._history = HistoryFile(folder) if self.comm.rank == 0 else None
@@ -43,7 +46,7 @@ class Writer:
     def _write_fields(self):
         self.fields.update()
         for field in self.fields.all:
-            self._xdmf.write_function(field, self.system.state.t)
+            self._xdmf.write_function(field, self._clock())
 
     def step(self, row, on_schedule):
         if self._history:

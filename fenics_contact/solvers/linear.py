@@ -69,27 +69,46 @@ class LinearSolver:
         tolerance: relative residual at which an iterative solver may stop; the direct one does not look at it.
         Raises LinearFailure, on all ranks, if the solver fails.
         """
+        system = self.system
+        return self.solve_sides([(system.residual_vector, system.tool_residual, du_supports, dq)], tolerance)[0]
+
+    def solve_sides(self, sides, tolerance=TIGHTEST):
+        """Increments (du, dq) for several sides with one factorisation and one set of the tools' responses.
+
+        sides: (residual Vec, tool residual (tools, 3), du_supports, dq) each. Raises LinearFailure as `solve` does.
+        """
         self.ksp.setTolerances(rtol=tolerance)
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
-        rhs = system.residual_vector.copy()
-        rhs.scale(-1.0)
-        self._add_prescribed_travel(rhs, dq)
-        du = self._eliminate(rhs, du_supports)
-        self._solve(rhs, du)
+        rights = []
+        for residual, _, _, dq in sides:
+            rhs = residual.copy()
+            rhs.scale(-1.0)
+            self._add_prescribed_travel(rhs, dq)
+            rights.append(rhs)
+        increments = self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides])
+        for rhs, du in zip(rights, increments, strict=True):
+            self._solve(rhs, du)
         if not free.size:
-            return du, dq
+            return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(c) for c in free]
         rows = [system.border_vector(system.border.rows[c]) for c in free]
         schur = system.border.corner[np.ix_(free, free)].copy()
-        right = -system.tool_residual.ravel()[free] - system.border.corner[free] @ dq.ravel()
         for i, row in enumerate(rows):
-            right[i] -= row.dot(du)
             schur[i] += [row.dot(column) for column in columns]
+        return [
+            self._with_free_travel(du, dq, tool_residual, free, schur, rows, columns)
+            for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
+        ]
+
+    def _with_free_travel(self, du, dq, tool_residual, free, schur, rows, columns):
+        """The pushed tools' share of an increment: the border's Schur complement."""
+        right = -tool_residual.ravel()[free] - self.system.border.corner[free] @ dq.ravel()
+        right -= [row.dot(du) for row in rows]
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
             raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
-        for amount, column in zip(travel, columns, strict=False):
+        for amount, column in zip(travel, columns, strict=True):
             du.axpy(amount, column)
         total = dq.ravel().copy()
         total[free] += travel
@@ -101,17 +120,25 @@ class LinearSolver:
         for c in np.flatnonzero(dq.ravel()):
             rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
 
-    def _eliminate(self, rhs, du_supports):
-        """Put the supports' increments into matrix and right-hand side, keeping symmetry and pattern."""
+    def _eliminate(self, rights, du_supports):
+        """Put the supports' increments into the right-hand sides and the matrix, keeping its symmetry and pattern.
+
+        Returns, for each side, a vector that holds the supports' increments.
+        """
         system = self.system
-        du = system.vector.duplicate()
         if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
             self._pivot = max(system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), 1e-300)
-        with du.localForm() as local:
-            local.set(0.0)
-            local.array_w[system.supports.dofs] = du_supports
-        system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot, du, rhs)
-        return du
+        increments = []
+        for rhs, values in zip(rights, du_supports, strict=True):
+            du = system.vector.duplicate()
+            with du.localForm() as local:
+                local.set(0.0)
+                local.array_w[system.supports.dofs] = values
+            rhs.axpy(-1.0, system.matrix * du)
+            rhs.array_w[system.supports.owned] = self._pivot * du.array_r[system.supports.owned]
+            increments.append(du)
+        system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
+        return increments
 
     def _response(self, component):
         """du/dq of one free travel component: K^-1 (-C)."""

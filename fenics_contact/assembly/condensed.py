@@ -1,0 +1,128 @@
+"""A solid whose pressure lives cell by cell and is condensed out, so that only the displacement stays unknown."""
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.system import FormTerm
+
+
+class CellBlocks:
+    """A bilinear form between a space without continuity and another one, as one dense block per owned cell."""
+
+    def __init__(self, form, rows, columns):
+        self._form, self._matrix = form, compat.create_matrix(form)
+        cells = rows.mesh.topology.index_map(3).size_local
+        numbers = _dofs(columns, compat.global_blocks(columns))[:cells]
+        self.shape = cells, _dofs(rows).shape[1], numbers.shape[1]
+        # PETSc keeps a row's columns in rising order; these are their places in the cell
+        self._order = np.argsort(numbers, axis=1)[:, None, :]
+
+    def assemble(self):
+        """Blocks (cells, rows per cell, columns per cell) at the present coefficients. Collective."""
+        self._matrix.zeroEntries()
+        compat.assemble_matrix(self._matrix, self._form)
+        self._matrix.assemble()
+        blocks = np.empty(self.shape)
+        np.put_along_axis(blocks, np.broadcast_to(self._order, self.shape), self._values(), axis=2)
+        return blocks
+
+    def _values(self):
+        return self._matrix.getValuesCSR()[2].reshape(self.shape)
+
+
+def _dofs(space, blocks=None):
+    """(cells, dofs per cell): local numbers, or those of the numbering `blocks`."""
+    size = space.dofmap.index_map_bs
+    cells = compat.cell_dofs(space)
+    cells = cells if blocks is None else blocks[cells]
+    return (size * cells[..., None] + np.arange(size)).reshape(len(cells), -1)
+
+
+class CondensedPressure(FormTerm):
+    """The three-field solid of Simo, Taylor & Pister (1985, doi:10.1016/0045-7825(85)90033-7), in u alone.
+
+    In every cell the dilatation theta is the projection of J, the pressure p that of U'(theta):
+
+        M theta = int q J dX,    M p = int q U'(theta) dX,    M = int q q dX,
+
+    and the residual is the virtual power at this p(u): a pure function of u. Its derivative is
+    K(p) + B^T D B with B = int q J div v dX, D = M^-1 (int q U''(theta) q dX) M^-1.
+
+    In K(p), the tangent at fixed pressure, p is not p(u) but the one Newton's method gives a pressure that is an unknown
+    of its own: p + s (p(u) - p) + D B du after a share s of the last tangent's increment. Far from the solution
+    p(u) = K (J - 1) carries K times the second-order error of J, which makes Newton diverge at large K / mu; this one
+    does not. The line search looks at the residual of the same pressure. At the first tangent after a commit or a rollback
+    it is the committed state's, so that a step cut back equals a small step.
+
+    forms: compiled `volume` int q J, `law` int q U'(theta), `stiffness` int q U''(theta) q, `mass` M, `coupling` B;
+    pressure, predicted, dilatation: Functions in q's space, written here; residual holds `pressure`, tangent `predicted`.
+    """
+
+    def __init__(self, name, residual, tangent, forms, u, pressure, predicted, dilatation, symmetric=True):
+        super().__init__(name, residual, tangent, symmetric)
+        self.pressure, self._predicted, self._dilatation = pressure, predicted, dilatation
+        self._forms, q, v = forms, pressure.function_space, u.function_space
+        self._coupling = CellBlocks(forms["coupling"], q, v)
+        self._stiffness = CellBlocks(forms["stiffness"], q, q)
+        mass = CellBlocks(forms["mass"], q, q)
+        self._inverse_mass = np.linalg.inv(mass.assemble())
+        cells = len(self._inverse_mass)
+        self._pressure_dofs = _dofs(q)[:cells]
+        self._dofs = _dofs(v)[:cells]
+        self._blocks = np.ascontiguousarray(compat.cell_dofs(v)[:cells])
+        self._start = u.x.array.copy(), self._cell_values(self._predicted)  # committed displacement and its prediction
+        self._last = None  # displacement, pressure and its slope (cells, q, dofs) of the last tangent
+
+    def _cell_values(self, function):
+        return function.x.array[self._pressure_dofs]
+
+    def _projected(self, form, target):
+        """Put the projection of what the linear form integrates against q into target; returns its values by cell."""
+        integral = np.zeros(len(target.x.array))
+        compat.assemble_vector(integral, self._forms[form])
+        values = np.einsum("cij,cj->ci", self._inverse_mass, integral[self._pressure_dofs])
+        target.x.array[self._pressure_dofs] = values
+        return values
+
+    def _evaluate(self):
+        """Dilatation and pressure of the present displacement; returns the pressure by cell."""
+        self._projected("volume", self._dilatation)
+        return self._projected("law", self.pressure)
+
+    def _follow(self, state):
+        """Put the pressure that follows the last tangent into `predicted`, and return it by cell."""
+        u = state.u.x.array
+        if np.array_equal(u, self._start[0]):
+            values = self._start[1]
+        elif self._last is None:
+            values = self._evaluate()
+        else:
+            before, own, eliminated, slope = self._last
+            values = own + state.share * (eliminated - own) + np.einsum("cij,cj->ci", slope, (u - before)[self._dofs])
+        self._predicted.x.array[self._pressure_dofs] = values
+        return values
+
+    def add_residual(self, state, residual, tool_residual):
+        self._evaluate()
+        super().add_residual(state, residual, tool_residual)
+
+    def add_followed_residual(self, state, residual, tool_residual):
+        """The residual at the pressure of the tangent."""
+        kept = self._evaluate()
+        self.pressure.x.array[self._pressure_dofs] = self._follow(state)
+        super().add_residual(state, residual, tool_residual)
+        self.pressure.x.array[self._pressure_dofs] = kept
+
+    def add_tangent(self, state, matrix, border):
+        eliminated, own = self._evaluate(), self._follow(state)
+        super().add_tangent(state, matrix, border)
+        coupling = self._coupling.assemble()
+        slope = self._inverse_mass @ (self._stiffness.assemble() @ (self._inverse_mass @ coupling))
+        if len(coupling):
+            matrix.setValuesBlockedLocalRCV(self._blocks, self._blocks, coupling.transpose(0, 2, 1) @ slope, addv=True)
+        self._last = state.u.x.array.copy(), own, eliminated, slope
+
+    def commit(self, state):
+        """Keep the pressure at the accepted displacement: where the next step, or its repetition, starts."""
+        self._evaluate()
+        self._start = state.u.x.array.copy(), self._follow(state)

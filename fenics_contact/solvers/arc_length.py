@@ -1,0 +1,195 @@
+"""One step of arc length: the load parameter t is an unknown too, so that a path can pass its limit points.
+
+The step keeps a length ds of the increment (du, dq, dt) of displacements, tools' travel and load fixed:
+
+    ds^2 = |du|^2 / nodes + |dq|^2 + (L dt)^2
+
+the spherical constraint of Crisfield (1981, doi:10.1016/0045-7949(81)90108-5), with L the displacement per unit of load in
+the stiffest step so far: load never counts more than displacement, and where nothing but t moves it alone carries on.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
+from fenics_contact.solvers.newton import StepFailed, StepReport, _forcing, relative_residual
+
+# Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
+LOAD_PROBE = 1e-4
+
+
+@dataclass
+class ArcReport(StepReport):
+    """A step's tangent solves and residuals; limit_point: 1 where it ends on a maximum of t, -1 on a minimum, else 0."""
+
+    limit_point: int = 0
+
+
+@dataclass
+class Increment:
+    """Part of a path: du (PETSc Vec, owned part) and dq (tools, 3) [length], dt."""
+
+    du: object
+    dq: np.ndarray
+    dt: float
+
+    def add(self, other, share=1.0):
+        self.du.axpy(share, other.du)
+        self.dq = self.dq + share * other.dq
+        self.dt += share * other.dt
+
+    def times(self, share):
+        out = Increment(self.du.copy(), share * self.dq, share * self.dt)
+        out.du.scale(share)
+        return out
+
+
+@dataclass
+class Arrival:
+    """A converged state not yet accepted: its arc length from the last one, increment, path's rate there, report."""
+
+    length: float
+    increment: Increment
+    rate: Increment
+    report: ArcReport = field(default_factory=ArcReport)
+
+
+class ArcLength:
+    """Newton's method on the equilibrium and the arc together.
+
+    tolerance: out-of-balance force over the largest force seen, as in Newton; limit: largest number of tangent solves.
+    """
+
+    def __init__(self, linear, tolerance=1e-8, limit=12):
+        self.linear, self.tolerance, self.limit = linear, tolerance, limit
+        self.per_load = None  # L [length]
+
+    # -- lengths --------------------------------------------------------------------------------------------------
+    def dot(self, a, b):
+        """Inner product of two increments [length^2]."""
+        nodes = a.du.getSize() / 3
+        return a.du.dot(b.du) / nodes + float(np.sum(a.dq * b.dq)) + self.per_load**2 * a.dt * b.dt
+
+    def norm(self, a):
+        return float(np.sqrt(self.dot(a, a)))
+
+    def weigh(self, increment):
+        """Let the load count no more than the displacement in this increment; True where that changed the lengths."""
+        before, self.per_load = self.per_load, 0.0
+        moved = self.norm(increment)
+        self.per_load = moved / abs(increment.dt) if increment.dt else np.inf
+        self.per_load = min(x for x in (before, self.per_load) if x is not None)
+        return self.per_load != before
+
+    # -- the path's rate ------------------------------------------------------------------------------------------
+    def start(self, system, last=None):
+        """Unit rate of the path at an accepted state: t growing, or, where a last increment is given, back along it."""
+        try:
+            rate = self._raw_rate(system, self._load_side(system)[0])
+        except LinearFailure as failure:
+            raise StepFailed(str(failure)) from None
+        self.weigh(rate)
+        if not 0.0 < self.per_load < np.inf:
+            raise StepFailed("the load moves nothing at the start of the path")
+        onward = 1.0 if last is None else -np.sign(self.dot(rate, last))
+        return rate.times(onward / self.norm(rate))
+
+    def _raw_rate(self, system, side):
+        system.assemble_tangent()
+        ((du, dq),) = self.linear.solve_sides([side], TIGHTEST)
+        return Increment(du, dq, 1.0)
+
+    def _load_side(self, system):
+        """Right-hand side of the load's rate (dR/dt and the rates of supports and tools), and the out-of-balance share.
+
+        Leaves the residual of the state itself assembled.
+        """
+        t = system.state.t
+        system.begin_step(t + LOAD_PROBE)
+        system.assemble_residual()
+        rate, tool_rate = system.residual_vector.copy(), system.tool_residual
+        system.begin_step(t)
+        size = relative_residual(system)
+        rate.axpy(-1.0, system.residual_vector)
+        rate.scale(1.0 / LOAD_PROBE)
+        tool_rate = (tool_rate - system.tool_residual) / LOAD_PROBE
+        supports, moved = (
+            (values(t + LOAD_PROBE) - values(t - LOAD_PROBE)) / (2 * LOAD_PROBE)
+            for values in (system.supports.values, system.tools.prescribed)
+        )
+        return (rate, tool_rate, supports, moved), size
+
+    # -- one step -------------------------------------------------------------------------------------------------
+    def step(self, system, length, rate):
+        """Carry the system from its committed state along an arc of `length`, first along the unit `rate`."""
+        total = _advance(system, rate.times(length))
+        report = ArcReport()
+        before = np.inf
+        while True:
+            side, size = self._load_side(system)
+            report.iterations += 1
+            report.residuals.append(size)
+            try:
+                if size <= self.tolerance:
+                    return Arrival(length, total, self._rate_along(system, side, total), report)
+                if report.iterations >= self.limit:
+                    raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
+                total.add(_advance(system, self._correction(system, side, total, length, _forcing(before))))
+            except LinearFailure as failure:
+                raise StepFailed(str(failure)) from None
+            before = size
+
+    def _rate_along(self, system, side, total):
+        """Unit rate of the path at a converged state, pointing the way it was reached."""
+        rate = self._raw_rate(system, side)
+        return rate.times(np.copysign(1.0 / self.norm(rate), self.dot(rate, total)))
+
+    def _correction(self, system, side, total, length, tolerance):
+        """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
+        system.assemble_tangent()
+        resting = np.zeros(len(system.supports.dofs)), np.zeros_like(total.dq)
+        balance = (system.residual_vector, system.tool_residual, *resting)
+        (du, dq), (du_t, dq_t) = self.linear.solve_sides([balance, side], tolerance)
+        rate = Increment(du_t, dq_t, 1.0)
+        step = Increment(du, dq, 0.0)
+        reached = total.times(1.0)
+        reached.add(step)
+        a, b, c = self.dot(rate, rate), self.dot(rate, reached), self.dot(reached, reached) - length**2
+        inside = b * b - a * c
+        if not inside >= 0.0:
+            raise StepFailed("the path does not meet the arc")
+        # of both points on the arc the one at the smaller angle to the increment so far: the other turns back
+        roots = (-b + np.sqrt(inside)) / a, (-b - np.sqrt(inside)) / a
+        onward = self.dot(rate, total)
+        step.add(rate, max(roots, key=lambda dt: dt * onward))
+        return step
+
+
+def _advance(system, increment):
+    """Move the state; supports and moved tools go exactly to their places at the new t. Returns the increment made."""
+    owed, moved = system.begin_step(system.state.t + increment.dt)
+    with increment.du.localForm() as local:
+        local.array_w[system.supports.dofs] = owed
+    increment.dq = np.where(system.tools.free, increment.dq, moved)
+    system.update(increment.du, increment.dq)
+    return increment
+
+
+def depends_on_load(system):
+    """Whether anything changes with t. Collective; leaves the system at its t."""
+    t, seen = system.state.t, False
+    system.begin_step(t)
+    system.assemble_residual()
+    rest, tools = system.residual_vector.copy(), system.tool_residual
+    places = system.supports.values(t), system.tools.prescribed(t)
+    for other in (t + 0.5, t + 1.0):
+        system.begin_step(other)
+        system.assemble_residual()
+        system.residual_vector.axpy(-1.0, rest)
+        change = system.residual_vector.norm() + np.abs(system.tool_residual - tools)[system.tools.free].sum()
+        moved = system.supports.values(other) - places[0], system.tools.prescribed(other) - places[1]
+        held = sum(float(np.abs(m).sum()) for m in moved)
+        seen |= change + system.comm.allreduce(held) > 0.0
+    system.begin_step(t)
+    return bool(seen)

@@ -1,0 +1,38 @@
+"""Quarters of concentric tubes along z, one layer of structured hexahedra deep (plane strain)."""
+
+import gmsh
+
+
+def build(tubes=None, depth=5.0):
+    """tubes: {name: (inner radius, outer radius, cells around, cells through)}; radii and depth [length].
+
+    Volumes: the names. Surfaces: symmetry_x (x = 0), symmetry_y (y = 0) and ends (z = 0, depth) of all tubes, and of each
+    its name_inside and name_outside.
+    """
+    tubes = tubes or {"inner": (80.0, 90.0, 24, 3), "outer": (100.0, 110.0, 16, 3)}
+    groups = {"symmetry_x": [], "symmetry_y": [], "ends": []}
+    for name, sizes in tubes.items():
+        volume, faces = _quarter(*sizes, depth)
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
+        for place, tags in faces.items():
+            groups.setdefault(place if place in groups else f"{name}_{place}", []).extend(tags)
+    for name, tags in groups.items():
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, tags), name)
+    gmsh.model.mesh.generate(3)
+
+
+def _quarter(inner, outer, around, through, depth):
+    """Volume and {place: faces} of a quarter tube."""
+    geo = gmsh.model.geo
+    o, a, b, c, d = (geo.addPoint(x, y, 0) for x, y in ((0, 0), (inner, 0), (outer, 0), (0, outer), (0, inner)))
+    sides = [geo.addLine(a, b), geo.addCircleArc(b, o, c), geo.addLine(c, d), geo.addCircleArc(d, o, a)]
+    base = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+    for side, cells in zip(sides, (through, around, through, around), strict=True):
+        geo.mesh.setTransfiniteCurve(side, cells + 1)
+    geo.mesh.setTransfiniteSurface(base)
+    geo.mesh.setRecombine(2, base)
+    out = geo.extrude([(2, base)], 0, 0, depth, [1], recombine=True)
+    geo.synchronize()
+    (_, top), (_, volume), *swept = out  # what extrude returns: the top, the volume, and a face for each side
+    low, outside, left, inside = ([tag] for _, tag in swept)
+    return volume, {"symmetry_y": low, "symmetry_x": left, "inside": inside, "outside": outside, "ends": [base, top]}
