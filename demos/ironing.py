@@ -9,11 +9,8 @@ plane strain, one layer of hexahedra. Units: mm, N, MPa.
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
-from mpi4py import MPI
 
 from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
-from fenics_contact.output.fields import exterior_surface
 from meshes import ironing
 
 OUT = Path("results/ironing")

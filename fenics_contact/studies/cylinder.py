@@ -5,7 +5,6 @@ from fenics_contact.materials import mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene import Body, Scene
-from fenics_contact.solvers.arc_length import ArcSteps
 from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.runner import Study, expand, metrics
 from fenics_contact.targets import Load
@@ -44,6 +43,7 @@ PANELS = {
     },
 }
 QUICK = {"all": {"mesh": {"cells": [4, 8, 16], "points": [3]}, "penalty": {"factor": [10.0, 100.0, 1000.0]}}}
+PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Rubber cylinder between plates; baseline: 3 blocks of 8 × 8 cells, nodes, penalty 100 E/h, 8 Newton steps"
 
 
@@ -67,7 +67,7 @@ def cylinder(cells, degree, element, rubber, points, factor, method, steps, line
         scene,
         move={plate: (0, 0, -squeeze / 2)},
         method=method,
-        steps=ArcSteps(first=1.0 / steps) if arc else steps,
+        steps=steps,
         linear=linear,
         progress=False,
         **arc,
@@ -77,11 +77,11 @@ def cylinder(cells, degree, element, rubber, points, factor, method, steps, line
 
 
 def studies(quick):
-    return [Study("cylinder", cylinder, expand(BASE, QUICK if quick else PANELS), repeats=1 if quick else 3)]
+    return [Study("cylinder", cylinder, expand(*PLANS[quick]), repeats=1 if quick else 3)]
 
 
 def report(rows, charts, quick):
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    rows, keys, panels = rows["cylinder"], list(BASE), QUICK if quick else PANELS
-    work_precision(charts / "cylinder.png", rows, BASE, panels, TITLE, keys, "error of the force")
-    return [answer(rows, BASE, keys)]
+    rows, keys, (base, panels) = rows["cylinder"], list(BASE), PLANS[quick]
+    work_precision(charts / "cylinder.png", rows, base, panels, TITLE, keys, "error of the force")
+    return [answer(rows, base, keys)]

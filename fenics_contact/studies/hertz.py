@@ -50,6 +50,7 @@ PANELS = {
     },
 }
 QUICK = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}}}
+PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Hertz; baseline: cylinder, 12 cells of degree 1, nodes, penalty 100 E/h, 2 Newton steps"
 
 
@@ -89,12 +90,12 @@ def cylinder(cells):
 
 
 def studies(quick):
-    return [Study("hertz", hertz, expand(BASE, QUICK if quick else PANELS), repeats=1 if quick else 3)]
+    return [Study("hertz", hertz, expand(*PLANS[quick]), repeats=1 if quick else 3)]
 
 
 def report(rows, charts, quick):
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    rows, keys = rows["hertz"], list(BASE)
-    work_precision(charts / "hertz.png", rows, BASE, QUICK if quick else PANELS, TITLE, keys, "error of the force")
-    bases = {"cylinder": BASE} if quick else {"cylinder": BASE, "sphere": BASE | {"tool": "sphere", "cells": 8}}
-    return [f"{tool}: {answer([row for row in rows if row['tool'] == tool], base, keys)}" for tool, base in bases.items()]
+    rows, keys, (base, panels) = rows["hertz"], list(BASE), PLANS[quick]
+    work_precision(charts / "hertz.png", rows, base, panels, TITLE, keys, "error of the force")
+    bases = {"cylinder": base} | ({} if quick else {"sphere": base | {"tool": "sphere", "cells": 8}})
+    return [f"{tool}: {answer([row for row in rows if row['tool'] == tool], star, keys)}" for tool, star in bases.items()]

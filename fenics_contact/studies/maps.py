@@ -7,7 +7,6 @@ from fenics_contact.materials import mooney_paper, mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene import Body, Scene
-from fenics_contact.solvers.arc_length import ArcSteps
 from fenics_contact.studies.controls import CONTROLS, carry
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate
@@ -112,7 +111,7 @@ def limit(reach, way, cells=4, steps=8):
     radial = inner_radial(scene)
     if way == "arc length":
         scene.pressure("inner", aim)
-        result = solve(scene, method="arc_length", steps=ArcSteps(first=1.0 / steps), until=lambda s: radial(s) - reach,
+        result = solve(scene, method="arc_length", steps=steps, until=lambda s: radial(s) - reach,
                        progress=False)  # fmt: skip
         error = abs(result.history[-1]["t"] - 1) if result.history else float("nan")
         return metrics(result, error=error, value=radial(result.system.state))
@@ -137,7 +136,7 @@ def studies(quick):
         Study("map_friction", press, grid(friction=[0.0, 0.1, 0.3, 0.6, 1.0, 2.0][few], steps=steps,
                                           penalty_factor=[100.0], control=controls, **small)),
         Study("map_compressibility", compressibility, grid(
-            ratio=[3.0, 12.75, 100.0, 1000.0, 1e4, 1e5][few], element=list(ELEMENTS)[::2] if quick else list(ELEMENTS),
+            ratio=[3.0, 12.75, 100.0, 1000.0, 1e4, 1e5][few], element=list(ELEMENTS)[:3:2] if quick else list(ELEMENTS),
             **({"cells": [3]} if quick else {}))),
         Study("map_sliding", blocks, grid(
             per_step=[2.0] if quick else [0.5, 1.0, 2.0, 4.0], lower_cells=[4] if quick else [2, 4, 8, 16],
@@ -168,7 +167,8 @@ def report(rows, charts, quick):
     draw("map_friction", "friction", "steps", "control", title="Sharp punch, 4 of 10 mm, penalty 100 E/h")
     rows["map_compressibility"] = _against_finest(rows["map_compressibility"])
     draw("map_compressibility", "ratio", "element", title="Squeezed cylinder: solves, force over the last element's",
-         text=lambda row: f"{iterations(row)}\n{row['value']:.3f}", wrong=lambda row: abs(row["value"] - 1) > 0.05)  # fmt: skip
+         text=lambda row: f"{iterations(row)}\n{row['value']:.3f}",
+         wrong=lambda row: abs(row["value"] - 1) > 0.05)  # fmt: skip
     draw("map_sliding", "per_step", "lower_cells", "points", title="Block dragged over a block: solves, ripple of the force",
          text=share, wrong=lambda row: row["error"] > 0.1)  # fmt: skip
     draw("map_ratio", "slave_over_master", "points", title="Stacked blocks, 10 %: solves, error of the force", text=share,
