@@ -10,7 +10,7 @@ pytestmark = pytest.mark.serial
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
 STANDARD = {"argparse", "collections", "contextlib", "csv", "dataclasses", "functools", "importlib", "inspect",
             "itertools", "json", "logging", "math", "os", "pathlib", "platform", "resource", "statistics", "subprocess",
-            "sys", "tempfile", "time", "typing", "warnings"}  # fmt: skip
+            "sys", "tempfile", "textwrap", "time", "typing", "warnings"}  # fmt: skip
 LONGEST_MODULE = 400
 
 # room: what its modules may import besides the standard library and the room itself

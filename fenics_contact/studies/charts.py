@@ -1,5 +1,6 @@
 """Charts drawn from a study's rows: error against time with its Pareto front, and what economies buy."""
 
+import textwrap
 from statistics import median
 
 import numpy as np
@@ -114,7 +115,8 @@ def work_precision(path, rows, base, panels, title="", parameters=(), quantity="
         axis.set_xlabel("time / time of the baseline (★)")
         axis.set_ylabel(quantity)
         axis.tick_params(labelbottom=True, labelleft=True)
-    figure.suptitle(f"{title}\ngrey: no run is both faster and better", fontsize=11)
+    words = textwrap.wrap(f"{title}. Grey: no run is both faster and better", 60 * across)
+    figure.suptitle("\n".join(words), fontsize=10)
     figure.savefig(path, dpi=110)
     return [good[i] for i in front]
 
@@ -179,11 +181,12 @@ def savings(path, rows, pairs, parameters=(), title=""):
         ratio, added = _seconds(frugal) / _seconds(full), abs(frugal["value"] / full["value"] - 1)
         share = f"{added:.2%}" if added >= 5e-5 else "< 0.01 %"
         axis.barh(place, ratio, color=COLOURS[0] if ratio < 1.0 else COLOURS[1], height=0.55)
-        axis.annotate(f" {ratio:.2f} × the time, error added {share}", (ratio, place), va="center", fontsize=8)
+        axis.annotate(f" {ratio:.2f} × the time, error added {share}", (ratio, place), va="center", fontsize=8,
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
         sentences.append(f"{words}: {ratio:.2f} of the time, error added {share}")
     axis.set_yticks(range(len(pairs)), reversed(pairs), fontsize=8)
-    axis.axvline(1.0, color="black", linewidth=0.8)
-    axis.set_xlim(0.0, 1.6 * max(1.0, axis.get_xlim()[1]))
+    axis.axvline(1.0, color="black", linewidth=0.8, zorder=0)
+    axis.set_xlim(0.0, max(1.9, axis.get_xlim()[1] + 1.1))
     axis.set_xlabel("time of the frugal run / time of the full one (1: nothing gained)")
     axis.set_title(title, fontsize=10)
     figure.savefig(path, dpi=110)

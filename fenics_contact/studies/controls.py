@@ -13,14 +13,14 @@ from fenics_contact.solvers.newton import Newton, relative_residual
 class FullSteps(Newton):
     """Newton's method without a line search."""
 
-    def _shorten(self, system, du, dq, before):
-        return relative_residual(system)
+    def _shorten(self, system, *_):
+        return relative_residual(system, followed=True)
 
 
 # name: (stepper, smallest step to which a failing one is cut; endless: the first failure ends the run)
 CONTROLS = {
-    "plain Newton": (FullSteps, np.inf),
-    "with line search": (Newton, np.inf),
+    "full steps": (FullSteps, np.inf),
+    "line search": (Newton, np.inf),
     "and step control": (Newton, 1e-4),
 }
 

@@ -155,7 +155,7 @@ def report(rows, charts, quick):
     axis = {"penalty_factor": "penalty over E/h", "steps": "number of steps", "ratio": "K/μ", "reach": "aim [mm of 95]",
             "per_step": "sliding per step [mm]", "lower_cells": "master cells per 8 mm", "fillet": "fillet radius [mm]",
             "slave_over_master": "slave cell / master cell", "points": "slave points", "cell": "cell under the punch [mm]",
-            "friction": "friction μ", "element": "element", "way": ""}  # fmt: skip
+            "friction": "friction μ", "control": "Newton", "element": "element", "way": ""}  # fmt: skip
 
     def share(row):
         return f"{iterations(row)}\n{row['error']:.2g}"

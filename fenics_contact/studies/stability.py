@@ -4,10 +4,16 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import LogLocator
 
 # What a failed run's field says, by a part of its verdict; the first that fits
 FAILURES = {
     "inside out": "inverted",
+    "inverted": "inverted",
+    "cycling": "cycling",
+    "too stiff": "too stiff",
+    "rigid-body": "loose",
+    "projection lost": "lost",
     "out of balance": "diverges",
     "linear solver": "singular",
     "passed through": "lost",
@@ -55,9 +61,12 @@ def stability_map(path, rows, x, y, panel=None, title="", text=iterations, wrong
         axes.set_xticks(range(len(columns)), [short(c) for c in columns], fontsize=8)
         axes.set_yticks(range(len(lines)), [short(line) for line in lines] if number == 0 else [], fontsize=8)
         axes.set_xlabel(names.get(x, x.replace("_", " ")), fontsize=9)
-        axes.set_title(short(value) if panel else "", fontsize=9)
+        axes.set_title(f"{names.get(panel, panel)}: {short(value)}" if panel else "", fontsize=9)
     figure.axes[0].set_ylabel(names.get(y, y.replace("_", " ")), fontsize=9)
-    figure.colorbar(picture, ax=figure.axes, label="tangent solves (grey: failed)")
+    bar = figure.colorbar(picture, ax=figure.axes, label="tangent solves (grey: failed)")
+    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for which in (bar.ax.yaxis.set_major_formatter, bar.ax.yaxis.set_minor_formatter):
+        which(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "125" else "")
     figure.suptitle(title, fontsize=10)
     figure.savefig(path, dpi=120)
 
