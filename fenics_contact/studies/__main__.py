@@ -33,6 +33,7 @@ def main():
     data, charts = (Path("results/studies"),) * 2 if asked.quick else (HERE / "data", HERE / "charts")
     for name in NAMES if "all" in asked.names else asked.names:
         sentences = run(name, data, charts, asked.quick, asked.draw)
+        (data / f"{name}.txt").write_text("\n".join(sentences) + "\n")
         tqdm.write("\n".join([f"{name}: {line}" for line in sentences] + [f"{name}: charts in {charts}"]))
 
 

@@ -24,6 +24,7 @@ ELEMENTS = {
     "degree 2": {"degree": 2},
     "degree 2, mixed": {"degree": 2, "element": "mixed"},
 }
+PENALTIES, FRICTIONS = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5], [0.0, 0.1, 0.3, 0.6, 1.0, 2.0]
 LOADS = ("load, plain Newton", "load, line search", "load, step control", "arc length")
 
 
@@ -129,25 +130,41 @@ def studies(quick):
     """One study per map."""
     few = slice(None, None, 3) if quick else slice(None)
     controls = list(CONTROLS)[::2] if quick else list(CONTROLS)
-    factors, steps = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5][few], [1, 2, 4, 8, 16][few]
-    small = {"cells": [4]} if quick else {}
-    return [
-        Study("map_penalty", press, grid(penalty_factor=factors, steps=steps, friction=[0.3], control=controls, **small)),
-        Study("map_friction", press, grid(friction=[0.0, 0.1, 0.3, 0.6, 1.0, 2.0][few], steps=steps,
-                                          penalty_factor=[100.0], control=controls, **small)),
-        Study("map_compressibility", compressibility, grid(
-            ratio=[3.0, 12.75, 100.0, 1000.0, 1e4, 1e5][few], element=list(ELEMENTS)[:3:2] if quick else list(ELEMENTS),
-            **({"cells": [3]} if quick else {}))),
-        Study("map_sliding", blocks, grid(
-            per_step=[2.0] if quick else [0.5, 1.0, 2.0, 4.0], lower_cells=[4] if quick else [2, 4, 8, 16],
-            points=["nodes", 3], upper_cells=[6], friction=[0.3], drag=[4.0 if quick else 8.0])),
-        Study("map_ratio", patch, grid(slave_over_master=[0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0][few],
-                                       points=["nodes", 1, 2, 3, 5][few], **({"cells": [4]} if quick else {}))),
-        Study("map_edge", fillets, grid(fillet=[0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 4.5][few],
-                                        cell=[5.0] if quick else [5.0, 3.4, 2.5, 1.7], points=["nodes", 3])),
-        Study("map_limit", limit, grid(reach=[9.5, 19.0, 28.5, 36.0, 39.0, 42.0, 57.0, 95.0][few], way=list(LOADS)[few],
-                                       **({"cells": [2]} if quick else {}))),
-    ]  # fmt: skip
+    steps = {"steps": [1, 2, 4, 8, 16][few], "control": controls}
+
+    def coarser(cells):
+        return {"cells": [cells]} if quick else {}
+
+    plans = {
+        "map_penalty": (press, {"penalty_factor": PENALTIES[few], "friction": [0.3], **coarser(4)}, steps),
+        "map_friction": (press, {"friction": FRICTIONS[few], "penalty_factor": [100.0], **coarser(4)}, steps),
+        "map_compressibility": (
+            compressibility,
+            {"ratio": [3.0, 12.75, 100.0, 1000.0, 1e4, 1e5][few], **coarser(3)},
+            {"element": list(ELEMENTS)[:3:2] if quick else list(ELEMENTS)},
+        ),
+        "map_sliding": (
+            blocks,
+            {"per_step": [2.0] if quick else [0.5, 1.0, 2.0, 4.0], "lower_cells": [4] if quick else [2, 4, 8, 16]},
+            {"points": ["nodes", 3], "upper_cells": [6], "friction": [0.3], "drag": [4.0 if quick else 8.0]},
+        ),
+        "map_ratio": (
+            patch,
+            {"slave_over_master": [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0][few], **coarser(4)},
+            {"points": ["nodes", 1, 2, 3, 5][few]},
+        ),
+        "map_edge": (
+            fillets,
+            {"fillet": [0.0, 0.5, 1.0, 2.0, 4.0][few], "cell": [5.0] if quick else [5.0, 3.4, 2.5, 1.7]},
+            {"points": ["nodes", 3]},
+        ),
+        "map_limit": (
+            limit,
+            {"reach": [9.5, 19.0, 28.5, 36.0, 39.0, 42.0, 57.0, 95.0][few], **coarser(2)},
+            {"way": list(LOADS)[few]},
+        ),
+    }
+    return [Study(name, case, grid(**across, **up), limit=60.0) for name, (case, across, up) in plans.items()]
 
 
 def report(rows, charts, quick):
@@ -176,7 +193,7 @@ def report(rows, charts, quick):
     draw("map_edge", "fillet", "cell", "points", title="Punch, 20 steps: solves, largest jump of the force's increments",
          text=share, wrong=lambda row: row["error"] > 0.05)  # fmt: skip
     draw("map_limit", "reach", "way", title="Inflated sphere, limit point at 40.3 mm: solves, error", text=share)
-    return [line for name in rows for line in _failures(name, rows[name])]
+    return [_failures(name, mine) for name, mine in rows.items()]
 
 
 def _against_finest(rows):
@@ -186,9 +203,12 @@ def _against_finest(rows):
 
 
 def _failures(name, rows):
-    panel = "control" if "control" in rows[0] else "points" if "points" in rows[0] else "way"
-    for value in dict.fromkeys(row.get(panel) for row in rows):
-        mine = [row for row in rows if row.get(panel) == value]
+    """In one sentence, how many runs converge with each safeguard, contact points, element or way."""
+    panel = next(key for key in ("control", "points", "element", "way") if key in rows[0])
+    parts = []
+    for value in dict.fromkeys(row[panel] for row in rows):
+        mine = [row for row in rows if row[panel] == value]
         good = [row for row in mine if row["converged"] is True]
         cut = sum(row["cut_backs"] > 0 for row in good)
-        yield f"{name}, {value or 'all'}: {len(good)} of {len(mine)} runs converge, {cut} of them with cut-backs"
+        parts.append(f"{panel} {value}: {len(good)} of {len(mine)} converge" + (f", {cut} after cut-backs" if cut else ""))
+    return f"{name}: {'; '.join(parts)}"

@@ -95,30 +95,34 @@ class Study:
     def run(self, folder, progress=True, isolated=True):
         """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
 
-        isolated: each run in a process of its own; else one after another in this one, which saves seconds per run but
-        where nothing catches a crash, and `processes` is 1.
+        isolated: each run and its repeats in a process of their own; else all in this one, which saves seconds per run but
+        where nothing catches a crash, and `processes` is 1. What failed once is not repeated.
         """
         path = Path(folder) / f"{self.name}.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
         before = read(path) if path.exists() else []
         done = {self._key(row) for row in before}
         failed = {self._key(row, False) for row in before if row["converged"] is not True}
-        runs = [run | {"repeat": i} for i in range(self.repeats) for run in self.runs]
+        todo = []
+        for run in self.runs:
+            missing = [i for i in range(self.repeats) if self._key(run | {"repeat": i}) not in done]
+            if missing and self._key(run, False) not in failed:
+                todo.append((run, missing))
         measure = self._measure if isolated else self._measure_here
-        for parameters in tqdm([run for run in runs if self._key(run) not in done], desc=self.name, disable=not progress):
-            if self._key(parameters, False) in failed:
-                continue  # there is no time to take the median of
-            row = {key: parameters.get(key, "") for key in [*self.parameters, "repeat"]} | measure(parameters)
-            new = not path.exists()
-            with open(path, "a", newline="") as file:
-                writer = csv.DictWriter(file, columns, extrasaction="ignore")
-                if new:
-                    writer.writeheader()
-                writer.writerow(row)
-            if not row["converged"]:
-                failed.add(self._key(parameters, False))
+        for run, missing in tqdm(todo, desc=self.name, disable=not progress):
+            parameters = {key: run.get(key, "") for key in self.parameters}
+            self._write(path, [parameters | row for row in measure(run, len(missing))], missing)
         return path
+
+    def _write(self, path, rows, numbers):
+        columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
+        new = not path.exists()
+        with open(path, "a", newline="") as file:
+            writer = csv.DictWriter(file, columns, extrasaction="ignore")
+            if new:
+                writer.writeheader()
+            for row, number in zip(rows, numbers, strict=False):
+                writer.writerow(row | {"repeat": number} | _here())
 
     def mine(self, rows):
         """The rows that belong to this study's runs as they are stated now."""
@@ -128,33 +132,34 @@ class Study:
     def _key(self, row, with_repeat=True):
         return tuple(str(row.get(name, "")) for name in [*self.parameters, *["repeat"] * with_repeat])
 
-    def _measure(self, parameters):
-        """Metrics of one run in its own process; a run that dies or takes too long is a row with its reason."""
-        arguments, processes = _arguments(parameters), int(parameters.get("processes", 1))
+    def _measure(self, run, repeats):
+        """Metrics of a run's repeats in a process of their own; one that dies or takes too long is a row with its reason."""
+        processes = int(run.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
             answer = Path(scratch) / "metrics.json"
-            task = json.dumps([inspect.getfile(self.case), self.case.__name__, arguments, str(answer)])
+            task = json.dumps([inspect.getfile(self.case), self.case.__name__, _arguments(run), repeats, str(answer)])
             command = [sys.executable, "-m", "fenics_contact.studies.worker", task]
             if processes > 1:
                 command = ["mpirun", "-n", str(processes), *command]
             # the environment as this process found it: a started MPI library would pass its own on to mpirun
+            limit = repeats * self.limit
             try:
                 ended = subprocess.run(
-                    command, env=os.environ.copy(), timeout=self.limit, capture_output=True, text=True, check=False
+                    command, env=os.environ.copy(), timeout=limit, capture_output=True, text=True, check=False
                 )
                 reason = (ended.stderr.strip().splitlines() or [f"exit {ended.returncode}"])[-1]
             except subprocess.TimeoutExpired:
-                reason = f"no end within {self.limit:g} s"
+                reason = f"no end within {limit:g} s"
             if not answer.exists():
-                return {"converged": False, "verdict": f"stopped: {reason}", "processes": processes} | _here()
-            return json.loads(answer.read_text()) | _here()
+                return [{"converged": False, "verdict": f"stopped: {reason}", "processes": processes}]
+            return json.loads(answer.read_text())
 
-    def _measure_here(self, parameters):
-        return self.case(**_arguments(parameters)) | _here()
+    def _measure_here(self, run, repeats):
+        return [self.case(**_arguments(run)) for _ in range(repeats)]
 
 
-def _arguments(parameters):
-    return {k: v for k, v in parameters.items() if k not in ("repeat", "processes")}
+def _arguments(run):
+    return {key: value for key, value in run.items() if key != "processes"}
 
 
 def _here():
