@@ -18,7 +18,7 @@ PANELS = {
     "mesh (cells under the punch), degree and element": {
         "degree 1": {"cells": [4, 6, 8, 10, 14]},
         "degree 1, mixed": {"cells": [4, 6, 8, 10], "element": ["mixed"]},
-        "degree 2": {"cells": [4, 6, 8], "degree": [2]},
+        "degree 2": {"cells": [3, 4, 6], "degree": [2]},
     },
     "method (number of steps) on 10 cells": {
         "Newton": {"steps": [2, 5, 10, 20]},

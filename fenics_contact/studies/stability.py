@@ -1,10 +1,11 @@
 """Maps of where a method converges, with how many iterations, and where and how it fails."""
 
+import textwrap
+
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import LogLocator
 
 # What a failed run's field says, by a part of its verdict; the first that fits
 FAILURES = {
@@ -64,10 +65,11 @@ def stability_map(path, rows, x, y, panel=None, title="", text=iterations, wrong
         axes.set_title(f"{names.get(panel, panel)}: {short(value)}" if panel else "", fontsize=9)
     figure.axes[0].set_ylabel(names.get(y, y.replace("_", " ")), fontsize=9)
     bar = figure.colorbar(picture, ax=figure.axes, label="tangent solves (grey: failed)")
-    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    for which in (bar.ax.yaxis.set_major_formatter, bar.ax.yaxis.set_minor_formatter):
-        which(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "125" else "")
-    figure.suptitle(title, fontsize=10)
+    even = [m * 10**n for n in range(5) for m in (1, 2, 5) if norm.vmin <= m * 10**n <= norm.vmax]
+    ticks = even if len(even) > 1 else [norm.vmin, norm.vmax]
+    bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
+    bar.ax.minorticks_off()
+    figure.suptitle("\n".join(textwrap.wrap(title, round(11 * size[0]))), fontsize=10)
     figure.savefig(path, dpi=120)
 
 
