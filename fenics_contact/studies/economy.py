@@ -10,6 +10,7 @@ from fenics_contact.scene import Body, Scene
 from fenics_contact.studies import cylinder as cylinders
 from fenics_contact.studies.charts import savings
 from fenics_contact.studies.runner import Study, metrics
+from fenics_contact.tool_mesh import rigid_surface
 from meshes import box, two_blocks
 
 # a rubber plate bonded to the ground, of which a quarter is 40 x 40 x 10 mm, under a punch of 40 x 40 mm
@@ -21,6 +22,7 @@ LAYER = SLAB | {"layers": 1, "length": 2.5}
 FREE = SLAB | {"layers": 12, "length": 40.0, "free_end": True}
 PAIRS = {
     "a quarter instead of the whole plate": (BASE | {"model": "whole"}, BASE),
+    "analytic punch instead of a meshed rigid one": (BASE | {"tool": "meshed"}, BASE),
     "analytic punch instead of a stiff body": (BASE | {"tool": "stiff body"}, BASE),
     "contact on the top only, not on all free faces": (BASE | {"slave": "all"}, BASE),
     "slave nodes instead of 3 × 3 Gauss points": (BASE, BASE | {"points": "nodes"}),
@@ -52,7 +54,11 @@ def plate(model, tool, slave, friction, points, fillet, solver, cells):
         mesh = read_gmsh(box.build, size=(size, size, 10.0), cells=across, origin=(corner, corner, -10.0))
         scene = Scene(Body(mesh, "box", rubber))
         _hold(scene, "", "zmin", symmetric=model == "quarter")
-        master = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 0), fillet=fillet)
+        if tool == "meshed":
+            face = {"size": (20.0, 20.0, 10.0), "cells": (cells // 2, cells // 2, 1)}
+            master = rigid_surface(box.build, "zmin", name="punch", flip=True, **face)
+        else:
+            master = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 0), fillet=fillet)
         sides = ("xmax", "ymax") if model == "quarter" else ("xmin", "xmax", "ymin", "ymax")
         move, surfaces = {master: (0, 0, -2.0)}, {"top": "zmax", "all": ("zmax", *sides)}
     scene.contact(surfaces[slave], master, friction, points=points, name="top")
