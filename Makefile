@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test lint setup study test-debian13 test-newest
+.PHONY: demo test bench study lint setup test-debian13 test-newest
 setup:
 	@bash .ci/setup
 
@@ -19,6 +19,10 @@ lint: setup
 test: lint
 	@$(ENV) python3 -m pytest
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
+
+# Ratios against FElupe (if installed: .venv/bin/pip install felupe pypardiso), growth, and the kernels alone
+bench: setup
+	@$(ENV) python3 demos/speed.py && python3 demos/speed.py growth && python3 demos/speed.py kernels
 
 # The suite in a bare Debian 13, and by hand against the newest release in Debian's development branch (root only)
 test-debian13:

@@ -1,7 +1,7 @@
-"""Shallow ironing: a stiff round indenter is pressed into a soft block and drawn along it with friction, then lifted.
+"""Shallow ironing: a stiff round indenter is pressed into a softer block, drawn along it with friction, and lifted.
 
-The scene of Fischer & Wriggers (2006, doi:10.1016/j.cma.2005.09.025) and later papers, whose published forces scatter;
-plane strain, one layer of hexahedra. Units: mm, N, MPa.
+The scene of Fischer & Wriggers (2006, doi:10.1016/j.cma.2005.09.025), repeated by later papers whose forces scatter; plane
+strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
 
     mpirun -n 2 python3 demos/ironing.py
 """
@@ -9,38 +9,86 @@ plane strain, one layer of hexahedra. Units: mm, N, MPa.
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
+from mpi4py import MPI
 
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Scene, compat, from_elastic, read_gmsh, solve
+from fenics_contact.output.fields import exterior_surface
+from fenics_contact.output.pictures import draw_slice
 from meshes import ironing
 
 OUT = Path("results/ironing")
-E, HARDER, NU, FRICTION = 689.6, 10.0, 0.32, 0.3  # MPa; indenter over foundation
+BLOCK, INDENTER, NU, FRICTION = 689.6, 6896.0, 0.32, 0.3  # Young's moduli [MPa]
 DEPTH = 0.125  # mm, of the slice
 PRESS, DRAW = 1.0, 10.0  # mm
-VERTICAL, RATIO = (335.0, 420.0), (0.30, 0.53)  # N/mm and 1: published plateaus
+VERTICAL, RATIO = (335.0, 420.0), (0.30, 0.53)  # published plateaus of V [N/mm] and of H/V
+# while the indenter's middle (x = 0.8 mm at first) is more than the block's height, 4 mm, away from both its ends
+PLATEAU = (1.32, 1.72)
 
 
-def down(X, time):
-    """0 to 1: down; 1 to 2: along; 2 to 3: up."""
-    return np.full(len(X), -PRESS * np.interp(3 * time, [0, 1, 2, 3], [0, 1, 1, 0]))
+def path(turns):
+    """Displacement [mm] of the indenter's top: `turns` at the times 0 ... 3, which the load parameter 0 ... 1 stands for."""
+    return lambda X, t: np.full(len(X), np.interp(3 * t, range(4), turns))
 
 
-def along(X, time):
-    return np.full(len(X), DRAW * np.interp(3 * time, [1, 2], [0, 1]))
-
-
-def iron(foundation, indenter, slave, master, steps, **contact):
-    mesh = read_gmsh(ironing.build, foundation=foundation, indenter=indenter, depth=DEPTH)
-    scene = Scene(Body(mesh, "foundation", from_elastic(E, NU)), Body(mesh, "indenter", from_elastic(HARDER * E, NU)))
+def iron():
+    """Scene, result, and the displacements after each step."""
+    mesh = read_gmsh(ironing.build, depth=DEPTH)
+    scene = Scene(Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU)))
     scene.fix("foundation_bottom")
     scene.fix("ends", "y")
-    scene.prescribe("indenter_top", "x", along)
-    scene.prescribe("indenter_top", "z", down)
-    scene.contact(slave, master, FRICTION, name="interface", **contact)
-    press, draw, lift = steps
-    times = (
-        np.concatenate([np.linspace(0, 1, press + 1)[1:], np.linspace(1, 2, draw + 1)[1:], np.linspace(2, 3, lift + 1)[1:]])
-        / 3
-    )
-    result = solve(scene, steps=times, out=OUT, progress=False)
-    return scene, result
+    scene.prescribe("indenter_top", "x", path([0, 0, DRAW, DRAW]))
+    scene.prescribe("indenter_top", "z", path([0, -PRESS, -PRESS, 0]))
+    scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, name="interface")
+    shapes = []
+
+    def keep(state):
+        shapes.append(state.u.x.array.copy())
+        return len(shapes)
+
+    press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 161)[1:], np.linspace(2, 3, 11)[1:]
+    result = solve(scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, record={"shape": keep})
+    if not result.converged:
+        raise SystemExit(result.verdict.reason)
+    return scene, result, shapes
+
+
+def figure(time, vertical, horizontal, surface):
+    picture = Figure(figsize=(11, 6.5), layout="constrained")
+    places = picture.subplot_mosaic([["force", "ratio"], ["body", "body"]], height_ratios=[1.2, 1])
+    axes = places["force"]
+    axes.plot(time, vertical, label="vertical"), axes.plot(time, horizontal, label="horizontal")
+    axes.fill_between((1, 2), *VERTICAL, color="tab:blue", alpha=0.15, label="published plateaus, vertical")
+    axes.set_xlabel("time: 1 pressed, 2 drawn, 3 lifted"), axes.set_ylabel("force per depth [N/mm]"), axes.legend()
+    axes, drawn = places["ratio"], (time > 1.0) & (time <= 2.0)
+    axes.plot(time[drawn], horizontal[drawn] / vertical[drawn], color="tab:red")
+    axes.fill_between((1, 2), *RATIO, color="tab:red", alpha=0.15, label="published plateaus")
+    axes.axvspan(*PLATEAU, color="grey", alpha=0.15, label="a block's height from both ends")
+    axes.set_xlabel("time"), axes.set_ylabel("horizontal over vertical force"), axes.legend()
+    colours = draw_slice(places["body"], *surface, across="y")
+    places["body"].set_xlabel("x [mm]"), places["body"].set_ylabel("z [mm]")
+    picture.colorbar(colours, ax=places["body"], label="vertical displacement\nat time 1.5 [mm]")
+    picture.savefig(OUT / "ironing.png", dpi=150)
+
+
+def main():
+    scene, result, shapes = iron()
+    time = 3 * result.column("t")
+    vertical, horizontal = (sign * result.column(f"interface_force_{a}_N") / DEPTH for sign, a in ((-1, "z"), (1, "x")))
+    middle = compat.Function(scene.space)
+    middle.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
+    surface = exterior_surface(scene, middle, middle.x.array[2::3])
+    plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
+    V, ratio = vertical[plateau], (horizontal / vertical)[plateau]
+    ripple = np.ptp(V) / V.mean()
+    if MPI.COMM_WORLD.rank == 0:
+        figure(time, vertical, horizontal, surface)
+        print(f"vertical force {V.min():.1f} to {V.max():.1f} N/mm (published {VERTICAL}), ripple {ripple:.2%}")
+        print(f"horizontal over vertical force {ratio.min():.3f} to {ratio.max():.3f} (published {RATIO})")
+        print(f"lifted: {vertical[-1]:.1e} and {horizontal[-1]:.1e} N/mm")
+        print(f"{result.verdict.iterations} Newton iterations in {len(time)} steps; picture: {OUT / 'ironing.png'}")
+    assert VERTICAL[0] < V.min() and V.max() < VERTICAL[1]
+
+
+if __name__ == "__main__":
+    main()

@@ -9,6 +9,7 @@ from fenics_contact.run import Result, solve
 from fenics_contact.scene import Body, Scene, SceneError
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.targets import Displacement, Load, Travel
+from fenics_contact.tool_mesh import rigid_surface
 
 __all__ = [
     "ArcSteps",
@@ -30,6 +31,7 @@ __all__ = [
     "rigid_plane",
     "rigid_punch",
     "rigid_sphere",
+    "rigid_surface",
     "solve",
     "user_energy",
     "yeoh",

@@ -27,7 +27,7 @@ def refuse_inside(mesh, facets, what):
 def refuse_loose(scene, contacts, supports, state):
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
     comm = scene.mesh.comm
-    for names, blocks in _bonded_bodies(scene):
+    for names, blocks in bonded_bodies(scene):
         dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
         held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
         for contact in contacts:
@@ -40,7 +40,7 @@ def refuse_loose(scene, contacts, supports, state):
             )
 
 
-def _bonded_bodies(scene):
+def bonded_bodies(scene):
     """Groups of bodies that share nodes: (names, local nodes) of each."""
     tags, groups = scene.mesh.cell_tags, []
     for body in scene.bodies:
@@ -62,6 +62,18 @@ def _nodes_of(space, cells):
     sum_to_owners(vector)
     copy_to_ghosts(vector)
     return np.flatnonzero(touched.x.array[::3] > 0.0)
+
+
+def refuse_behind(system):
+    """The slave surface must lie on the outer side of a meshed tool, by the majority of its points. Collective."""
+    for contact in system.contacts:
+        share = contact.back_share(system.state, system.comm)
+        if share > 0.5:
+            raise SceneError(
+                f"contact '{contact.name}': the normals of '{contact.master_name}' point away from the slave surface, whose "
+                f"points see its back ({share:.0%} of them); its facets must be counter-clockwise seen from the body: use "
+                "rigid_surface(..., flip=True)"
+            )
 
 
 def refuse_deep_start(scene, system):

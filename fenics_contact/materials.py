@@ -145,11 +145,11 @@ def yeoh(c1, c2, c3, K, volumetric=moderate_pressure):
     return _split(f"Yeoh, c1 = {c1}, c2 = {c2}, c3 = {c3}", isochoric, volumetric, 2 * c1, K)
 
 
-def from_elastic(E, nu):
+def from_elastic(E, nu, volumetric=moderate_pressure):
     """Neo-Hooke with Young's modulus E [pressure] and Poisson's ratio nu at rest, for small-strain comparisons."""
     if not 0.0 < E < math.inf or not -1.0 < nu < 0.5:
         raise ValueError(f"from_elastic: E = {E} must be positive and nu = {nu} lie in (-1, 0.5)")
-    return neo_hooke(E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)))
+    return neo_hooke(E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), volumetric)
 
 
 def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):

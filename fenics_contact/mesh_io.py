@@ -1,4 +1,4 @@
-"""gmsh script or .msh file -> distributed mesh whose volumes and surfaces are known by name."""
+"""gmsh script or .msh file -> distributed mesh whose volumes and surfaces are known by name, or the facets of a tool."""
 
 from dataclasses import dataclass
 
@@ -54,16 +54,11 @@ def read_gmsh(source, comm=MPI.COMM_WORLD, **parameters):
     volumes, surfaces, failure = {}, {}, None
     if comm.rank == 0:
         try:
-            gmsh.initialize()
-            gmsh.option.setNumber("General.Terminal", 0)
-            if callable(source):
-                source(**parameters)
-            else:
-                gmsh.open(str(source))
+            _draw(source, parameters)
             volumes, surfaces = _group_names(3), _group_names(2)
             _check_model(volumes)
         except Exception as error:
-            failure = f"the gmsh mesh '{getattr(source, '__module__', source)}' cannot be made: {error}"
+            failure = _refusal(source, error)
     failure, volumes, surfaces = comm.bcast((failure, volumes, surfaces))
     try:
         if failure:
@@ -75,6 +70,65 @@ def read_gmsh(source, comm=MPI.COMM_WORLD, **parameters):
     domain.topology.create_connectivity(2, 3)
     domain.topology.create_connectivity(3, 2)
     return NamedMesh(domain, cell_tags, facet_tags, volumes, surfaces)
+
+
+def read_surface(source, group=None, comm=MPI.COMM_WORLD, **parameters):
+    """Facets of a surface group, or of all surfaces, in full on every rank: nodes (nf, 4), size (nf,) and X (nm, 3).
+
+    source as for read_gmsh, no volume is needed; a triangle repeats its third node. Raises ValueError, on all ranks, for a
+    failing script, an unknown group, a surface without facets, and facets with nodes on their edges.
+    """
+    found, failure = None, None
+    if comm.rank == 0:
+        try:
+            _draw(source, parameters)
+            found = _facets(group)
+        except Exception as error:
+            failure = _refusal(source, error)
+        finally:
+            gmsh.finalize()
+    failure, found = comm.bcast((failure, found))
+    if failure:
+        raise ValueError(failure)
+    return found
+
+
+def _draw(source, parameters):
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    if callable(source):
+        source(**parameters)
+    else:
+        gmsh.open(str(source))
+
+
+def _refusal(source, error):
+    return f"the gmsh mesh '{getattr(source, '__module__', source)}' cannot be made: {error}"
+
+
+def _facets(group):
+    entities = [tag for _, tag in gmsh.model.getEntities(2)]
+    if group is not None:
+        groups = _group_names(2)
+        entities = gmsh.model.getEntitiesForPhysicalGroup(2, groups[_known(group, groups, "surface")])
+    corners = {"Triangle 3": 3, "Quadrilateral 4": 4}
+    rows = [np.empty((0, 4), dtype=np.int64)]
+    for entity in entities:
+        for kind, _, tags in zip(*gmsh.model.mesh.getElements(2, entity), strict=True):
+            name = gmsh.model.mesh.getElementProperties(kind)[0]
+            if name not in corners:
+                raise ValueError(f"facets of type '{name}' are not supported for a tool; mesh its surface with order 1")
+            tags = np.asarray(tags, dtype=np.int64).reshape(-1, corners[name])
+            rows.append(tags if corners[name] == 4 else tags[:, [0, 1, 2, 2]])
+    tags, nodes = np.unique(np.concatenate(rows), return_inverse=True)
+    if not len(tags):
+        what = f"surface group '{group}'" if group else "it"
+        raise ValueError(f"{what} has no facets; mesh a surface with gmsh.model.mesh.generate(2)")
+    known, places, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(known)
+    X = np.asarray(places).reshape(-1, 3)[order[np.searchsorted(known, tags, sorter=order)]]
+    nodes = np.ascontiguousarray(nodes.reshape(-1, 4), dtype=np.int64)
+    return nodes, np.where(nodes[:, 2] == nodes[:, 3], 3, 4).astype(np.int64), np.ascontiguousarray(X)
 
 
 def _group_names(dim):

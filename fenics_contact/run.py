@@ -1,6 +1,6 @@
 """solve(scene, ...): run a scene along its load path and keep what it gave."""
 
-import time
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,15 +8,19 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.checks import SceneError
-from fenics_contact.output.history import history_row
+from fenics_contact.output.history import history_row, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
+from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
+from fenics_contact.solvers.penalty_error import penalty_error
 from fenics_contact.solvers.snes import Snes
+from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.targets import distances
+from fenics_contact.timing import Timers
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
 
@@ -39,6 +43,12 @@ class Result:
     def converged(self):
         return self.verdict.converged
 
+    def require(self):
+        """Itself where the run converged; else the script ends with the reason and a nonzero exit code."""
+        if self.converged:
+            return self
+        raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
+
     def column(self, name):
         """A history column at all accepted steps; KeyError lists the columns."""
         if self.history and name not in self.history[0]:
@@ -56,6 +66,9 @@ def solve(
     linear="auto",
     tolerance=None,
     progress=True,
+    checkpoint=False,
+    resume=False,
+    smallest_step=None,
     until=None,
     back=None,
     record=None,
@@ -66,7 +79,11 @@ def solve(
     of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
-    record: {name: function of the state -> number}, columns added to the history, called on all ranks.
+    smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
+    {name: function of the state -> number}, columns added to the history, called on all ranks.
+
+    checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
+    on from the last checkpoint in `out`, where there is one, on any number of ranks.
 
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
@@ -77,53 +94,104 @@ def solve(
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
     """
-    start = time.perf_counter()
+    timers = Timers()
     if method not in STEPPERS:
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     continuation = method == "arc_length"
-    times = np.array([0.5, 1.0]) if continuation else _times(steps)
     arcs = _arc_steps(steps, until, back, continuation)
+    every = _checkpoint_steps(checkpoint, resume, out, continuation)
+    if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
+        raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
+    times = np.array([0.5, 1.0]) if continuation else _times(steps)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
-    system = scene.system(move, push)
+    system = scene.system(move, push, timers)
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear)
     stepper = _stepper(method, solver, tolerance)
-    smallest_J = scene.volume_ratio(system.state.u)
-    history = []
-    with system.timers("output"):
-        clock = (lambda: len(history)) if continuation else (lambda: system.state.t)
-        writer = Writer(folder, scene, system, clock) if folder else None
-    setup = time.perf_counter() - start
-    bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format="{l_bar}{bar}| {elapsed} {postfix}")
-
-    def on_step(report, seconds, on_schedule):
-        with system.timers("output"):
-            state = system.state
-            travel = {tool.name: state.travel[i] for i, tool in enumerate(scene.tools)}
-            measures = {contact.name: contact.measures(state, system.comm) for contact in system.contacts}
-            row = history_row(len(history) + 1, state.t, report, seconds, smallest_J(), travel, measures, scene.units)
-            row |= {name: float(value(state)) for name, value in (record or {}).items()}
-            if continuation:
-                row["limit_point"] = report.limit_point
-            history.append(row)
-            if writer:
-                writer.step(row, on_schedule)
-        bar.set_postfix_str(f"step {len(history)}, {report.iterations} iterations", refresh=False)
-        bar.update(state.t - bar.n)
-
+    keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
+    record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
+    setup = timers.table()["total"]
+    verdict = record.verdict
     if continuation:
-        verdict = follow(system, stepper, arcs, legs, on_step)
+        verdict = follow(system, stepper, arcs, legs, record)
     else:
-        verdict = run(system, stepper, times, on_step)
-    bar.close()
-    summary = _summary(scene, system, solver, method, verdict, history)
-    summary["seconds"] = {"set-up": setup, "total": time.perf_counter() - start, **system.timers.seconds}
-    if writer:
-        writer.finish(summary)
-    return Result(history, verdict, system, summary)
+        run(system, stepper, times, record, smallest_step, verdict)
+    record.bar.close()
+    summary = _summary(scene, system, solver, method, verdict, record.history)
+    with timers("penalty error"):
+        error = penalty_error(system, solver) if verdict.converged else None
+    summary["penalty_error"] = penalty_summary(error, [tool.name for tool in scene.tools], scene.units)
+    summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
+    if record.writer:
+        record.writer.finish(summary)
+    if progress and system.comm.rank == 0:
+        tqdm.write(_stages_line(summary["seconds"]), file=sys.stderr)
+    return Result(record.history, verdict, system, summary)
+
+
+class _Record:
+    """What a run keeps of every accepted step: a history row, fields, a checkpoint; and its progress bar.
+
+    Called with the step's report, its seconds and whether it is on the schedule, on all ranks.
+    """
+
+    def __init__(self, scene, system, folder, keeper, extra, continuation, progress):
+        self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
+        self.continuation = continuation
+        self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
+        with system.timers("compile"):
+            self._smallest_J = scene.volume_ratio(system.state.u).smallest
+        with system.timers("output"):
+            resumed = list(self.history) if self.history else None
+            clock = (lambda: len(self.history)) if continuation else (lambda: system.state.t)
+            self.writer = Writer(folder, scene, system, clock, keeper is not None, resumed) if folder else None
+        layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
+        self.bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format=layout)
+
+    def __call__(self, report, seconds, on_schedule):
+        with self.system.timers("output"):
+            self.history.append(self._row(report, seconds))
+            if self.writer and on_schedule:
+                self.writer.write_fields(len(self.history))
+            if self.keeper:
+                self.keeper.keep()
+            if self.writer:
+                self.writer.write_row(self.history[-1])
+        t = self.system.state.t
+        words = f"step {len(self.history)}, t = {t:.4g}, {report.iterations} iterations"
+        self.bar.set_postfix_str(words, refresh=self.continuation)
+        if not self.continuation:
+            self.bar.update(t - self.bar.n)
+
+    def _row(self, report, seconds):
+        state, units = self.system.state, self.scene.units
+        travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
+        measures = {contact.name: contact.measures(state, self.system.comm) for contact in self.system.contacts}
+        row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
+        row |= {name: float(value(state)) for name, value in self.extra.items()}
+        return row | ({"limit_point": report.limit_point} if self.continuation else {})
+
+
+def _stages_line(seconds):
+    """Where the time went, in one line."""
+    stages = ", ".join(f"{stage} {t:.2g}" for stage, t in seconds.items() if stage != "total" and t >= 0.005)
+    return f"{seconds['total']:.3g} s: {stages}"
+
+
+def _checkpoint_steps(checkpoint, resume, out, continuation):
+    """After how many accepted steps a checkpoint is due, 0 for never."""
+    if isinstance(checkpoint, bool):
+        checkpoint = int(checkpoint or resume)
+    if checkpoint != int(checkpoint) or checkpoint < 0:
+        raise SceneError(f"checkpoint = {checkpoint}: give True, or the number of accepted steps from one to the next")
+    if checkpoint and continuation:
+        raise SceneError('checkpoint and resume go with steps in t; method="arc_length" cannot be resumed yet')
+    if checkpoint and out is None:
+        raise SceneError("checkpoint and resume need a folder: give out=...")
+    return int(checkpoint)
 
 
 def _arc_steps(steps, until, back, continuation):
@@ -140,7 +208,7 @@ def _arc_steps(steps, until, back, continuation):
         if np.ndim(steps) != 0:
             raise SceneError('method="arc_length" chooses its own t; give steps as ArcSteps or as one number')
         steps = ArcSteps(first=1.0 / len(_times(steps)))
-    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest}
+    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest, "turn": steps.turn}
     counts = {"most": steps.most, "iterations": steps.iterations}
     for name, value in lengths.items():
         if not value > 0.0:
@@ -181,9 +249,15 @@ def _summary(scene, system, solver, method, verdict, history):
     return {
         "verdict": {
             "converged": verdict.converged,
-            "t": verdict.t,
+            "kind": verdict.kind,
             "reason": verdict.reason,
+            "place": verdict.place,
+            "step": verdict.step,
+            "t": verdict.t,
+            "remedy": verdict.remedy,
             "cut_backs": verdict.cuts,
+            "smallest_step": verdict.smallest,
+            "notes": verdict.notes,
         },
         "scene": {
             "units": vars(scene.units),
@@ -201,6 +275,9 @@ def _summary(scene, system, solver, method, verdict, history):
             "stepper": method,
             "linear_solver": solver.method,
             "solver_changes": solver.fallbacks,
+            "factorisations": solver.builds,
+            "krylov_iterations": solver.iterations,
+            "matrix_patterns": system.patterns,
             "symmetric": system.symmetric,
         },
         "limit_points": limit_points(history),

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
@@ -11,16 +10,28 @@ from fenics_contact import compat
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
-from fenics_contact.checks import AXES, SceneError, ramp, refuse_deep_start, refuse_inside, refuse_loose
+from fenics_contact.checks import (
+    AXES,
+    SceneError,
+    bonded_bodies,
+    ramp,
+    refuse_behind,
+    refuse_deep_start,
+    refuse_inside,
+    refuse_loose,
+)
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
+from fenics_contact.contact.meshed_tool import MeshedToolContact
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
-from fenics_contact.contact.tools import RigidTool
+from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.elements import quadrature_degree, refuse_element, solid_term
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
+from fenics_contact.timing import Timers
+from fenics_contact.volume_ratio import VolumeRatio
 
 # Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
 PENALTY_FACTOR = 100.0
@@ -42,7 +53,7 @@ class Body:
 class _Contact:
     name: str
     slave: tuple
-    master: RigidTool | tuple
+    master: Tool | tuple
     friction: float
     penalty: float | None
     penalty_factor: float
@@ -135,15 +146,15 @@ class Scene:
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
         tangential over normal penalty where no number is given (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss
-        points per direction of each facet; by default nodes on a tool, and 3 on a body, where they alone feel no jump at
-        the master's edges.
+        points per direction of each facet; by default nodes on an analytic tool, and 3 on a body or a meshed tool, where
+        they alone feel no jump at the master's edges.
         """
-        if not isinstance(master, RigidTool | str | tuple | list):
+        if not isinstance(master, Tool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
         if points is None:
             points = "nodes" if isinstance(master, RigidTool) else 3
         name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
-        if not isinstance(master, RigidTool):
+        if not isinstance(master, Tool):
             master = _names(master)
             self._facets(master)
             if common := set(master) & set(_names(slave)):
@@ -152,6 +163,8 @@ class Scene:
                 )
             if self.degree != 1:
                 raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
+        if isinstance(master, MeshedTool) and self.degree != 1 and points == "nodes":
+            raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
         positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share,
@@ -173,7 +186,7 @@ class Scene:
     def tools(self):
         """The rigid tools of all contacts, each once, in order of appearance."""
         masters = [contact.master for contact in self.contacts]
-        return list(dict.fromkeys(master for master in masters if isinstance(master, RigidTool)))
+        return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
 
     def _facets(self, group):
         try:
@@ -185,7 +198,7 @@ class Scene:
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
-    def system(self, move=None, push=None):
+    def system(self, move=None, push=None, timers=None):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
         motion = self._motion(move or {}, push or {})
@@ -194,34 +207,29 @@ class Scene:
         loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, path) for group, path in self.loads]
         pressures = [(compat.Constant(self.mesh.domain, 0.0), group, path) for group, path in self.pressures]
         supports = self._support_dofs()
-        solid, stress_laws = self._solid(u, loads)
-        terms = [solid]
-        if pressures:
-            terms.append(self._pressure(u, pressures, supports))
+        timers = timers or Timers()
+        with timers("compile"):
+            solid, stress_laws = self._solid(u, loads)
+            terms = [solid]
+            if pressures:
+                terms.append(self._pressure(u, pressures, supports))
+            check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
-        for term in contacts:
-            term.initialise(state)
+        with timers("compile"):  # the first call of a kernel loads or compiles it
+            for term in contacts:
+                term.initialise(state)
+                term.evaluate(state, True)
         refuse_loose(self, contacts, supports, state)
 
         def set_loads(t):
             for constant, _, path in [*loads, *pressures]:
                 constant.value[...] = path(t)
 
-        smallest = self.volume_ratio(u)
-
-        def check():
-            worst = smallest()
-            if not worst > 0.0:
-                return f"an element turned inside out (smallest J {worst:.3g})"
-            for term in contacts:
-                depth = term.lost_depth(state, self.mesh.comm)
-                if depth > term.touch:
-                    return f"contact '{term.name}' was passed through by {depth:.3g}: a point lies too deep to be held"
-            return None
-
-        system = System(state, [*terms, *contacts], supports, motion, set_loads, check)
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bonded_bodies(self), timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
+        refuse_behind(system)
+        system.bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in self.bodies)
         refuse_deep_start(self, system)
         return system
 
@@ -293,7 +301,7 @@ class Scene:
             free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")
-        return ToolMotion(paths, forces, free)
+        return ToolMotion(paths, forces, free, [tool.name for tool in self.tools])
 
     def _modulus_by_cell(self):
         cells = self.mesh.domain.topology.index_map(3)
@@ -315,8 +323,13 @@ class Scene:
         if isinstance(contact.master, RigidTool):
             index = self.tools.index(contact.master)
             return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
-        master = self._master_surface(contact, surface)
         facets = oriented_facets(self.space, self.mesh.facets(*contact.slave))
+        if isinstance(contact.master, MeshedTool):
+            index = self.tools.index(contact.master)
+            return MeshedToolContact(
+                contact.name, surface, facets, contact.master, index, contact.friction, normal, tangential, self.space
+            )
+        master = self._master_surface(contact, surface)
         master_name = _master_name(contact.master)
         return DeformableContact(
             contact.name, master_name, surface, facets, master, contact.friction, normal, tangential, self.space
@@ -339,11 +352,8 @@ class Scene:
         return master
 
     def volume_ratio(self, u):
-        """Function () -> smallest J = det F over the quadrature points of all ranks."""
-        cell = getattr(basix.CellType, compat.cell_name(self.mesh.domain))
-        points, _ = basix.make_quadrature(cell, quadrature_degree(self.degree))
-        evaluate = compat.cell_evaluator(self.mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
-        return lambda: self.mesh.comm.allreduce(float(np.min(evaluate(), initial=np.inf)), op=MPI.MIN)
+        """J = det F of a displacement."""
+        return VolumeRatio(self.mesh, self.bodies, self.degree, u)
 
 
 def _names(group):
@@ -351,4 +361,4 @@ def _names(group):
 
 
 def _master_name(master):
-    return master.name if isinstance(master, RigidTool) else "+".join(_names(master))
+    return master.name if isinstance(master, Tool) else "+".join(_names(master))

@@ -3,11 +3,12 @@
 import gmsh
 
 
-def build(half_width=40.0, height=10.0, punch=20.0, inside=14, outside=10, layers=8, ratio=1.15):
+def build(half_width=40.0, height=10.0, punch=20.0, inside=14, outside=10, layers=8, ratio=1.15, patch=False):
     """Quarter plate 0 <= x, y <= half_width, 0 <= z <= height [length].
 
     inside, outside: cells from the centre to the punch's edge and from there to the rim; layers: cells over the height;
-    ratio: size of a cell over that of its neighbour nearer to the edge (1: uniform).
+    ratio: size of a cell over that of its neighbour nearer to the edge (1: uniform); patch: name the part of the top under
+    the punch "under_punch" and only the rest "top".
     """
     plane = [
         gmsh.model.occ.addRectangle(x, y, 0, dx, dy)
@@ -36,4 +37,7 @@ def build(half_width=40.0, height=10.0, punch=20.0, inside=14, outside=10, layer
     gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag for dim, tag in volumes if dim == 3]), "plate")
     for name, axis, place in (("symmetry_x", 0, 0), ("symmetry_y", 1, 0), ("bottom", 2, 0), ("top", 2, height)):
         faces = [f for _, f in gmsh.model.getEntities(2) if abs(gmsh.model.occ.getCenterOfMass(2, f)[axis] - place) < 1e-9]
-        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), name)
+        under = [f for f in faces if name == "top" and patch and max(gmsh.model.occ.getCenterOfMass(2, f)[:2]) < punch]
+        for label, group in (("under_punch", under), (name, [f for f in faces if f not in under])):
+            if group:
+                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, group), label)

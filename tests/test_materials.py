@@ -273,6 +273,26 @@ def test_a_user_s_energy_is_the_built_in_law(seed):
     assert np.abs(K_mine - K_built_in).max() < 1e-13 * np.abs(K_built_in).max() * 10
 
 
+@pytest.mark.parametrize("J", [0.7, 1.0, 1.2])
+def test_the_barrier_in_pure_swelling(J):
+    """No isochoric stress in F = J^(1/3) I, and the pressure U' = K/2 (J - 1/J): any law may take another volume energy."""
+    cube = barrier_cube()
+    swollen = cube.cauchy(J ** (1 / 3) * np.eye(3))
+    assert np.abs(swollen - K / 2 * (J - 1 / J) * np.eye(3)).max() < 1e-13  # rounding of K = 5
+
+
+@cache
+def barrier_cube():
+    return make_cube(lambda weights: materials.mooney_rivlin(A1, A2, K, volumetric=materials.barrier))
+
+
+def test_the_parts_of_a_law_sum_to_it_and_its_name_says_which_volume():
+    for make in (materials.mooney_paper, materials.mooney_rivlin):
+        law = make(A1, A2, K)
+        assert law.psi(3.4, 3.9, 1.3) == pytest.approx(law.isochoric(3.4, 3.9) + law.volumetric(1.3), rel=1e-15)
+    assert "barrier" in materials.yeoh(*YEOH, K, volumetric=materials.barrier).name
+
+
 BAD = {
     "a1": lambda v: materials.mooney_paper(v, A2, K),
     "a1 ": lambda v: materials.mooney_rivlin(v, A2, K),

@@ -1,6 +1,5 @@
 """The quarter plate under a square punch: parity with other codes, the sharp edge, fillet, refinement and Newton."""
 
-import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -19,16 +18,6 @@ SHARP = np.array([12.95, 26.1, 39.5, 53.2, 67.5, 82.3, 97.0, 112.5, 128.2, 145.0
 UNIFORM = {"inside": 10, "outside": 10, "layers": 5, "ratio": 1.0}
 GRADED = {"inside": 12, "outside": 10, "layers": 6, "ratio": 1.1}
 COARSE = {"inside": 6, "outside": 5, "layers": 3, "ratio": 1.1}
-
-
-def with_patch(**parameters):
-    """The plate with its top split into the square under the punch and the rest."""
-    punch_plate.build(**parameters)
-    top = [tag for _, tag in gmsh.model.getPhysicalGroups(2) if gmsh.model.getPhysicalName(2, tag) == "top"][0]
-    faces = gmsh.model.getEntitiesForPhysicalGroup(2, top)
-    gmsh.model.removePhysicalGroups([(2, top)])
-    inner = [f for f in faces if max(gmsh.model.occ.getCenterOfMass(2, f)[:2]) < 20.0]
-    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, inner), "under_punch")
 
 
 def plate(mesh, material=mooney_rivlin, floor=None):
@@ -67,7 +56,7 @@ def rise_at(system, point):
 
 @pytest.mark.parallel
 def test_parity_with_five_codes_to_all_printed_digits():
-    scene = plate(read_gmsh(with_patch, **UNIFORM))
+    scene = plate(read_gmsh(punch_plate.build, **UNIFORM, patch=True))
     scene.prescribe("under_punch", "z", -2.0)
     system = scene.system()
     X = system.space.tabulate_dof_coordinates()

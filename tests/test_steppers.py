@@ -80,13 +80,13 @@ def test_incremental_scheme_converges_to_newton():
     assert errors[-1] < 1e-2, errors
 
 
-def on_ranks(count):
-    """The numbers of this file's main program under `mpirun -n count`."""
+def on_ranks(count, script=__file__):
+    """The numbers of a file's main program, by default this one's, under `mpirun -n count`."""
     # the pytest process may itself be an MPI process: its child must not inherit that identity
     env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
     env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "PYTHONPATH": str(ROOT)}
     env |= {"OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", str(count), sys.executable, __file__]
+    command = ["mpirun", "--oversubscribe", "-n", str(count), sys.executable, script]
     done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
     return np.array(json.loads(done.stdout.strip().splitlines()[-1]))

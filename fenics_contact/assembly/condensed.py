@@ -71,6 +71,8 @@ class CondensedPressure(FormTerm):
         self._dofs = _dofs(v)[:cells]
         self._blocks = np.ascontiguousarray(compat.cell_dofs(v)[:cells])
         self._start = u.x.array.copy(), self._cell_values(self._predicted)  # committed displacement and its prediction
+        self._u = u
+        self.key = compat.original_cells(u.function_space.mesh)[:cells].astype(np.int64)
         self._last = None  # displacement, pressure and its slope (cells, q, dofs) of the last tangent
 
     def _cell_values(self, function):
@@ -126,3 +128,11 @@ class CondensedPressure(FormTerm):
         """Keep the pressure at the accepted displacement: where the next step, or its repetition, starts."""
         self._evaluate()
         self._start = state.u.x.array.copy(), self._follow(state)
+
+    def history(self):
+        """The committed prediction of the pressure, by owned cell (cells, q)."""
+        return {"pressure": self._start[1]}
+
+    def restore(self, values):
+        """The displacement is the committed one already."""
+        self._start = self._u.x.array.copy(), np.array(values["pressure"])

@@ -29,9 +29,10 @@ class MatrixPattern:
         ours = np.diff(np.concatenate([[0], np.cumsum(body)])[self._offsets])
         ours_more = np.bincount(rows[inside] - first, minlength=end - first)
         theirs_more = np.bincount(rows[~inside] - first, minlength=end - first)
-        nnz = [np.repeat(3 * n, 3).astype(PETSc.IntType) for n in (ours + ours_more, count - ours + theirs_more)]
+        nnz = [n.astype(PETSc.IntType) for n in (ours + ours_more, count - ours + theirs_more)]
         size = (3 * (end - first), 3 * total)
-        matrix = PETSc.Mat().createAIJ((size, size), bsize=3, nnz=tuple(nnz), comm=self.comm)
+        # blocks of three: a cell's matrix goes in eight times as fast as by scalars (README, speed)
+        matrix = PETSc.Mat().createBAIJ((size, size), 3, nnz=tuple(nnz), comm=self.comm)
         local = PETSc.LGMap().create(self._blocks.astype(PETSc.IntType), bsize=3, comm=self.comm)
         matrix.setLGMap(local, local)
         if len(keys):

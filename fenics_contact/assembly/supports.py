@@ -44,10 +44,11 @@ class Supports:
 class ToolMotion:
     """Rigid tools' travel: prescribed components follow a path, free ones balance a force.
 
-    paths: one function t -> (3,) [length] per tool; forces: one function t -> (3,) [force]; free (tools, 3) bool.
+    paths: one function t -> (3,) [length] per tool; forces: one function t -> (3,) [force]; free (tools, 3) bool; names.
     """
 
-    def __init__(self, paths, forces, free):
+    def __init__(self, paths, forces, free, names=()):
+        self.names = tuple(names) or tuple(str(i) for i in range(len(paths)))
         self._paths, self._forces = paths, forces
         self.free = np.asarray(free, dtype=bool).reshape(len(paths), 3)
 

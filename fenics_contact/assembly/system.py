@@ -30,6 +30,7 @@ class Term(Protocol):
 
     name: str
     symmetric: bool
+    penalised: bool  # is it proportional to penalties, with resultants(state) -> forces (n,) and values at its points (m,)?
 
     def add_residual(self, state, residual, tool_residual): ...
 
@@ -42,6 +43,24 @@ class Term(Protocol):
     def add_tangent(self, state, matrix, border): ...
 
     def commit(self, state): ...
+
+    def history(self):
+        """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
+
+    def restore(self, values):
+        """Take up what history gave, for this rank's elements."""
+
+    def statuses(self):
+        """Status codes (n,) of this rank's points at the state evaluated last."""
+
+    def spots(self):
+        """Reference positions (n, 3) of these points."""
+
+    def objection(self, state):
+        """None, or the Finding why this state, evaluated last, must not be accepted though it is in balance. Collective."""
+
+    def trouble(self, state):
+        """None, or the Finding that keeps the step after this accepted state from converging. Collective."""
 
     # A term that condenses unknowns of its own also offers add_followed_residual, with the arguments of add_residual: the
     # residual at the values its unknowns have by the last tangent's linearisation, where Newton's method proper has them.
@@ -67,6 +86,8 @@ class FormTerm:
     confuses the values of two rules in one kernel.
     """
 
+    penalised = False
+
     def __init__(self, name, residual, tangent=None, symmetric=True):
         self.name, self.symmetric = name, symmetric
         self._residuals, self._tangents = _compiled(residual), _compiled(tangent)
@@ -85,6 +106,25 @@ class FormTerm:
 
     def commit(self, state):
         """Forms keep no history."""
+
+    def history(self):
+        """None to keep."""
+        return {}
+
+    def restore(self, values):
+        """Nothing to take up."""
+
+    def statuses(self):
+        return np.empty(0, dtype=int)
+
+    def spots(self):
+        return np.empty((0, 3))
+
+    def objection(self, state):
+        """None: forms compute no differences of coordinates."""
+
+    def trouble(self, state):
+        """None: what forms suffer from is found in the tangent."""
 
 
 def _compiled(forms):
@@ -114,14 +154,16 @@ class System:
     """Sum of terms with supports and tools; the steppers know nothing else.
 
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
-    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(): None, or why the state is
-    not admissible.
+    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(least=0.0): None, or the Finding
+    that names the place where J is no more than `least`; bodies: (name, local nodes) of each group of bonded bodies.
     """
 
-    def __init__(self, state, terms, supports, tools, set_loads, check=lambda: None):
+    def __init__(self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, bodies=(), timers=None):
         self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
-        self.set_loads, self.check = set_loads, check
-        self.timers = Timers()
+        self.set_loads, self.check, self.bodies = set_loads, check, bodies
+        self.timers = timers or Timers()
+        for term in terms:
+            term.timers = self.timers
         self.space = state.u.function_space
         self.comm = self.space.mesh.comm
         self.symmetric = all(term.symmetric for term in terms)
@@ -135,9 +177,19 @@ class System:
         self._work = self.vector.duplicate()
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
+        self.bulk_over_shear = 1.0  # the largest of the bodies: what slows an iterative solver
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
+        self._accepted_stiffness = 0.0
+        self.extent = self._extent()
         self._committed = self._snapshot()
+
+    def _extent(self):
+        """Largest side of the box around all bodies [length]."""
+        X = self.space.tabulate_dof_coordinates()
+        low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)
+        low, high = np.min(self.comm.allgather(low), axis=0), np.max(self.comm.allgather(high), axis=0)
+        return float((high - low).max())
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
@@ -162,15 +214,24 @@ class System:
         for term in self.terms:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
-        self._committed = self._snapshot()
+        self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
 
     def rollback(self):
         """Return to the last committed state."""
+        self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
         self.state.travel[:] = travel
         self.state.t = t
         self.set_loads(t)
+
+    def resume(self, travel, t):
+        """Declare the displacement in the state, with this travel and t, the committed one; the terms know their history."""
+        self.state.travel[:] = travel
+        self.state.t = t
+        self.set_loads(t)
+        self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
+        self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
     @property
     def committed_t(self):
@@ -191,6 +252,13 @@ class System:
         self.state.travel += dq
         self.state.share = share
 
+    def objection(self):
+        """None, or the Finding why a state in balance must not be accepted. Collective."""
+        found = self.check()
+        for term in self.terms:
+            found = found or term.objection(self.state)
+        return found
+
     # -- evaluation -----------------------------------------------------------------------------------------------
     def assemble_residual(self, followed=False):
         """Fill residual_vector (supports' dofs zero) and tool_residual; returns the out-of-balance norm [force].
@@ -203,7 +271,7 @@ class System:
         tool_residual = np.zeros_like(self.tool_residual)
         self.forces = 0.0
         for term in self.terms:
-            with self.timers(f"residual: {term.name}"):
+            with self.timers("residual"):
                 with self._work.localForm() as local:
                     local.set(0.0)
                     array = local.array_w
@@ -221,14 +289,14 @@ class System:
 
     def assemble_tangent(self):
         """Fill the matrix (supports not yet eliminated) and the border."""
-        with self.timers("tangent: pattern"):
+        with self.timers("insertion"):
             self._provide_couplings()
         if self.border is not None:
             self.border.clear()
         for term in self.terms:
-            with self.timers(f"tangent: {term.name}"):
+            with self.timers("bulk tangent"):
                 term.add_tangent(self.state, self.matrix, self.border)
-        with self.timers("tangent: exchange"):
+        with self.timers("insertion"):
             self.matrix.assemble()
             self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
             if self.border is not None:

@@ -7,6 +7,7 @@ from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
+from fenics_contact.contact.points import SlavePoints
 from fenics_contact.contact.term import TOUCH
 from fenics_contact.kernels import deformable_element, ray_element
 from fenics_contact.kernels.closest_point import NONE
@@ -20,7 +21,7 @@ FIRST_SEARCH = 3.0
 MARGIN = 0.5
 
 
-class DeformableContact:
+class DeformableContact(SlavePoints):
     """Penalty contact with Coulomb friction between slave points and the facets of another body.
 
     Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the
@@ -63,6 +64,7 @@ class DeformableContact:
         self._keys, self._provided = np.empty(0, dtype=np.int64), np.full((ne * nq, 5), -2)
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
         self.status = np.zeros((ne, nq), dtype=np.int32)
+        self.met = np.zeros((ne, nq), dtype=bool)
         self.cover, self.slip_path = np.ones((ne, nq)), np.zeros((ne, nq))
 
     def _no_anchors(self):
@@ -73,7 +75,7 @@ class DeformableContact:
     def _positions(self, state):
         """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3) and their normals."""
         u = state.u.x.array
-        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(u)])
+        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
         points, normals = np.empty((len(self._slaves[2]), 3)), np.empty((len(self._slaves[2]), 3))
         slave_points(coords, self._slaves[0], self._slaves[1], points)
         at_nodes = np.zeros_like(coords)
@@ -115,6 +117,10 @@ class DeformableContact:
         unpaired = self._project(state)[2][1] == NONE
         gaps = self._first_projection(state)[1][4][unpaired]
         return -min(comm.allgather(gaps.min(initial=0.0)))
+
+    def back_share(self, state, comm):
+        """Zero: normals of a body's facets point out of it."""
+        return 0.0
 
     def touches(self, blocks):
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
@@ -160,7 +166,7 @@ class DeformableContact:
         np.add.at(sums, nodes, forces.reshape(*nodes.shape, 3))
         first = len(self._local)
         residual.reshape(-1, 3)[self._local] += sums[:first]
-        self.master.add_forces(sums[first:], residual)
+        self.master.add_forces(sums[first:], residual, tool_residual)
 
     def add_tangent(self, state, matrix, border):
         active, _, tangent, nodes = self.evaluate(state, True)
@@ -232,6 +238,7 @@ class DeformableContact:
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
         self.evaluate(state, False)
+        self.met = self.met | (self.status != OPEN)
         coords, _, projection = self._project(state)
         self._commit(coords, projection, self.touch)
 
@@ -241,6 +248,23 @@ class DeformableContact:
         self._element.committed_anchors(coords, self._slaves, self._facets, projection, old, law, new, sliding)
         self._anchors = new
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
+
+    def unpaired(self, state):
+        return self._project(state)[2][1] == NONE
+
+    def history(self):
+        """Anchors as keys of the master's nodes (-1: none) and their weights, and the slip paths."""
+        shape, (nodes, weights) = (*self.gap.shape, 4), self._anchors
+        keys = np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - len(self._local))]
+        anchors = {"anchor": keys.reshape(shape), "weight": weights.reshape(shape)}
+        return anchors | {"slip_path": self.slip_path, "met": self.met}
+
+    def restore(self, values):
+        keys, order = values["anchor"].reshape(-1, 4), np.argsort(self.master.keys)
+        nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
+        weights = np.ascontiguousarray(values["weight"].reshape(-1, 4))
+        self._anchors = np.where(keys < 0, -1, nodes), weights
+        self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in ("slip_path", "met"))
 
     # -- output ---------------------------------------------------------------------------------------------------
     def split_traction(self, state):

@@ -1,9 +1,10 @@
-"""Master surface of a deformable body: its facets and current node positions, known in full on every rank."""
+"""Master surfaces, of a deformable body or a meshed tool: facets and current node positions, in full on every rank."""
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.numbering import node_keys
 
 
 def oriented_facets(space, facets):
@@ -32,31 +33,15 @@ def area_vectors(corners):
     return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
 
 
-class MasterSurface:
-    """All facets of a master group on every rank, in an order that no partition changes.
+class _Surface:
+    """Facets (nodes (nf, 4), size (nf,)) and the reference positions X (nm, 3) of their nodes [length].
 
-    facets = (nodes (nf, 4), size (nf,)) number the surface's nodes 0 ... nm - 1, each once; blocks (nm,) their global
-    block numbers, rising; X (nm, 3) reference positions; edge, longest: median and largest length of the facets' edges.
-    The exchange is one gather of the owned positions to all ranks per evaluation: a surface is small against its
-    volume.
+    edge, longest: median and largest length of the facets' edges.
     """
 
-    def __init__(self, space, facets):
-        self.comm, self._space = space.mesh.comm, space
-        nodes, size, key = oriented_facets(space, facets)
-        to_global = compat.global_blocks(space)
-        rows = np.column_stack([key, size, to_global[nodes].reshape(-1, 4)]).astype(np.int64)
-        rows = np.concatenate(self.comm.allgather(rows))
-        rows = rows[np.argsort(rows[:, 0])]
-        self.blocks, numbered = np.unique(rows[:, 2:], return_inverse=True)
-        self.facets = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
-        # blocks of one rank are consecutive, so the sorted blocks are the ranks' parts one after the other
-        first, end = space.dofmap.index_map.local_range
-        self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
-        self.owned = (self.blocks[self.mine] - first).astype(np.int64)
-        self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
-        self.X = self._gather(space.tabulate_dof_coordinates()[self.owned])
-        corners = self.X[self.facets[0]]
+    def __init__(self, facets, X):
+        self.facets, self.X = facets, X
+        corners = X[facets[0]]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         edges = edges[edges > 0.0]
         self.edge, self.longest = (float(f(edges)) if edges.size else 0.0 for f in (np.median, np.max))
@@ -67,17 +52,65 @@ class MasterSurface:
         area = np.linalg.norm(area_vectors(corners), axis=1)
         return corners[area < 1e-12 * self.longest**2].mean(axis=1)
 
+
+class MasterSurface(_Surface):
+    """All facets of a master group on every rank, in an order that no partition changes.
+
+    facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers, rising; keys (nm,):
+    their numbers that no partition changes. The exchange is one gather of the owned positions to all ranks per
+    evaluation: a surface is small against its volume.
+    """
+
+    def __init__(self, space, facets):
+        self.comm, self._space = space.mesh.comm, space
+        nodes, size, key = oriented_facets(space, facets)
+        to_global = compat.global_blocks(space)
+        rows = np.column_stack([key, size, to_global[nodes].reshape(-1, 4)]).astype(np.int64)
+        rows = np.concatenate(self.comm.allgather(rows))
+        rows = rows[np.argsort(rows[:, 0])]
+        self.blocks, numbered = np.unique(rows[:, 2:], return_inverse=True)
+        facets = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
+        # blocks of one rank are consecutive, so the sorted blocks are the ranks' parts one after the other
+        first, end = space.dofmap.index_map.local_range
+        self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
+        self.owned = (self.blocks[self.mine] - first).astype(np.int64)
+        self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
+        self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
+        super().__init__(facets, self._gather(space.tabulate_dof_coordinates()[self.owned]))
+
     def _gather(self, owned):
         everything = np.empty((len(self.blocks), 3))
         self.comm.Allgatherv(np.ascontiguousarray(owned), [everything, self._counts])
         return everything
 
-    def positions(self, u):
-        """Current positions (nm, 3) [length] on every rank; u: local array of displacements. Collective."""
-        return self.X + self._gather(u.reshape(-1, 3)[self.owned])
+    def positions(self, state):
+        """Current positions (nm, 3) [length] on every rank. Collective."""
+        return self.X + self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
 
-    def add_forces(self, forces, residual):
+    def add_forces(self, forces, residual, tool_residual):
         """Add nodal forces (nm, 3), summed over all ranks, to the owned dofs of a local array. Collective."""
         total = np.empty_like(forces)
         self.comm.Allreduce(forces, total, op=MPI.SUM)
         residual.reshape(-1, 3)[self.owned] += total[self.mine]
+
+
+class ToolSurface(_Surface):
+    """The meshed surface of a rigid tool, the same on every rank: it travels as a whole and has no dofs.
+
+    tool: MeshedTool; index: its row in the state's travel.
+    """
+
+    def __init__(self, tool, index):
+        super().__init__((tool.nodes, tool.size), tool.X)
+        self.index = index
+        self.blocks = np.full(len(tool.X), -1, dtype=np.int64)  # no node of the System
+        self.keys = np.arange(len(tool.X))
+        self.owned = np.empty(0, dtype=np.int64)
+
+    def positions(self, state):
+        """Current positions (nm, 3) [length]."""
+        return self.X + state.travel[self.index]
+
+    def add_forces(self, forces, residual, tool_residual):
+        """Add nodal forces (nm, 3) of this rank's slave points to the force on the tool."""
+        tool_residual[self.index] += forces.sum(axis=0)

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import sum_to_owners
+from fenics_contact.assembly.numbering import node_keys
 
 
 @dataclass
@@ -17,8 +18,9 @@ class SlaveSurface:
     nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point; area (ne, nq) tributary reference
     area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the height of
     the cell beneath [pressure/length]; spacing (ne,): shortest side of its facets over the points along it [length];
-    cell_height: largest such height [length] over all ranks. gradients (ne, nq, 2, k): derivatives of the facet's shape
-    functions in the points, tangents t1 x t2 pointing out of the body; None for points that are nodes.
+    cell_height: largest such height [length] over all ranks; key (ne,): the element's number on any number of ranks.
+    gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
+    the body; None for points that are nodes.
     """
 
     nodes: np.ndarray
@@ -28,6 +30,7 @@ class SlaveSurface:
     stiffness: np.ndarray
     spacing: np.ndarray
     cell_height: float
+    key: np.ndarray
     gradients: np.ndarray | None = None
 
     @property
@@ -54,6 +57,7 @@ def slave_surface(space, facets, modulus, points="nodes"):
     a = np.concatenate([np.broadcast_to(values, (len(area), *values.shape)) for values, _, area in geometry])
     area = np.concatenate([area for _, _, area in geometry])
     owner = np.concatenate([cells[local == f] for f in range(len(geometry))])
+    key = compat.original_cells(mesh)[owner].astype(np.int64) * 6 + np.sort(local)
     height = _cell_volumes(mesh)[owner] / np.maximum(area.sum(axis=1), 1e-300)
     stiffness = modulus[owner] / height
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
@@ -63,8 +67,9 @@ def slave_surface(space, facets, modulus, points="nodes"):
     if points == "nodes":
         gradients = None
         nodes, a, area, (stiffness, spacing) = _gather_to_nodes(space, nodes, a, area, (stiffness, spacing))
+        key = node_keys(space)[nodes[:, 0]]
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
-    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, spacing, tallest, gradients)
+    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, spacing, tallest, key, gradients)
 
 
 def _shortest_sides(mesh, cell, cells, local):

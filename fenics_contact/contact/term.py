@@ -3,15 +3,17 @@
 import numpy as np
 
 from fenics_contact.contact.measures import contact_measures
+from fenics_contact.contact.points import SlavePoints
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
 from fenics_contact.kernels.status import OPEN
+from fenics_contact.timing import Timers
 
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
 TOUCH = 1e-10
 
 
-class RigidContact:
+class RigidContact(SlavePoints):
     """Penalty contact with Coulomb friction between slave points and a rigid tool.
 
     surface: SlaveSurface; tool: RigidTool; index: row of the tool in the state's travel; friction: Coulomb's mu;
@@ -35,7 +37,9 @@ class RigidContact:
         self.excess = np.zeros((ne, nq))
         self.cover = np.ones((ne, nq))
         self.slip_path = np.zeros((ne, nq))
+        self.met = np.zeros((ne, nq), dtype=bool)
         self._anchor = np.zeros((ne, nq, 3))
+        self.timers = Timers()  # those of the System it becomes part of
 
     def initialise(self, state):
         """Anchor every point at its projection in the initial state."""
@@ -48,18 +52,21 @@ class RigidContact:
     def evaluate(self, state, want_tangent):
         """Evaluate all points; returns the numbers of the elements in contact."""
         s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
-        contact_elements(
-            s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
-            self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, self.friction, self.touch, want_tangent,
-            self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess, self.cover,
-        )  # fmt: skip
+        with self.timers("contact kernel"):
+            contact_elements(
+                s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
+                self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, self.friction, self.touch,
+                want_tangent,
+                self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess, self.cover,
+            )  # fmt: skip
         return np.flatnonzero((self.status != OPEN).any(axis=1))
 
     def add_residual(self, state, residual, tool_residual):
         """Add a area T to the slave nodes' forces and its opposite to the tool's, (14)."""
         active = self.evaluate(state, False)
-        scatter_forces(active, self.surface.nodes, self._force, residual)
-        tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
+        with self.timers("insertion"):
+            scatter_forces(active, self.surface.nodes, self._force, residual)
+            tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
 
     def couplings(self, state):
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
@@ -67,12 +74,13 @@ class RigidContact:
     def add_tangent(self, state, matrix, border):
         active = self.evaluate(state, True)
         nodes = self.surface.nodes[active]
-        if len(active):
-            matrix.setValuesBlockedLocalRCV(nodes, nodes, self._tangent[active], addv=True)
-        if border is not None:
-            mine = slice(3 * self.index, 3 * self.index + 3)
-            scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
-            border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
+        with self.timers("insertion"):
+            if len(active):
+                matrix.setValuesBlockedLocalRCV(nodes, nodes, self._tangent[active], addv=True)
+            if border is not None:
+                mine = slice(3 * self.index, 3 * self.index + 3)
+                scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
+                border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
 
     def touches(self, blocks):
         """Number of this rank's slave nodes among the local nodes `blocks`."""
@@ -86,6 +94,7 @@ class RigidContact:
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
         self.evaluate(state, False)
+        self.met = self.met | (self.status != OPEN)
         self._commit(state, self.friction, self.touch)
 
     def _commit(self, state, mu, touch):
@@ -98,6 +107,12 @@ class RigidContact:
         )  # fmt: skip
         self._anchor = new
         self.slip_path = self.slip_path + sliding
+
+    def history(self):
+        return {"anchor": self._anchor, "slip_path": self.slip_path, "met": self.met}
+
+    def restore(self, values):
+        self._anchor, self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in self.history())
 
     def excessive_overlap(self, state, X, slave, comm):
         """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.
@@ -113,6 +128,10 @@ class RigidContact:
 
     def lost_depth(self, state, comm):
         """Zero: an analytic tool knows of every point how deep inside it is."""
+        return 0.0
+
+    def back_share(self, state, comm):
+        """Zero: an analytic tool knows its outside."""
         return 0.0
 
     def normals(self, state):

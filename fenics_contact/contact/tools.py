@@ -1,4 +1,4 @@
-"""Rigid tools as analytic surfaces: what the user states, checked, and what the kernels need of it."""
+"""Rigid tools, analytic or meshed: what the user states, checked, and what the kernels need of it."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,32 @@ from fenics_contact.kernels import rigid_shapes
 
 
 @dataclass(frozen=True, eq=False)
-class RigidTool:
-    """A rigid body without mesh and without dofs; scenes move it along a path or push it with a force.
+class Tool:
+    """A rigid body without dofs; scenes move it along a path or push it with a force."""
+
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class MeshedTool(Tool):
+    """A rigid tool given by facets that are counter-clockwise seen from outside it, so that normals point at the body.
+
+    nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length].
+    """
+
+    nodes: np.ndarray
+    size: np.ndarray
+    X: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTool(Tool):
+    """An analytic rigid tool.
 
     kind, shape (4,): kernel's shape code and lengths; axes (3, 3): columns are the tool's axes; origin (3,): its frame's
     place at the start [length]; size: a length of the tool; edge: what the output says of its edges.
     """
 
-    name: str
     kind: int
     shape: np.ndarray
     axes: np.ndarray

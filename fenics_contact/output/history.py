@@ -28,12 +28,34 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
     return row
 
 
+def penalty_summary(error, tools, units):
+    """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known."""
+    if error is None:
+        return {}
+    out = {}
+    for name, e in error["contacts"].items():
+        size, peak = float(np.linalg.norm(e["force"])), e["peak"]
+        out[name] = {
+            f"force_change_{units.force}": list(e["force_change"]),
+            "force_change_share": float(np.linalg.norm(e["force_change"])) / size if size else 0.0,
+            f"peak_pressure_{units.pressure}": peak,
+            "peak_pressure_change_share": e["peak_change"] / peak if peak else 0.0,
+        }
+    travel = {f"{tool}_{units.length}": list(change) for tool, change in zip(tools, error["travel_change"], strict=True)}
+    return {"contacts": out, "travel_change": travel}
+
+
 class HistoryFile:
     """Appends rows to history.csv and flushes each, so that a killed run keeps its accepted steps."""
 
-    def __init__(self, folder):
-        self._file = open(Path(folder) / "history.csv", "w", newline="")  # noqa: SIM115 - lives as long as the run
+    def __init__(self, folder, rows=()):
+        """rows: those of the steps before, where a run is resumed; they replace what a killed run left of the file."""
+        draft = Path(folder) / "history.part"
+        self._file = open(draft, "w", newline="")  # noqa: SIM115 - lives as long as the run
         self._writer = None
+        for row in rows:
+            self.write(row)
+        draft.replace(draft.with_suffix(".csv"))
 
     def write(self, row):
         if self._writer is None:
@@ -50,11 +72,12 @@ def write_summary(folder, content):
     """summary.json, replaced in one move so that readers never see half of it."""
     target = Path(folder) / "summary.json"
     draft = target.with_suffix(".part")
-    draft.write_text(json.dumps(content, indent=2, default=_plain) + "\n")
+    draft.write_text(json.dumps(content, indent=2, default=plain) + "\n")
     draft.replace(target)
 
 
-def _plain(value):
+def plain(value):
+    """What JSON takes in place of a NumPy value."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):

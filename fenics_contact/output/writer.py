@@ -3,10 +3,10 @@
 import os
 from pathlib import Path
 
-from fenics_contact import compat
 from fenics_contact.output.fields import Fields, exterior_surface
 from fenics_contact.output.history import HistoryFile, write_summary
 from fenics_contact.output.pictures import body_picture
+from fenics_contact.output.series import Series, StepSeries
 
 
 class FolderError(ValueError):
@@ -29,33 +29,33 @@ def prepare_folder(path, comm):
 
 
 class Writer:
-    """Writes every accepted step into a folder: history.csv and results.xdmf, at the end summary.json and body.png.
+    """Writes every accepted step into a folder: history.csv and the fields, at the end summary.json and body.png.
 
-    clock: function () -> time stamp in results.xdmf, which must grow: a continuation's t does not.
+    clock: function () -> time stamp in results.xdmf, which must grow: a continuation's t does not; safe: fields go into
+    files that a kill leaves intact; rows: history rows of the steps before, where a run is resumed.
     """
 
-    def __init__(self, folder, scene, system, clock):
+    def __init__(self, folder, scene, system, clock, safe=False, rows=None):
         self.comm, self._clock = system.comm, clock
         self.folder, self.scene, self.system = folder, scene, system
         self.fields = Fields(scene, system)
-        self._history = HistoryFile(folder) if self.comm.rank == 0 else None
-        self._xdmf = compat.XDMFFile(self.comm, str(folder / "results.xdmf"), "w")
-        self._xdmf.write_mesh(scene.mesh.domain)
-        self._write_fields()
+        self._history = HistoryFile(folder, rows or ()) if self.comm.rank == 0 else None
+        mesh = scene.mesh.domain
+        self._series = StepSeries(folder, mesh, None if rows is None else len(rows)) if safe else Series(folder, mesh)
+        if rows is None:
+            self.write_fields(0)
 
-    def _write_fields(self):
+    def write_fields(self, step):
+        """Fields of accepted step number `step`, 0 for the start."""
         self.fields.update()
-        for field in self.fields.all:
-            self._xdmf.write_function(field, self._clock())
+        self._series.write(step, self.fields.all, self._clock())
 
-    def step(self, row, on_schedule):
+    def write_row(self, row):
         if self._history:
             self._history.write(row)
-        if on_schedule:
-            self._write_fields()
 
     def finish(self, summary):
-        self._xdmf.close()
+        self._series.close()
         u = self.system.state.u
         corners, values = exterior_surface(self.scene, u, u.x.array[2::3])
         if self.comm.rank == 0:

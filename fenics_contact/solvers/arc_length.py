@@ -4,8 +4,9 @@ The step keeps a length ds of the increment (du, dq, dt) of displacements, tools
 
     ds^2 = |du|^2 / nodes + |dq|^2 + (L dt)^2
 
-the spherical constraint of Crisfield (1981, doi:10.1016/0045-7949(81)90108-5), with L the displacement per unit of load in
-the stiffest step so far: load never counts more than displacement, and where nothing but t moves it alone carries on.
+the spherical constraint of Crisfield (1981, doi:10.1016/0045-7949(81)90108-5). L, the largest displacement over the largest
+load so far and at first their rate, makes the path's extent in load and in displacement the same: an arc meets limit points
+of either kind, and corners of the load-displacement diagram show.
 """
 
 from dataclasses import dataclass, field
@@ -74,13 +75,14 @@ class ArcLength:
     def norm(self, a):
         return float(np.sqrt(self.dot(a, a)))
 
-    def weigh(self, increment):
-        """Let the load count no more than the displacement in this increment; True where that changed the lengths."""
-        before, self.per_load = self.per_load, 0.0
-        moved = self.norm(increment)
-        self.per_load = moved / abs(increment.dt) if increment.dt else np.inf
-        self.per_load = min(x for x in (before, self.per_load) if x is not None)
-        return self.per_load != before
+    def extent(self, system):
+        """Distance [length] of a state from the start in displacement and travel."""
+        u = system.vector
+        return float(np.sqrt(u.dot(u) / (u.getSize() / 3) + np.sum(system.state.travel**2)))
+
+    def weigh(self, moved, load):
+        """Give load and displacement the same extent: `moved` [length] stands for a change of the load by `load`."""
+        self.per_load = moved / abs(load)
 
     # -- the path's rate ------------------------------------------------------------------------------------------
     def start(self, system, last=None):
@@ -89,9 +91,11 @@ class ArcLength:
             rate = self._raw_rate(system, self._load_side(system)[0])
         except LinearFailure as failure:
             raise StepFailed(str(failure)) from None
-        self.weigh(rate)
-        if not 0.0 < self.per_load < np.inf:
-            raise StepFailed("the load moves nothing at the start of the path")
+        if self.per_load is None:
+            self.per_load = 0.0
+            if not (moved := self.norm(rate)) > 0.0:
+                raise StepFailed("the load moves nothing at the start of the path")
+            self.weigh(moved, 1.0)
         onward = 1.0 if last is None else -np.sign(self.dot(rate, last))
         return rate.times(onward / self.norm(rate))
 

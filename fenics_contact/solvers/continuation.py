@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.solvers.control import Verdict
-from fenics_contact.solvers.newton import StepFailed
+from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
@@ -19,7 +19,8 @@ class ArcSteps:
 
     first: load increment the first step aims at; largest: bound of the arc [length], about the mean displacement of a step;
     smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
-    gives up; iterations: tangent solves per step that steer the arc's length.
+    gives up; iterations: tangent solves per step, and turn: angle [radians] by which the path's direction changes in a step,
+    that steer the arc's length.
     """
 
     first: float = 0.05
@@ -27,6 +28,7 @@ class ArcSteps:
     smallest: float = 1e-4
     most: int = 200
     iterations: int = 5
+    turn: float = 0.3
 
 
 class Path:
@@ -38,7 +40,7 @@ class Path:
     def __init__(self, system, arc, steps, on_step):
         self.system, self.arc, self.steps, self.on_step = system, arc, steps, on_step
         self.verdict = Verdict(converged=False)
-        self.highest = 0.0  # largest |t| accepted
+        self.highest = self.furthest = 0.0  # largest |t| and displacement [length] accepted
         self.taken = 0  # steps accepted
         self.last = None  # increment of the last accepted step
 
@@ -60,9 +62,10 @@ class Path:
             self.on_step(arrival.report, time.perf_counter() - start, True)
             if reached:
                 return reached
-            length = min(length * _growth(self.steps.iterations / len(arrival.report.residuals)), self.steps.largest)
+            turned = np.arccos(np.clip(self.arc.dot(rate, arrival.rate), -1.0, 1.0))
             rate = arrival.rate
-            self.arc.weigh(arrival.increment)
+            length = min(length * self._growth(len(arrival.report.residuals), turned), self.steps.largest)
+            self.arc.weigh(self.furthest, self.highest)
             size = self.arc.norm(rate)  # 1 in the lengths before
             length, rate = length * size, rate.times(1.0 / size)
         raise StepFailed(f"{self.taken} steps reached none of: {', '.join(targets)}")
@@ -110,6 +113,7 @@ class Path:
         # a located limit point lies a hair before or behind the extremum: its own sign says nothing
         self.slope = self._onward if arrival.report.limit_point else arrival.rate.dt
         self.highest = max(self.highest, abs(self.system.state.t))
+        self.furthest = max(self.furthest, self.arc.extent(self.system))
         self.taken += 1
         self.last = arrival.increment
         self._measure()
@@ -123,9 +127,14 @@ class Path:
 
     def _arrive(self, length, rate):
         arrival = self.arc.step(self.system, length, rate)
-        if wrong := self.system.check():
-            raise StepFailed(wrong)
+        if wrong := self.system.objection():
+            raise StepFailed.of(wrong)
         return arrival
+
+    def _growth(self, solves, turned):
+        """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
+        ratio = min(self.steps.iterations / solves, self.steps.turn / max(turned, 1e-12))
+        return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
 
     def _locate(self, arrival, rate, first, value, close):
         """The arrival within this step where value(arrival) vanishes: regula falsi over arc lengths, Illinois variant
@@ -163,13 +172,7 @@ def follow(system, arc, steps, legs, on_step):
         for targets in legs:
             reached.append(path.follow(targets))
     except StepFailed as failure:
-        system.rollback()
-        verdict.reason = f"after t = {system.state.t:.6g}: {failure}"
+        verdict.stop(diagnose(system, failure), system.state.t)
     else:
         verdict.converged, verdict.reason = True, "reached " + ", then ".join(reached)
     return verdict
-
-
-def _growth(ratio):
-    """Change of the arc length: fewer iterations than aimed at allow a longer one (Ramm 1981), within bounds."""
-    return float(np.clip(np.sqrt(ratio), 0.5, 2.0))

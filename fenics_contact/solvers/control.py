@@ -1,51 +1,62 @@
-"""Load path: from t = 0 to 1 in steps, cutting a step back when it fails."""
+"""Load path: from t = 0 to 1 in steps, cutting a step back when it fails and letting it grow again."""
 
+import math
 import time
-from dataclasses import dataclass, field
 
-from fenics_contact.solvers.newton import StepFailed
+from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF
+from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.verdict import StepFailed, Verdict
 
-
-@dataclass
-class Verdict:
-    """How a run ended: converged, the load parameter reached, and in words why not."""
-
-    converged: bool = True
-    t: float = 0.0
-    reason: str = "converged"
-    cuts: int = 0
-    iterations: int = 0
-    residuals: list = field(default_factory=list)  # per accepted step: out-of-balance share after each solve
+SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
+HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
+EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
 
-def run(system, stepper, times, on_step, smallest=1e-4):
-    """Visit every t of `times`; a failing step is halved down to `smallest` of t, then the run ends with its reason.
+def smallest_step(times, smallest=SMALLEST):
+    """Smallest step [t] that a schedule's steps may be cut to."""
+    return smallest * min(1.0, *(b - a for a, b in zip([0.0, *times], times, strict=False)))
 
-    on_step(report, seconds, on_schedule): called after each accepted step, on all ranks. Returns a Verdict.
+
+def run(system, stepper, times, on_step, smallest=None, verdict=None):
+    """Visit every t of `times` beyond the committed one, in steps that shrink where they fail and grow where they are easy.
+
+    A failing step is halved, down to `smallest` [t], then the run ends with its reason; after easy steps the size doubles,
+    up to the schedule's own. on_step(report, seconds, on_schedule): called after each accepted step, on all ranks; verdict:
+    that of the steps before, where a run is resumed. Returns the Verdict.
     """
-    verdict = Verdict()
+    verdict = verdict or Verdict()
+    verdict.smallest = smallest or smallest_step(times)
     for target in times:
-        pieces = [target]
-        while pieces:
+        while target - system.committed_t > 1e-12:
             start = time.perf_counter()
-            goal = pieces[-1]
+            goal = _goal(system.committed_t, target, verdict.size)
+            size = goal - system.committed_t
             try:
                 report = stepper.step(system, goal)
-                if wrong := system.check():
-                    raise StepFailed(wrong)
+                if wrong := system.objection():
+                    raise StepFailed.of(wrong)
             except StepFailed as failure:
-                system.rollback()
-                size = (goal - system.committed_t) / 2
-                if size < smallest:
-                    verdict.converged, verdict.reason = False, f"at t = {goal:.6g}: {failure}"
+                if size / 2 < verdict.smallest or failure.finding.kind in HOPELESS:
+                    verdict.stop(diagnose(system, failure), goal)
                     return verdict
+                system.rollback()
                 verdict.cuts += 1
-                pieces.append(system.committed_t + size)
+                if failure.finding.kind == CYCLING:
+                    verdict.notes.append(f"step to t = {goal:.6g} cut back: {failure}, {failure.finding.place}")
+                verdict.size = size / 2
                 continue
             system.commit()
-            pieces.pop()
+            if report.iterations <= EASY:
+                verdict.size *= 2.0
             verdict.t = goal
             verdict.iterations += report.iterations
             verdict.residuals.append(report.residuals)
-            on_step(report, time.perf_counter() - start, not pieces)
+            verdict.notes += [f"step {len(verdict.residuals)} to t = {goal:.6g}: {note}" for note in report.notes]
+            on_step(report, time.perf_counter() - start, goal == target)
     return verdict
+
+
+def _goal(t, target, size):
+    """End of the next step: equal steps of at most `size` up to the target, and exactly the target in the last one."""
+    left = math.ceil((target - t) / size * (1.0 - 1e-9)) if size > 0.0 else 1
+    return target if left <= 1 else t + (target - t) / left

@@ -1,24 +1,32 @@
-"""Linear solves with a System's tangent: elimination of supports, direct or iterative solver, the tools' border."""
+"""Linear solves with a System's tangent: elimination of supports, choice of solver, the tools' border."""
 
 import numpy as np
 from petsc4py import PETSc
 
-PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
-# Above this many unknowns smoothed aggregation beats factorisation (README, speed).
-ITERATIVE_ABOVE = 30_000
+from fenics_contact.assembly.finding import MEMORY, RIGID_MOTION
+from fenics_contact.solvers.reuse import TIGHTEST, ReusingSolver
 
-TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
+# Above this many unknowns smoothed aggregation beats factorisation (README, speed).
+ITERATIVE_ABOVE = 6_000
+# Bulk over shear modulus beyond which that bound rises with the square root of the ratio, as multigrid's iterations do: the
+# two are even at 3e4 unknowns and a ratio of 500.
+SLOWED_ABOVE = 20.0
+
+# MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
+# Not -8, -9 and -14, -15: a nearly singular matrix, whose pivots are delayed, asks for more work space than foreseen.
+NO_MEMORY = (-5, -7, -13, -19)
+OUT_OF_MEMORY = 55  # PETSc's error code
 
 
 class LinearFailure(RuntimeError):
-    """The linear solver could not solve the tangent system; the message says why."""
+    """The linear solver could not solve the tangent system; arguments (why, kind of finding, place, remedy)."""
 
 
 class LinearSolver:
     """Solves K du + C dq = -R with prescribed du and dq.
 
     system: System; method: "direct" (MUMPS: Cholesky where the tangent is symmetric, else LU), "iterative" (CG or GMRES with
-    smoothed aggregation and the rigid-body modes), or "auto" by size.
+    smoothed aggregation and the rigid-body modes), or "auto" by size. Either is kept from tangent to tangent while it pays.
     """
 
     def __init__(self, system, method="auto"):
@@ -26,47 +34,34 @@ class LinearSolver:
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
         size = system.vector.getSize()
-        self.method = method if method != "auto" else ("iterative" if size > ITERATIVE_ABOVE else "direct")
         self._forced = method == "iterative"
-        self.iterations = 0
+        above = ITERATIVE_ABOVE * np.sqrt(max(1.0, system.bulk_over_shear / SLOWED_ABOVE))
+        method = method if method != "auto" else ("iterative" if size > above else "direct")
         self.fallbacks = []  # what the log and the summary say of a change of solver
-        self._pivot = self._modes = None
-        self.ksp = PETSc.KSP().create(system.comm)
-        self.ksp.setOptionsPrefix(PREFIX)
-        self.ksp.setOperators(system.matrix)
-        (self._use_iterative if self.method == "iterative" else self._use_direct)()
-        self.ksp.setFromOptions()
+        self._pivot = None
+        self._solver = ReusingSolver(
+            system.comm, size, system.symmetric, method, lambda matrix: _soft_modes(system, matrix), system.timers
+        )
 
-    def _use_direct(self):
-        self.ksp.setType("preonly")
-        pc = self.ksp.getPC()
-        pc.setType("cholesky" if self.system.symmetric else "lu")
-        pc.setFactorSolverType("mumps")
+    @property
+    def method(self):
+        return self._solver.method
 
-    def _use_iterative(self):
-        self.ksp.setType("cg" if self.system.symmetric else "gmres")
-        self.ksp.setTolerances(rtol=TIGHTEST, max_it=400)
-        if not self.system.symmetric:
-            self.ksp.setGMRESRestart(100)
-        self._modes = _rigid_body_modes(self.system)
-        options = PETSc.Options()
-        for key, value in (
-            ("pc_gamg_threshold", 0.01),
-            ("pc_gamg_aggressive_coarsening", 1),
-            ("pc_gamg_reuse_interpolation", True),
-            ("mg_levels_ksp_type", "chebyshev"),
-            ("mg_levels_pc_type", "jacobi"),
-            ("mg_levels_ksp_max_it", 3),
-        ):
-            if not options.hasName(PREFIX + key):
-                options[PREFIX + key] = value
-        self.ksp.getPC().setType("gamg")
+    @property
+    def iterations(self):
+        """Krylov iterations so far."""
+        return self._solver.iterations
+
+    @property
+    def builds(self):
+        """Factorisations or multigrid hierarchies made so far."""
+        return self._solver.builds
 
     def solve(self, du_supports, dq, tolerance=TIGHTEST):
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
 
         du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
-        tolerance: relative residual at which an iterative solver may stop; the direct one does not look at it.
+        tolerance: relative residual at which an iterative solve may stop; a new factorisation does not look at it.
         Raises LinearFailure, on all ranks, if the solver fails.
         """
         system = self.system
@@ -77,7 +72,7 @@ class LinearSolver:
 
         sides: (residual Vec, tool residual (tools, 3), du_supports, dq) each. Raises LinearFailure as `solve` does.
         """
-        self.ksp.setTolerances(rtol=tolerance)
+        self._tolerance = tolerance
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
         rights = []
         for residual, _, _, dq in sides:
@@ -85,9 +80,11 @@ class LinearSolver:
             rhs.scale(-1.0)
             self._add_prescribed_travel(rhs, dq)
             rights.append(rhs)
-        increments = self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides])
-        for rhs, du in zip(rights, increments, strict=True):
-            self._solve(rhs, du)
+        self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides])
+        increments = [self._solve(rhs) for rhs in rights]
+        for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
+            with du.localForm() as local:
+                local.array_w[system.supports.dofs] = du_supports
         if not free.size:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(c) for c in free]
@@ -107,12 +104,17 @@ class LinearSolver:
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
-            raise LinearFailure("a pushed tool meets no resistance: bring it into contact before the force acts") from None
+            remedy = "bring it into contact before the force acts"
+            raise LinearFailure("it meets no resistance", RIGID_MOTION, self._tools(free), remedy) from None
         for amount, column in zip(travel, columns, strict=True):
             du.axpy(amount, column)
         total = dq.ravel().copy()
         total[free] += travel
         return du, total.reshape(-1, 3)
+
+    def _tools(self, free):
+        """Names of the tools with free components."""
+        return ", ".join(f"tool '{name}'" for name in dict.fromkeys(self.system.tools.names[c // 3] for c in free))
 
     def _add_prescribed_travel(self, rhs, dq):
         if self.system.border is None:
@@ -121,24 +123,22 @@ class LinearSolver:
             rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
 
     def _eliminate(self, rights, du_supports):
-        """Put the supports' increments into the right-hand sides and the matrix, keeping its symmetry and pattern.
+        """Put the supports' increments into the right-hand sides and unit rows into the matrix, keeping its symmetry.
 
-        Returns, for each side, a vector that holds the supports' increments.
+        The supports' own rows get zero on the right, so that norms are those of the unknown part.
         """
         system = self.system
         if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
             self._pivot = max(system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), 1e-300)
-        increments = []
+        du, force = system.vector.duplicate(), system.vector.duplicate()
         for rhs, values in zip(rights, du_supports, strict=True):
-            du = system.vector.duplicate()
             with du.localForm() as local:
                 local.set(0.0)
                 local.array_w[system.supports.dofs] = values
-            rhs.axpy(-1.0, system.matrix * du)
-            rhs.array_w[system.supports.owned] = self._pivot * du.array_r[system.supports.owned]
-            increments.append(du)
+            system.matrix.mult(du, force)
+            rhs.axpy(-1.0, force)
+            rhs.array_w[system.supports.owned] = 0.0
         system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
-        return increments
 
     def _response(self, component):
         """du/dq of one free travel component: K^-1 (-C)."""
@@ -146,57 +146,56 @@ class LinearSolver:
         column = self.system.border_vector(values)
         with column.localForm() as local:
             local.array_w[self.system.supports.dofs] = 0.0
-        out = column.duplicate()
-        self._solve(column, out)
+        return self._solve(column)
+
+    def _solve(self, rhs):
+        """Solution with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
+        system, solver, out = self.system, self._solver, rhs.duplicate()
+        reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
+        if reason < 0 and self.method == "iterative" and not self._forced:
+            self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
+            solver.use("direct")
+            reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
+        if reason < 0:
+            raise LinearFailure(*self._cause(reason))
         return out
 
-    def _solve(self, rhs, out):
-        """Solve with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
-        reason = self._attempt(rhs, out)
-        if reason < 0 and self.method == "iterative" and not self._forced:
-            self.method = "direct"
-            self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
-            self.ksp.reset()
-            self._use_direct()
-            reason = self._attempt(rhs, out)
-        if reason < 0:
-            raise LinearFailure(
-                f"the {self.method} linear solver failed (reason {reason}): the tangent is singular (is a body free to "
-                "move?) or memory ran out"
-            )
-
-    def _attempt(self, rhs, out):
-        """One solve; returns PETSc's converged reason, negative where it failed."""
-        guess = out.copy() if self.method == "iterative" else None
-        with self.system.timers("factorisation"):
-            if self._modes is not None:  # the matrix is another one when contacts couple other nodes
-                self.system.matrix.setNearNullSpace(self._modes)
-            self.ksp.setOperators(self.system.matrix)
-            try:
-                self.ksp.setUp()
-            except PETSc.Error as error:
-                return -abs(error.ierr)
-        with self.system.timers("linear solve"):
-            self.ksp.solve(rhs, out)
-        self.iterations += self.ksp.getIterationNumber()
-        reason = self.ksp.getConvergedReason()
-        if reason < 0 and guess is not None:
-            guess.copy(out)
-        return reason
+    def _cause(self, reason):
+        """Arguments of LinearFailure after PETSc's reason or error code."""
+        code = self._solver.mumps_code() if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED else 0
+        if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
+            text = f"the direct solver could not get the memory it needs (MUMPS {code})"
+            return text, MEMORY, "", 'use linear="iterative", more ranks on more machines, or a coarser mesh'
+        return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)
 
 
-def _rigid_body_modes(system):
-    """Six rigid-body motions of the reference mesh: the near-null space of the tangent."""
-    X = system.space.tabulate_dof_coordinates()
+def _soft_modes(system, matrix):
+    """Near-null space of the tangent: rigid-body motions of the deformed mesh that fade out where something holds them.
+
+    Where a penalty or a support holds a node the motions cost energy, and a coarse grid made from them can correct nothing
+    around it: a frictional punch then takes hundreds of iterations, or fails. Two sweeps of Jacobi's relaxation take
+    them away there and leave them alone elsewhere, where the tangent hardly resists them (measured; more sweeps, or none
+    of the damping, do worse).
+    """
     owned = system.space.dofmap.index_map.size_local
-    X = X[:owned] - X[:owned].mean(axis=0) if owned else X[:0]
+    X = system.space.tabulate_dof_coordinates()[:owned] + system.vector.array_r.reshape(-1, 3)
+    # one centre for all ranks: a motion that changes between them costs energy there
+    X = X - system.comm.allreduce(X.sum(axis=0)) / system.comm.allreduce(owned)
     modes = np.zeros((6, owned, 3))
     for i in range(3):
         modes[i, :, i] = 1.0
         j, k = (i + 1) % 3, (i + 2) % 3
         modes[3 + i, :, j], modes[3 + i, :, k] = -X[:, k], X[:, j]
     vectors = [PETSc.Vec().createWithArray(mode.ravel().copy(), comm=system.comm) for mode in modes]
+    step = matrix.getDiagonal()
+    step.reciprocal()
+    step.scale(0.9)
+    force = step.duplicate()
     for i, vector in enumerate(vectors):
+        for _ in range(2):
+            matrix.mult(vector, force)
+            force.pointwiseMult(force, step)
+            vector.axpy(-1.0, force)
         for other in vectors[:i]:
             vector.axpy(-vector.dot(other), other)
         vector.normalize()

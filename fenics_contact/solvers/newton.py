@@ -3,22 +3,24 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from petsc4py import PETSc
 
-from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
+from fenics_contact.solvers.cycles import StatusWatch
+from fenics_contact.solvers.linear import LinearFailure
+from fenics_contact.solvers.reuse import TIGHTEST
+from fenics_contact.solvers.verdict import StepFailed
 
+FARTHEST = 1e3  # sizes of the bodies; a tangent that moves a node by more than that is singular to round-off
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
-
-
-class StepFailed(RuntimeError):
-    """A step did not converge; the message says why."""
 
 
 @dataclass
 class StepReport:
-    """What a step took: tangent solves and the out-of-balance norm over the force scale after each of them."""
+    """What a step took: tangent solves, the out-of-balance norm over the force scale after each, what was resolved."""
 
     iterations: int = 0
     residuals: list = field(default_factory=list)
+    notes: list = field(default_factory=list)
 
 
 class Newton:
@@ -37,28 +39,36 @@ class Newton:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         report = StepReport()
+        watch = StatusWatch(system, report.notes)
         before = np.inf  # the predictor carries supports and tools, so it is taken whole
         while True:
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
-            before = relative_residual(system, followed=True) if before == np.inf else self._shorten(system, du, dq, before)
+            before = (
+                relative_residual(system, followed=True)
+                if before == np.inf
+                else self._shorten(system, du, dq, before, watch.cycling)
+            )
             size = relative_residual(system) if system.condensed else before  # assembled last: the next right-hand side
             report.residuals.append(size)
             if size <= self.tolerance:
                 return report
             if report.iterations >= self.limit:
+                watch.blame()
                 raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
+            watch.look(report.residuals)
             du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
 
-    def _shorten(self, system, du, dq, before):
+    def _shorten(self, system, du, dq, before, strict):
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
 
-        Condensed unknowns follow the tangent here. A residual costs about a hundredth of a tangent solve.
+        Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
+        hundredth of a tangent solve.
         """
         share, size = 1.0, _finite_residual(system)
-        while size > before and share > SHORTEST:
+        while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
             shorter = _move(system, du, dq, share, 0.5 * share)
-            if shorter >= size:
+            if shorter >= size and not strict:
                 _move(system, du, dq, 0.5 * share, share)
                 break
             share, size = 0.5 * share, shorter
@@ -110,7 +120,9 @@ def solve_once(system, linear, du, dq, tolerance=TIGHTEST):
     try:
         increment = linear.solve(du, dq, tolerance)
     except LinearFailure as failure:
-        raise StepFailed(str(failure)) from None
+        raise StepFailed(*failure.args) from None
+    if not increment[0].norm(PETSc.NormType.NORM_INFINITY) <= FARTHEST * system.extent + np.abs(du).max(initial=0.0):
+        raise StepFailed("the tangent is singular: an increment is not finite or far larger than the bodies")
     system.update(*increment)
     return increment
 

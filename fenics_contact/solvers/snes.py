@@ -4,7 +4,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.solvers.linear import LinearFailure
-from fenics_contact.solvers.newton import StepFailed, StepReport, relative_residual, solve_once
+from fenics_contact.solvers.newton import StepReport, relative_residual, solve_once
+from fenics_contact.solvers.verdict import StepFailed
 
 PREFIX = "fc_snes_"
 
@@ -28,7 +29,7 @@ class Snes:
         try:
             snes.solve(None, x)
         except LinearFailure as failure:
-            raise StepFailed(str(failure)) from None
+            raise StepFailed(*failure.args) from None
         problem.put(x)
         report.iterations += snes.getLinearSolveIterations() or snes.getIterationNumber()
         report.residuals.append(relative_residual(system))

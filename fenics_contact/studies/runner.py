@@ -51,9 +51,12 @@ def metrics(result, error=float("nan"), value=float("nan")):
     """
     summary, verdict = result.summary, result.verdict
     seconds, comm = summary["seconds"], result.system.comm
-    stages = {"bulk": ("tangent: solid", "residual: solid"), "linear": ("factorisation", "linear solve")}
-    contacts = [f"{part}: {c.name}" for c in result.system.contacts for part in ("tangent", "residual")]
-    spent = {k: sum(seconds.get(s, 0.0) for s in names) for k, names in (stages | {"contact": contacts}).items()}
+    stages = {
+        "bulk": ("bulk tangent", "residual"),
+        "contact": ("search", "projection", "contact kernel", "insertion"),
+        "linear": ("factorisation", "solve"),
+    }
+    spent = {name: sum(seconds[stage] for stage in parts) for name, parts in stages.items()}
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     return {
         "error": error if verdict.converged else float("nan"),
@@ -64,7 +67,7 @@ def metrics(result, error=float("nan"), value=float("nan")):
         "iterations": verdict.iterations,
         "cut_backs": verdict.cuts,
         "unknowns": summary["sizes"]["unknowns"],
-        "seconds": seconds["total"] - seconds["set-up"],
+        "seconds": seconds["total"] - summary["seconds_before_first_step"],
         **{f"seconds_{stage}": amount for stage, amount in spent.items()},
         "memory_MB": memory,
         "processes": comm.size,

@@ -1,0 +1,69 @@
+"""What an accepted state consists of, as arrays that any number of ranks can take up again."""
+
+import numpy as np
+
+from fenics_contact.assembly.numbering import gather, node_keys, spread
+
+COORDINATES = 1e-9  # of the mesh's size: what moving nodes between ranks rounds is 1e-16, another mesh is far from it
+
+
+class Memory:
+    """Collects and restores the committed state of a System: displacement, travel, the terms' history, scales.
+
+    Terms with a history offer key (ne,), a number per element that no partition changes, history() -> {name: (ne, ...)}
+    and restore({name: (ne, ...)}). fields(): further {name: local array like u} to keep, e.g. a predictor's.
+    """
+
+    def __init__(self, system):
+        self.system = system
+        self.keys = node_keys(system.space)
+        self._X = system.space.tabulate_dof_coordinates()
+
+    def collect(self, fields=None):
+        """{name: array} on rank 0, None elsewhere. Collective."""
+        system, comm = self.system, self.system.comm
+        owned = system.space.dofmap.index_map.size_local
+        nodal = {"X": self._X.ravel(), "u": system.state.u.x.array} | {f"field/{k}": v for k, v in (fields or {}).items()}
+        out = {}
+        for name, values in nodal.items():
+            _put(out, name, gather(comm, self.keys[:owned], values.reshape(-1, 3)[:owned]))
+        for i, term in enumerate(system.terms):
+            for name, values in term.history().items():
+                _put(out, f"term/{i}/{name}", gather(comm, term.key, values))
+        out |= {"travel": system.state.travel, "t": system.state.t}
+        out |= {"force_scale": system.force_scale, "stiffness": system.stiffness}
+        return out if comm.rank == 0 else None
+
+    def restore(self, arrays):
+        """Put collected arrays back as the committed state; returns the fields. Collective.
+
+        ValueError, on all ranks, if they belong to another mesh or other terms.
+        """
+        system, comm = self.system, self.system.comm
+        X = self._nodal(arrays, "X")
+        size = np.max(comm.allgather(np.ptp(X, axis=0).max() if len(X) else 0.0))
+        same = bool(np.abs(X - self._X).max(initial=0.0) <= COORDINATES * size)
+        if not all(comm.allgather(same)):
+            raise ValueError("its nodes lie in other places: the mesh was made with other parameters")
+        system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
+        for i, term in enumerate(system.terms):
+            term.restore({name: self._rows(arrays, f"term/{i}/{name}", term.key) for name in term.history()})
+        names = ("travel", "t", "force_scale", "stiffness")
+        travel, t, system.force_scale, system.stiffness = comm.bcast(arrays and [arrays[name] for name in names])
+        system.resume(travel, float(t))
+        fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
+        return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
+
+    def _nodal(self, arrays, name):
+        return self._rows(arrays, name, self.keys)
+
+    def _rows(self, arrays, name, keys):
+        try:
+            return spread(self.system.comm, arrays and (arrays[f"{name}/key"], arrays[name]), keys)
+        except KeyError:
+            raise ValueError(f"it does not hold '{name}' for every point of this scene") from None
+
+
+def _put(out, name, gathered):
+    if gathered is not None:
+        out[f"{name}/key"], out[name] = gathered

@@ -1,0 +1,85 @@
+"""What every contact term says of its slave points: their number in a checkpoint, status, place, and what ails them."""
+
+import numpy as np
+
+from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
+from fenics_contact.kernels.status import OPEN
+
+SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
+RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
+CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
+SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
+
+
+class SlavePoints:
+    """Mixed into contact terms.
+
+    Needs their name and surface, and per element and point status, gap, cover, traction and met (has been in contact).
+    """
+
+    penalised = True
+
+    def resultants(self, state):
+        """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,). Collective."""
+        self.evaluate(state, False)
+        comm = state.u.function_space.mesh.comm
+        return self.measures(state, comm)["force"], self.split_traction(state)[0].ravel()
+
+    @property
+    def key(self):
+        return self.surface.key
+
+    def statuses(self):
+        return self.status.ravel()
+
+    def spots(self):
+        return np.einsum("eqk,ekc->eqc", self.surface.a, self.surface.X).reshape(-1, 3)
+
+    def unpaired(self, state):
+        """None: a tool has no end."""
+        return np.zeros(self.surface.points, dtype=bool)
+
+    def trouble(self, state):
+        comm = state.u.function_space.mesh.comm
+        self.evaluate(state, False)
+        area, gone = self.surface.area.ravel(), self.met.ravel() & self.unpaired(state)
+        met, lost = comm.allreduce(np.array([area[self.met.ravel()].sum(), area[gone].sum()]))
+        if lost > SLID_OFF * met:
+            text = f"{lost / met:.0%} of the area that was in contact has no partner on '{self.master_name}' any more"
+            remedy = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+            return Finding(LOST, text, self._worst(comm, np.where(gone, area, 0.0))[1], remedy)
+        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0).ravel()
+        depth, place = self._worst(comm, held)
+        if depth > SUNK * self.surface.cell_height:
+            height = self.surface.cell_height
+            text = f"a point lies {depth:.3g} inside '{self.master_name}', where a cell is {height:.3g} high"
+            return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
+        return None
+
+    def objection(self, state):
+        """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, or
+        penetrations are too small for a number beside the coordinates. Collective."""
+        comm = state.u.function_space.mesh.comm
+        depth = self.lost_depth(state, comm)
+        if depth > self.touch:
+            text = f"'{self.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+            return Finding(LOST, text, f"contact '{self.name}'", "take smaller steps, or raise the penalty")
+        pressure = np.linalg.norm(self.traction, axis=2).ravel()
+        largest, place = self._worst(comm, pressure)
+        soft = self.surface.stiffness.min(initial=np.inf)
+        x = np.abs(self.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
+        low = comm.allgather((soft, self.gap.min(initial=0.0), -x))
+        soft, depth, size = (-value for value in np.min(low, axis=0))
+        # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
+        if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):
+            return None
+        text = f"the deepest penetration {depth:.1e} is round-off beside coordinates of {size:.3g}, and so is the pressure"
+        return Finding(TOO_STIFF, text, place, "lower penalty= of this contact, or leave it to the default")
+
+    def _worst(self, comm, values):
+        """Largest of values (n,) over all ranks, and the place of its point."""
+        here = (-np.inf, "")
+        if len(values):
+            point = int(values.argmax())
+            here = (float(values[point]), f"contact '{self.name}' at {spot(self.spots()[point])}")
+        return max(comm.allgather(here))

@@ -1,0 +1,59 @@
+"""Cycles of contact status within a Newton iteration: the same sets of open, sticking and slipping points over and over."""
+
+import numpy as np
+
+from fenics_contact.assembly.finding import CYCLING, Finding, spot
+from fenics_contact.solvers.verdict import StepFailed
+
+LONGEST = 4  # period looked for
+TURNS = 2  # repetitions that make a cycle; one may be chance
+
+
+class StatusWatch:
+    """Sees after each Newton iteration whether the statuses of all terms' points repeat. Collective throughout."""
+
+    def __init__(self, system, notes):
+        self.system, self.notes, self._seen, self._finding = system, notes, [], None
+
+    @property
+    def cycling(self):
+        """Has a cycle been seen in this step?"""
+        return self._finding is not None
+
+    def look(self, residuals):
+        """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on."""
+        period = self._period()
+        if period and residuals[-1] > 0.5 * residuals[-1 - TURNS * period]:
+            self.blame()
+            self._finding = self._cycle(period)
+            self.notes.append(f"{self._finding.reason} ({self._finding.place}): increments shortened")
+            self._seen.clear()
+
+    def blame(self):
+        """StepFailed, if a cycle was seen in this step: shorter increments have not helped."""
+        if self._finding:
+            raise StepFailed.of(self._finding)
+
+    def _period(self):
+        """0, or the period in which the statuses have been repeating."""
+        self._seen.append(np.concatenate([term.statuses() for term in self.system.terms]))
+        repeats = np.min(self.system.comm.allgather([self._repeats(p) for p in range(1, LONGEST + 1)]), axis=0)
+        # what repeats with every period does not change at all
+        return 0 if repeats[0] else next((p for p, found in enumerate(repeats, 1) if found), 0)
+
+    def _repeats(self, period):
+        recent = self._seen[-(TURNS * period + 1) :]
+        return len(recent) == TURNS * period + 1 and all(
+            np.array_equal(a, b) for a, b in zip(recent, recent[period:], strict=False)
+        )
+
+    def _cycle(self, period):
+        recent = np.array(self._seen[-period:])
+        moving = (recent != recent[0]).any(axis=0)
+        spots = np.concatenate([term.spots() for term in self.system.terms])[moving]
+        names = [name for term in self.system.terms for name in [term.name] * len(term.statuses())]
+        here = [(names[i], *spots[j]) for j, i in enumerate(np.flatnonzero(moving))]
+        points = [point for part in self.system.comm.allgather(here) for point in part]
+        place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
+        text = f"the status of {len(points)} points repeats every {period} iterations"
+        return Finding(CYCLING, text, place, "take more steps, lower tangential_share=, or use points=3 (Gauss points)")

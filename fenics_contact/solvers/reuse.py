@@ -1,0 +1,160 @@
+"""PETSc solver for a sequence of similar matrices: an old factorisation or hierarchy preconditions while it pays."""
+
+import numpy as np
+from petsc4py import PETSc
+
+PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
+TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
+# Iterations that cost as much as a new factorisation or hierarchy, measured at 8e3 and 6e4 unknowns.
+BUILD_COST = {"direct": 15, "iterative": 35}
+# A row whose diagonal has grown or shrunk by this factor is one that an old preconditioner no longer knows: a contact that
+# closed, opened, stuck or slipped. Each costs Krylov's method about an iteration.
+CHANGED = 2.0
+# Below this many unknowns a factorisation costs no more than the handful of iterations it would save.
+REUSE_ABOVE = 3_000
+LONGEST = 400  # iterations of a solve with a new preconditioner
+LONGEST_IF_SMALL = 100  # the same up to SMALL unknowns, where a factorisation costs no more than that
+SMALL = 30_000
+
+
+class Reuse:
+    """Says when a new preconditioner pays: once a solve cost more per digit than all since the last, that one included."""
+
+    def __init__(self, build_cost):
+        self.build_cost = build_cost
+        self.built()
+
+    def built(self):
+        self.stale, self._work, self._digits, self._fresh = False, self.build_cost, 0.0, None
+
+    def solved(self, iterations, tolerance):
+        """Count a solve to a relative residual."""
+        digits = max(-np.log10(tolerance), 1.0)
+        rate = iterations / digits
+        self._fresh = rate if self._fresh is None else self._fresh
+        self._work, self._digits = self._work + iterations, self._digits + digits
+        self.stale = self.stale or rate > self._work / self._digits
+
+    def limit(self, tolerance):
+        """Iterations after which an old preconditioner is given up in the middle of a solve."""
+        return self.build_cost + int(np.ceil(-2.0 * np.log10(tolerance) * self._fresh))
+
+
+class ReusingSolver:
+    """Solves with a matrix that changes little from one solve to the next.
+
+    method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation);
+    near_null_space: function of the matrix to PETSc's NullSpace, for the latter. The matrix is one of blocks; what is
+    factorised or coarsened is a copy by scalars, made when it is due, so that PETSc keeps the old one meanwhile. builds,
+    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far.
+    """
+
+    def __init__(self, comm, size, symmetric, method, near_null_space, timers):
+        self.comm, self.symmetric, self.timers = comm, symmetric, timers
+        self._near_null_space = near_null_space
+        self.builds = self.iterations = 0
+        self._reuses, self._longest = size > REUSE_ABOVE, LONGEST if size > SMALL else LONGEST_IF_SMALL
+        self._copy = self._pattern = self._reuse = None
+        self.use(method)
+
+    def use(self, method):
+        """Change to a method; drops what is kept."""
+        self.method, self._copy, self._reuse = method, None, None
+        self._make()
+
+    def _make(self):
+        """New PETSc objects."""
+        pc = PETSc.PC().create(self.comm)
+        pc.setOptionsPrefix(PREFIX)
+        (self._multigrid if self.method == "iterative" else self._factors)(pc)
+        krylov = "cg" if self.symmetric else "gmres"
+        self._krylov = self._ksp(pc, krylov)
+        self._fresh = self._krylov if self.method == "iterative" else self._ksp(pc, "preonly")
+        pc.setFromOptions()
+
+    def _ksp(self, pc, kind):
+        ksp = PETSc.KSP().create(self.comm)
+        ksp.setOptionsPrefix(PREFIX)
+        ksp.setPC(pc)
+        ksp.setType(kind)
+        if kind == "gmres":
+            ksp.setGMRESRestart(100)
+        ksp.setFromOptions()
+        return ksp
+
+    def _factors(self, pc):
+        pc.setType("cholesky" if self.symmetric else "lu")
+        pc.setFactorSolverType("mumps")
+
+    def _multigrid(self, pc):
+        options = PETSc.Options()
+        for key, value in (
+            ("pc_gamg_threshold", 0.005),
+            ("pc_gamg_aggressive_coarsening", 1),
+            ("mg_levels_ksp_type", "chebyshev"),
+            ("mg_levels_pc_type", "jacobi"),
+            ("mg_levels_ksp_max_it", 3),
+        ):
+            if not options.hasName(PREFIX + key):
+                options[PREFIX + key] = value
+        pc.setType("gamg")
+
+    def solve(self, matrix, pattern, rhs, out, tolerance):
+        """out = matrix^-1 rhs to a relative residual; returns PETSc's reason, negative on failure, the same on all ranks.
+
+        pattern: number that changes with the matrix's nonzero pattern.
+        """
+        reason = -1
+        if self._reuses and self._worth_trying(matrix):
+            reason = self._run(self._krylov, matrix, rhs, out, tolerance, self._reuse.limit(tolerance))
+        if reason < 0:
+            old = self._reuse is None or self._state != matrix.stateGet()
+            if old and (error := self._build(matrix, pattern)):
+                return error
+            reason = self._run(self._fresh, matrix, rhs, out, tolerance, self._longest)
+        return reason
+
+    def _worth_trying(self, matrix):
+        """Whether what is kept should still serve."""
+        if self._reuse is None or self._reuse.stale:
+            return False
+        growth = np.abs(matrix.getDiagonal().array_r / self._diagonal)
+        changed = self.comm.allreduce(int(((growth > CHANGED) | (growth < 1 / CHANGED)).sum()))
+        return 2 * changed < self._reuse.build_cost
+
+    def _build(self, matrix, pattern):
+        """New factorisation or hierarchy of a matrix; returns zero or PETSc's error as a negative reason."""
+        with self.timers("factorisation"):
+            if self.method == "iterative":  # PETSc keeps the soft modes of the first set-up: it needs a new object
+                self._make()
+            target = self._copy if pattern == self._pattern and self._copy is not None else PETSc.Mat()
+            self._copy = matrix.convert("aij", out=target)
+            self._pattern, self._state = pattern, matrix.stateGet()
+            if self.symmetric:
+                self._copy.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            if self.method == "iterative":
+                self._copy.setNearNullSpace(self._near_null_space(matrix))
+            self._diagonal = matrix.getDiagonal().array_r.copy()
+            self._reuse = Reuse(BUILD_COST[self.method])
+            self.builds += 1
+            self._fresh.setOperators(matrix, self._copy)
+            try:
+                self._fresh.setUp()
+            except PETSc.Error as error:
+                self._reuse = None
+                return -abs(error.ierr)
+        return 0
+
+    def _run(self, ksp, matrix, rhs, out, tolerance, limit):
+        with self.timers("solve"):
+            ksp.setOperators(matrix, self._copy)
+            ksp.setTolerances(rtol=tolerance, max_it=limit)
+            ksp.solve(rhs, out)
+        iterations, reason = ksp.getIterationNumber(), ksp.getConvergedReason()
+        self.iterations += iterations
+        self._reuse.solved(iterations, tolerance)
+        return reason
+
+    def mumps_code(self):
+        """MUMPS' INFOG(1) of the last factorisation, 0 where there is none."""
+        return self._fresh.getPC().getFactorMatrix().getMumpsInfog(1) if self.method == "direct" else 0

@@ -1,0 +1,51 @@
+"""How a run ended: converged, or what stopped it, where, and the change to try."""
+
+import math
+from dataclasses import dataclass, field
+
+from fenics_contact.assembly.finding import CONVERGED, UNKNOWN, Finding
+
+
+class StepFailed(RuntimeError):
+    """A step did not converge; the message says why, and `finding` what is known of the cause."""
+
+    def __init__(self, reason, kind=UNKNOWN, place="", remedy=""):
+        super().__init__(reason)
+        self.finding = Finding(kind, reason, place, remedy)
+
+    @classmethod
+    def of(cls, finding):
+        return cls(finding.reason, finding.kind, finding.place, finding.remedy)
+
+
+@dataclass
+class Verdict:
+    """How a run ended.
+
+    kind, reason, place, remedy: what stopped it, in words; t: load parameter reached; step: number of the step that failed,
+    0 if none did; cuts, iterations: cut-backs and tangent solves; residuals: per accepted step, the out-of-balance share
+    after each solve; notes: what was resolved on the way; smallest: step [t] below which none is tried; size: largest step
+    [t] to try next, endless while no step failed.
+    """
+
+    converged: bool = True
+    t: float = 0.0
+    kind: str = CONVERGED
+    reason: str = CONVERGED
+    place: str = ""
+    remedy: str = ""
+    step: int = 0
+    cuts: int = 0
+    iterations: int = 0
+    residuals: list = field(default_factory=list)
+    notes: list = field(default_factory=list)
+    smallest: float = 0.0
+    size: float = math.inf
+
+    def stop(self, finding, t):
+        """Not converged: the step to t failed for good."""
+        self.converged, self.step = False, len(self.residuals) + 1
+        self.kind, reason, self.place, self.remedy = finding
+        where = f", {self.place}" if self.place else ""
+        self.reason = f"step {self.step} to t = {t:.6g}: {self.kind}{where}: {reason}"
+        self.reason += f"; {self.remedy}" if self.remedy else ""

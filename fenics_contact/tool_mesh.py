@@ -1,0 +1,44 @@
+"""rigid_surface(script or file, ...): a meshed rigid tool, read and checked."""
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.contact.master import area_vectors
+from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.mesh_io import read_surface
+
+
+def rigid_surface(source, group=None, name="tool", flip=False, comm=MPI.COMM_WORLD, **parameters):
+    """Rigid tool whose surface is a gmsh mesh of triangles or quadrilaterals.
+
+    source: a gmsh script, called with `parameters`, or a .msh file; group: the surface group that is the tool, by default
+    all surfaces. Its facets must be counter-clockwise seen from the body they touch; flip=True turns them all. Raises
+    ValueError, on all ranks, where there are no such facets, where some have no area, or where they turn different ways.
+    """
+    nodes, size, X = read_surface(source, group, comm, **parameters)
+    if flip:
+        nodes = np.where(size[:, None] == 4, nodes[:, [0, 3, 2, 1]], nodes[:, [0, 2, 1, 1]])
+    _refuse_flat(name, nodes, X)
+    _refuse_mixed(name, nodes, X)
+    return MeshedTool(name, np.ascontiguousarray(nodes), size, X)
+
+
+def _refuse_flat(name, nodes, X):
+    area = np.linalg.norm(area_vectors(X[nodes]), axis=1)
+    flat = np.flatnonzero(area < 1e-12 * np.ptp(X, axis=0).max() ** 2)
+    if len(flat):
+        place = X[nodes[flat[0]]].mean(axis=0)
+        raise ValueError(f"{name}: {len(flat)} facets have no area, the first at {place}; mesh that surface again")
+
+
+def _refuse_mixed(name, nodes, X):
+    """Two facets that agree on their outside run through their common edge in opposite directions."""
+    start, end = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
+    start, end = start[start != end], end[start != end]
+    key, count = np.unique(start * len(X) + end, return_counts=True)
+    if np.any(count > 1):
+        place = X[np.divmod(key[np.argmax(count > 1)], len(X))[0]]
+        raise ValueError(
+            f"{name}: neighbouring facets turn different ways, first at {place}; orient them in the script with "
+            "gmsh.model.mesh.setOutwardOrientation(volume) before meshing, or gmsh.model.mesh.reverse([(2, surface)])"
+        )

@@ -1,0 +1,45 @@
+"""J = det F over a mesh: its smallest value, and the cell that turned inside out."""
+
+import basix
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.finding import INVERTED, Finding, spot
+
+
+class VolumeRatio:
+    """J of the displacement u in the quadrature points of all cells. mesh: NamedMesh; bodies: with their groups."""
+
+    def __init__(self, mesh, bodies, degree, u):
+        cell = getattr(basix.CellType, compat.cell_name(mesh.domain))
+        points, _ = basix.make_quadrature(cell, 2 * degree + 1)
+        self._mesh, self._bodies = mesh, bodies
+        self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
+
+    def smallest(self):
+        """Smallest J over all ranks."""
+        return self._mesh.comm.allreduce(float(np.min(self._evaluate(), initial=np.inf)), op=MPI.MIN)
+
+    def check(self, least=0.0):
+        """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
+        J = self._evaluate().min(axis=1, initial=np.inf)
+        J[np.isnan(J)] = -np.inf
+        worst = int(J.argmin()) if len(J) else -1
+        here = (float(J[worst]), *self._place(worst)) if len(J) else (np.inf, "", "")
+        smallest, body, place = min(self._mesh.comm.allgather(here))
+        if smallest > least:
+            return None
+        remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
+        what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
+        return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", f"body '{body}' at {place}", remedy)
+
+    def _place(self, cell):
+        """Name of the body and reference position of the centre of a local cell."""
+        tags = self._mesh.cell_tags
+        tag = tags.values[tags.indices == cell]
+        body = next((body.group for body in self._bodies if self._mesh.volume_tag(body.group) in tag), "")
+        x = self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[cell]]
+        return body, spot(x.mean(axis=0))

@@ -1,0 +1,301 @@
+"""Continuation: limit points with exact answers, the sphere's curve, contact with friction, legs and targets."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.optimize import brentq, minimize_scalar
+from test_steppers import on_ranks
+
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Displacement,
+    Load,
+    Scene,
+    SceneError,
+    Travel,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
+from fenics_contact.solvers.arc_length import ArcLength
+from fenics_contact.solvers.linear import LinearSolver
+from meshes import box, dome, sphere_shell
+
+ROOT = Path(__file__).resolve().parent.parent
+pytestmark = pytest.mark.parallel
+
+
+def demo(name):
+    spec = importlib.util.spec_from_file_location(name, ROOT / "demos" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+SPHERE = demo("inflated_sphere")
+FOLLOW = {"method": "arc_length", "progress": False}
+
+
+# -- Rivlin's cube ----------------------------------------------------------------------------------------------------
+BIAS = -1e-3  # the tension along x over that along y and z, less 1: leads the path onto the branch of flat cubes
+STIFF = 1e4  # K / mu
+
+
+def cube():
+    """A neo-Hookean cube of mu = 1 under dead tensions t on all faces."""
+    scene = Scene(Body(read_gmsh(box.build), "box", neo_hooke(1.0, STIFF)))
+    for axis, letter in enumerate("xyz"):
+        scene.fix(f"{letter}min", letter)
+        scene.traction(f"{letter}max", np.eye(3)[axis] * (1 + BIAS if letter == "x" else 1.0))
+    return scene
+
+
+def tension(wide):
+    """Dead tension at which the cube's equal stretches along y and z are `wide`: homogeneous, compressible, exact."""
+
+    def nominal(x, y):
+        J, I1 = x * y**2, x**2 + 2 * y**2
+        return [J ** (-2 / 3) * (s - I1 / (3 * s)) + STIFF * (J - 1) * J / s for s in (x, y)]
+
+    def unbalanced(x):
+        along_x, along_y = nominal(x, wide)
+        return along_x - (1 + BIAS) * along_y
+
+    x = brentq(unbalanced, 0.99 * wide**-2, 1.01 * wide**-2, xtol=1e-15)
+    return nominal(x, wide)[1]
+
+
+def exact_folds():
+    """Largest tension near the symmetric state and the least one on the branch, by minimisation."""
+    options = {"xatol": 1e-7}
+    largest = minimize_scalar(lambda w: -tension(w), bounds=(1.001, 1.15), method="bounded", options=options)
+    least = minimize_scalar(tension, bounds=(1.15, 1.5), method="bounded", options=options)
+    return -largest.fun, least.fun
+
+
+@pytest.fixture(scope="module")
+def cube_there_and_back():
+    """Past both folds to a stretch of 1.8 and back to no load."""
+    steps = ArcSteps(first=0.2, largest=0.1)
+    result = solve(cube(), **FOLLOW, steps=steps, until=Displacement("ymax", "y", 0.8), back=Load(0.0))
+    assert result.converged, result.verdict.reason
+    return result
+
+
+def test_folds_of_rivlins_cube_are_located_in_both_directions(cube_there_and_back):
+    points = cube_there_and_back.summary["limit_points"]
+    assert [p["kind"][:3] for p in points] == ["max", "min", "min", "max"]
+    largest, least = exact_folds()
+    # 1e-6 is what is promised; Newton's own 1e-8 of the force lies below
+    np.testing.assert_allclose([p["t"] for p in points], [largest, least, least, largest], rtol=1e-6)
+    # incompressible and without bias the branch folds at 3 / 2^(2/3): both shift it by no more than their size
+    assert abs(points[1]["t"] / (3 / 2 ** (2 / 3)) - 1) < 2 * abs(BIAS)
+
+
+def test_an_elastic_path_leads_back_to_where_it_began(cube_there_and_back):
+    assert abs(cube_there_and_back.history[-1]["t"]) < 1e-5  # the target's tolerance on a path of loads up to 2
+    assert np.abs(cube_there_and_back.u.x.array).max() < 1e-5
+
+
+def test_history_marks_the_limit_points(cube_there_and_back):
+    marks = cube_there_and_back.column("limit_point")
+    t = cube_there_and_back.column("t")
+    inner = np.flatnonzero(marks)
+    assert list(marks[inner]) == [1, -1, -1, 1]
+    for i in inner:  # an extremum among its neighbours
+        assert np.all(marks[i] * (t[i] - t[[i - 1, i + 1]]) >= 0.0)
+
+
+def test_the_last_step_lands_on_its_target():
+    for target, reached in ((0.3, lambda r: r.history[-1]["t"]), (0.7, lambda r: r.history[-1]["t"])):
+        result = solve(cube(), **FOLLOW, until=[Displacement("ymax", "y", 5.0), Load(target)])
+        assert result.converged and "load" in result.verdict.reason
+        assert abs(reached(result) - target) <= 1e-6 * target
+
+
+# -- the sphere -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("reading", "table"),
+    [
+        # p [kPa] at u = 1.9, 19, 38, 57, 95, 190 mm and at the limit, K = 5: from another script
+        ("A", [0.917799, 4.750417, 5.446230, 5.304173, 4.684156, 3.585209, 5.450763]),
+        ("B", [0.812040, 4.281276, 4.916432, 4.750428, 4.087572, 2.928653, 4.918205]),
+    ],
+)
+@pytest.mark.serial
+def test_exact_sphere(reading, table):
+    exact = [SPHERE.exact_pressure(reading, 5.0, u) for u in (1.9, 19.0, 38.0, 57.0, 95.0, 190.0)]
+    limit, _ = SPHERE.exact_limit(reading, 5.0)
+    np.testing.assert_allclose(1e3 * np.array([*exact, limit]), table, rtol=0, atol=2e-6)  # the table's digits
+
+
+def test_sphere_converges_with_the_square_of_the_cells(monkeypatch):
+    monkeypatch.setattr(SPHERE, "LAST", 60.0)
+    exact, _ = SPHERE.exact_limit("A", 5.0)
+    errors = []
+    for cells, layers in ((3, 1), (6, 2)):
+        mesh = read_gmsh(sphere_shell.build, cells=cells, layers=layers)
+        u, p, peak = SPHERE.inflate(mesh, "A", 5.0)
+        errors.append(p[peak] / exact - 1)
+        assert abs(u[-1] - 60.0) < 1e-4  # lands on its target: 1e-6 of the way
+    assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.1, errors
+    assert abs(errors[1]) < 3e-3
+
+
+# -- contact ----------------------------------------------------------------------------------------------------------
+def pressed(drive, friction=0.4):
+    """A block under a rough ball; drive: "push" or "move"."""
+    mesh = read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 3))
+    scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)))
+    scene.fix("zmin")
+    ball = rigid_sphere(5.0, (4.0, 4.0, 9.0), name="ball")
+    scene.contact("zmax", ball, friction, name="top")
+    way = {"push": (0.0, 0.0, -4.0), "move": (0.4, 0.0, -1.2)}[drive]
+    return scene, {drive: {ball: way}}
+
+
+def columns(result):
+    names = ["ball_travel_x_mm", "ball_travel_z_mm", *(f"top_force_{axis}_N" for axis in "xyz")]
+    return np.array([result.column(name) for name in names])
+
+
+@pytest.mark.parametrize("drive", ["move", "push"])
+def test_same_states_as_load_control(drive):
+    """At the loads of the continuation's own steps Newton finds its states: the same friction history."""
+    scene, way = pressed(drive)
+    arc = solve(scene, **way, **FOLLOW, steps=5, until=Load(1.0), tolerance=1e-11)
+    assert arc.converged and len(arc.history) > 3 and not arc.summary["limit_points"]
+    assert max(arc.column("top_sticking_points")) > 0
+    loads = arc.column("t")
+    newton = solve(scene, **way, steps=[*loads[:-1], 1.0], tolerance=1e-11, progress=False)
+    assert newton.verdict.cuts == arc.verdict.cuts == 0
+    expected = columns(newton)
+    # the last load is 1 to the target's tolerance of 1e-6
+    np.testing.assert_allclose(columns(arc), expected, rtol=0, atol=2e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(columns(arc)[:, :-1], expected[:, :-1], rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_newton_on_the_arc_is_quadratic():
+    scene, way = pressed("push", friction=0.0)
+    result = solve(scene, **way, **FOLLOW, steps=ArcSteps(first=0.3), until=Load(1.0), tolerance=1e-13)
+    orders = []
+    for residuals in result.verdict.residuals:
+        r = np.array(residuals)
+        r = r[(r < 1e-2) & (r > 1e-14)]  # close enough, and above round-off
+        orders += list(np.log(r[2:] / r[1:-1]) / np.log(r[1:-1] / r[:-2]))
+    assert orders and max(orders) > 1.7, result.verdict.residuals
+
+
+def test_a_dropped_trial_leaves_no_trace():
+    """A step after a longer one that was rolled back is the same step taken directly, friction included."""
+    states = []
+    for trials in ((0.2,), (0.6, 0.2)):
+        scene, way = pressed("push")
+        system = scene.system(**way)
+        arc = ArcLength(LinearSolver(system), tolerance=1e-12)
+        rate = arc.start(system)
+        arc.step(system, 0.1, rate)
+        system.commit()
+        for length in trials:
+            arrival = arc.step(system, length, rate)
+            if length != trials[-1]:
+                system.rollback()
+        system.commit()
+        states.append((system.state.u.x.array.copy(), system.state.travel.copy(), system.state.t, arrival.increment.dt))
+    for one, other in zip(*states, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
+
+
+def snapped(drive=None, travels=None):
+    """A coarse rough dome pushed through its snap, or moved through the same travels."""
+    mesh = read_gmsh(dome.build, thickness=2.0, boss=5.0, cells=4)
+    scene = Scene(Body(mesh, "dome", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), degree=2)
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    scene.fix("rim")
+    ball = rigid_sphere(8.0, (0, 0, 49.0), name="ball")
+    scene.contact("outer", ball, 0.3, name="top")
+    if travels is not None:
+        return solve(scene, move={ball: (0, 0, travels[-1])}, steps=travels / travels[-1], progress=False)
+    steps = ArcSteps(first=0.1, largest=1.5)
+    return solve(scene, push={ball: (0, 0, -1.0)}, **FOLLOW, steps=steps, until=Travel(ball, "z", -17.0))
+
+
+def test_pushed_through_a_snap_with_friction():
+    pushed = snapped()
+    assert pushed.converged, pushed.verdict.reason
+    assert [p["kind"][:3] for p in pushed.summary["limit_points"]] == ["max", "min"]
+    travels = pushed.column("ball_travel_z_mm")
+    assert abs(travels[-1] + 17.0) < 1e-6 * 17.0
+    moved = snapped(travels=travels)
+    assert moved.verdict.cuts == 0
+    force = pushed.column("top_force_z_N")
+    # the same states, so the same friction history; both balance to 1e-8 of the largest force
+    np.testing.assert_allclose(moved.column("top_force_z_N"), force, rtol=0, atol=1e-6 * np.abs(force).max())
+    t = pushed.column("t")
+    np.testing.assert_allclose(-force, t, rtol=0, atol=1e-7 * t.max())  # the ball's balance
+
+
+def numbers():
+    """The cube's folds, and the dome's path."""
+    pushed = snapped()
+    columns = [pushed.column(name) for name in ("t", "ball_travel_z_mm", "top_force_x_N", "top_sticking_points")]
+    return [[float(x) for x in column] for column in columns]
+
+
+@pytest.mark.serial
+def test_same_path_on_one_and_two_ranks():
+    one, two = (on_ranks(count, __file__) for count in (1, 2))
+    size = np.abs(one).max(axis=1, keepdims=True)
+    # Newton's 1e-8 of the force at a slope that vanishes where t turns: the square root stands between t and the travel
+    np.testing.assert_allclose(two / size, one / size, rtol=0, atol=1e-6)
+
+
+# -- ends and wrong statements ----------------------------------------------------------------------------------------
+def test_a_target_out_of_reach_ends_with_its_reason():
+    result = solve(cube(), **FOLLOW, steps=ArcSteps(first=0.2, most=12), until=Load(3.0))
+    assert not result.converged and len(result.history) == 12
+    assert "12 steps" in result.verdict.reason and "load t = 3" in result.verdict.reason
+
+
+def refused(action, *words):
+    with pytest.raises(SceneError) as caught:
+        action()
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_wrong_statements_are_refused():
+    scene, way = pressed("push")
+    ball = next(iter(way["push"]))
+    refused(lambda: solve(scene, **way, **FOLLOW), "until")
+    refused(lambda: solve(scene, **way, until=Load(1.0), progress=False), "arc_length")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(), progress=False), "arc_length")
+    refused(lambda: solve(scene, **way, **FOLLOW, until=Displacement("lid", "z", 1.0)), "'lid'", "zmax")
+    refused(lambda: solve(scene, **way, **FOLLOW, until=Displacement("zmax", "r", 1.0)), "'r'", "x, y, z")
+    refused(
+        lambda: solve(scene, **way, **FOLLOW, until=Travel(rigid_plane(name="other"), "z", 1.0)), "'other'", "no contact"
+    )
+    refused(lambda: solve(scene, **way, **FOLLOW, until=Travel(ball, "z", np.nan)), "finite")
+    refused(lambda: solve(scene, **way, **FOLLOW, until="far"), "'far'", "Load")
+    refused(lambda: solve(scene, **way, **FOLLOW, until=Load(1.0), steps=[0.5, 1.0]), "ArcSteps")
+    refused(lambda: solve(scene, **way, **FOLLOW, until=Load(1.0), steps=ArcSteps(first=0.0)), "first")
+    refused(lambda: solve(scene, **way, **FOLLOW, until=Load(1.0), steps=ArcSteps(most=0)), "most")
+
+
+def test_nothing_that_depends_on_the_load_is_refused():
+    scene, _ = pressed("push")
+    refused(lambda: solve(scene, **FOLLOW, until=Load(1.0)), "without a load to scale", "push a tool")
+
+
+if __name__ == "__main__":
+    values = numbers()
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(values))

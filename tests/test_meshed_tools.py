@@ -1,0 +1,305 @@
+"""Meshed rigid tools: they converge to the analytic ones, exact tangent with border, friction, drives, ranks, bad input."""
+
+import json
+import os
+import subprocess
+import sys
+
+import gmsh
+import numpy as np
+import pytest
+
+from fenics_contact import (
+    Body,
+    Scene,
+    SceneError,
+    mooney_rivlin,
+    read_gmsh,
+    rigid_punch,
+    rigid_sphere,
+    rigid_surface,
+    solve,
+)
+from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from meshes import box, tool_surfaces
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+RADIUS, FRICTION = 10.0, 0.3
+NAMES = [f"c_force_{axis}_N" for axis in "xyz"]
+
+
+def block(tool, friction=0.0, cells=(8, 8, 4), degree=1, **contact):
+    """A rubber block 12 x 12 x 6 mm, top at z = 0, bottom fixed, under a tool."""
+    mesh = read_gmsh(box.build, size=(12.0, 12.0, 6.0), cells=cells, origin=(-6.0, -6.0, -6.0))
+    scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), degree=degree)
+    scene.fix("zmin")
+    scene.contact("zmax", tool, friction, name="c", **contact)
+    return scene
+
+
+def ball(size, sink=0.0, **parameters):
+    centre = (0, 0, RADIUS - sink)
+    return rigid_surface(tool_surfaces.ball, "ball", radius=RADIUS, centre=centre, size=size, **parameters)
+
+
+def down_and_along(down, along):
+    return lambda t: (along * max(2 * t - 1, 0.0), 0.0, -down * min(2 * t, 1.0))
+
+
+def force(tool, travel=(0.0, 0.0, -1.0), steps=4, **scene):
+    result = solve(block(tool, **scene), move={tool: travel}, steps=steps, progress=False)
+    assert result.converged, result.verdict.reason
+    return np.array([result.history[-1][name] for name in NAMES])
+
+
+# ---- against the analytic tools
+
+
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+def test_ball_converges_to_the_sphere(quadrilaterals):
+    """Facets with their corners on the sphere lie inside it by up to h^2/8R: the force errs by second order."""
+    travel, sizes = down_and_along(1.0, 0.5), np.array([2.0, 1.0, 0.5])
+    exact = force(rigid_sphere(RADIUS, (0, 0, RADIUS)), travel, friction=FRICTION, points=3)
+    meshed = [force(ball(size, quadrilaterals=quadrilaterals), travel, friction=FRICTION) for size in sizes]
+    errors = [np.linalg.norm(f - exact) / np.linalg.norm(exact) for f in meshed]
+    order = np.polyfit(np.log(sizes), np.log(errors), 1)[0]
+    assert order > 1.6  # 2 less what three coarse, irregular meshes scatter
+    # mean sagitta h^2/16R of the finest mesh, over the travel, times the exponent 3/2 of Hertz's law: 0.23 %
+    assert errors[-1] < 0.01
+
+
+def test_punch_converges_to_the_filleted_punch():
+    """With slave nodes, which seek the closest point on either; Gauss points seek along the body's own normal on one."""
+    shape, sizes = {"half_width": 3.0, "height": 4.0, "fillet": 1.5}, np.array([1.5, 0.75, 0.25])
+    exact = force(rigid_punch(**shape), points="nodes")
+    meshed = [force(rigid_surface(tool_surfaces.punch, "punch", **shape, size=h), points="nodes") for h in sizes]
+    errors = [np.linalg.norm(f - exact) / np.linalg.norm(exact) for f in meshed]
+    assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] > 1.5  # 2 less what coarse meshes scatter
+    assert errors[-1] < 0.01  # mean sagitta h^2/16r of the rounding: 0.26 % of the travel, and its edges carry most
+
+
+@pytest.mark.serial
+def test_second_degree_presses_alike():
+    """Cells of degree 2 take the force closer to the one of a fine mesh than cells of degree 1 of the same size."""
+    fine = force(ball(1.0), cells=(12, 12, 6), steps=2)
+    second = force(ball(1.0), cells=(4, 4, 2), degree=2, steps=2)
+    coarse = force(ball(1.0), cells=(4, 4, 2), steps=2)
+    assert abs(second[2] - fine[2]) < abs(coarse[2] - fine[2])
+
+
+def tetrahedra(size):
+    """A cube of `size` from the origin up, irregular tetrahedra, with the faces it needs named."""
+    gmsh.model.occ.addBox(0.0, 0.0, 0.0, size, size, size)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5 * size)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5 * size)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "box")
+    for tag, name in ((1, "xmin"), (3, "ymin"), (5, "zmin"), (6, "zmax")):
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [tag]), name)
+
+
+@pytest.mark.parametrize("cells, degree, points", [("hex", 1, "nodes"), ("hex", 2, 3), ("tet", 1, 2), ("tet", 2, 3)])
+def test_flat_tool_squeezes_a_cube_homogeneously(cells, degree, points):
+    """Uniaxial stress at stretch 0.9, classical Mooney-Rivlin: closed form -0.1288051 MPa (nominal)."""
+    mesh = read_gmsh(tetrahedra, size=4.0) if cells == "tet" else read_gmsh(box.build, size=(4.0,) * 3, cells=(2, 2, 2))
+    scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), degree=degree)
+    for axis in "xyz":
+        scene.fix(f"{axis}min", axis)
+    tool = rigid_surface(plate, "face", height=4.0, flip=True)
+    scene.contact("zmax", tool, name="c", penalty=1000.0, points=points)
+    result = solve(scene, move={tool: (0, 0, -0.4)}, steps=2, progress=False)
+    assert result.converged
+    pressure, _ = result.system.contacts[0].split_traction(result.system.state)
+    # the penalty takes 0.129/1000 mm of 0.4 mm; over 0.9 that is 3e-4 of the stress at most
+    assert np.abs(pressure / 0.1288051 - 1.0).max(initial=0.0) < 4e-4
+
+
+# ---- tangent
+
+
+def pressed(points, friction, shift):
+    """A System whose tool is pressed 0.5 mm into a roughened block, committed, then moved on by `shift` [mm]."""
+    tool = ball(1.5)
+    scene = block(tool, friction, cells=(5, 5, 2), points=points)
+    system = scene.system(push={tool: (1.0, 1.0, -1.0)})
+    state, contact = system.state, system.contacts[0]
+    state.u.x.array[:] = 0.02 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
+    state.travel[0] = (0.0, 0.0, -0.5)
+    contact.commit(state)
+    state.travel[0] += shift
+    return system, contact
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["nodes", 2])
+@pytest.mark.parametrize(
+    "friction, shift, status",
+    [(0.0, (0.1, 0.05, -0.01), CLOSED), (0.05, (0.9, 0.2, -0.01), SLIP), (9.0, (0.02, 0.01, -0.01), STICK)],
+)
+def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
+    system, contact = pressed(points, friction, shift)
+    state, start, travel = system.state, system.state.u.x.array.copy(), system.state.travel.copy()
+
+    def residual():
+        out, on_tool = np.zeros(len(start)), np.zeros((1, 3))
+        contact.add_residual(state, out, on_tool)
+        return np.concatenate([out, on_tool.ravel()])
+
+    system.assemble_tangent()
+    system.matrix.zeroEntries()
+    system.border.clear()
+    contact.add_tangent(state, system.matrix, system.border)
+    system.matrix.assemble()
+    at_start, way = residual(), system.vector.duplicate()
+    closed = contact.status > 0
+    assert closed.any() and (contact.status[closed] == status).all()
+    rng = np.random.default_rng(2)
+    way.array[:], dq = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, 3)
+    slope = np.concatenate([
+        (system.matrix * way).array + dq @ system.border.columns,
+        system.border.rows @ way.array + system.border.corner @ dq,
+    ])  # fmt: skip
+    remainders = []
+
+    def pairs_now():
+        return contact._project(state)[-1][0]
+
+    pairs = pairs_now().copy()
+    for step in 1e-5 / 2.0 ** np.arange(4):
+        state.u.x.array[:], state.travel[0] = start + step * way.array, travel[0] + step * dq
+        remainders.append(np.linalg.norm(residual() - at_start - step * slope))
+        assert ((contact.status > 0) == closed).all() and (pairs_now() == pairs).all()
+    orders = np.log2(np.array(remainders[:-1]) / remainders[1:])
+    # nodes on flat facets that neither turn nor slip give a linear residual: nothing is left but rounding
+    assert orders.min() > 1.98 or max(remainders) < 1e-12 * np.linalg.norm(at_start)
+    # the tool's force balances the body's
+    assert np.abs(at_start[:-3].reshape(-1, 3).sum(axis=0) + at_start[-3:]).max() < 1e-11 * np.abs(at_start).max()
+
+
+# ---- friction and drives
+
+
+def plate(size=3.0, half=9.0, height=0.0):
+    """A flat square in the plane z = height of irregular triangles that look up."""
+    gmsh.model.occ.addRectangle(-half, -half, height, 2 * half, 2 * half)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    gmsh.model.mesh.generate(2)
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [1]), "face")
+
+
+def test_sliding_plate_obeys_coulomb():
+    """A flat tool keeps its normal, so T = mu N holds for the sums too, once all points slide the way the tool goes."""
+    tool = rigid_surface(plate, "face", flip=True)
+    scene = block(tool, FRICTION, cells=(4, 4, 2), points="nodes")
+    result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=8, tolerance=1e-10, progress=False)
+    assert result.converged and result.history[-1]["c_sticking_points"] == 0
+    x, _, z = (result.history[-1][name] for name in NAMES)
+    assert abs(x / -z - FRICTION) < 1e-6
+
+
+def test_pushed_is_moved():
+    """Pushed with the forces of a moved tool, step by step, it makes the same travel. It starts 0.05 mm deep, so that a
+    Gauss point touches it."""
+    tool = ball(1.0, sink=0.05)
+    moved = solve(block(tool, FRICTION), move={tool: down_and_along(0.8, 0.4)}, steps=4, tolerance=1e-11, progress=False)
+    assert moved.converged
+    t, forces = moved.column("t"), np.column_stack([moved.column(name) for name in NAMES])
+    drive = {
+        tool: lambda time: np.array([np.interp(time, t, f) for f in forces.T])
+    }  # the tool presses as the body is pressed
+    pushed = solve(block(tool, FRICTION), push=drive, steps=4, tolerance=1e-11, progress=False)
+    assert pushed.converged and pushed.verdict.cuts == 0
+    for axis in "xyz":
+        name = f"tool_travel_{axis}_mm"
+        # forces of 8 N balanced to 1e-11 over a stiffness of 1 N/mm and more
+        assert np.abs(pushed.column(name) - moved.column(name)).max() < 1e-8
+
+
+# ---- ranks
+
+
+def numbers():
+    found = []
+    for points in ("nodes", 2):
+        tool = ball(1.5, sink=0.1)
+        scene = block(tool, FRICTION, cells=(6, 6, 3), points=points)
+        result = solve(scene, push={tool: (0.5, 0.0, -4.0)}, steps=2, tolerance=1e-11, progress=False)
+        found += [row[name] for row in result.history for name in (*NAMES, "tool_travel_x_mm", "tool_travel_z_mm")]
+        found.append(float(result.converged))
+    return [float(value) for value in found]
+
+
+@pytest.mark.serial
+def test_ranks_give_the_same_numbers():
+    code = (
+        "import sys, json; from mpi4py import MPI; sys.path[:0] = ['tests', '.'];"
+        "import test_meshed_tools as t; v = t.numbers();"
+        "MPI.COMM_WORLD.rank == 0 and print('NUMBERS', json.dumps(v))"
+    )
+    found = []
+    for ranks in (1, 2):
+        command = ["mpirun", "-n", str(ranks), sys.executable, "-c", code]
+        path = os.pathsep.join([ROOT, os.environ.get("PYTHONPATH", "")])
+        run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+        line = [text for text in run.stdout.splitlines() if text.startswith("NUMBERS")]
+        assert line, run.stderr
+        found.append(np.array(json.loads(line[0][8:])))
+    assert found[0][-1] == 1.0
+    assert np.abs(found[1] - found[0]).max() < 1e-8  # forces of 4 N balanced to 1e-11, over a stiffness of 4 N/mm
+
+
+# ---- bad input
+
+
+def refused(match, action):
+    with pytest.raises(ValueError, match=match):
+        action()
+
+
+@pytest.mark.parallel
+def test_bad_surfaces_are_refused():
+    refused("no surface group 'bowl'.*ball", lambda: rigid_surface(tool_surfaces.ball, "bowl", size=3.0))
+    refused("has no facets", lambda: rigid_surface(lambda: gmsh.model.occ.addPoint(0, 0, 0)))
+    refused("cannot be made", lambda: rigid_surface("no_such_file.msh"))
+    refused("order 1", lambda: rigid_surface(quadratic))
+    refused("different ways.*setOutwardOrientation", lambda: rigid_surface(mixed))
+    refused("no area", lambda: rigid_surface(needle))
+
+
+def quadratic():
+    plate()
+    gmsh.model.mesh.setOrder(2)
+
+
+def _discrete(points, triangles):
+    gmsh.model.addDiscreteEntity(2, 1)
+    gmsh.model.mesh.addNodes(2, 1, range(1, len(points) + 1), np.ravel(points))
+    gmsh.model.mesh.addElementsByType(1, 2, [], np.ravel(triangles))
+
+
+def mixed():
+    _discrete([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], [(1, 2, 3), (2, 3, 4)])
+
+
+def needle():
+    _discrete([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)], [(1, 2, 3), (1, 2, 4)])
+
+
+@pytest.mark.parallel
+def test_normals_that_point_away_are_refused():
+    with pytest.raises(SceneError, match="'c'.*point away.*flip"):
+        block(ball(3.0, flip=True), cells=(3, 3, 1)).system()
+    with pytest.raises(SceneError, match="'c'.*point away.*flip"):
+        block(rigid_surface(plate, "face"), cells=(3, 3, 1)).system()
+
+
+@pytest.mark.parallel
+def test_deep_start_and_nodes_of_degree_two_are_refused():
+    deep = ball(2.0, sink=2.5)
+    with pytest.raises(SceneError, match="'c'.*starts 2.* inside"):
+        block(deep, cells=(6, 6, 3)).system()
+    with pytest.raises(SceneError, match="'c'.*degree=1"):
+        block(ball(3.0), cells=(2, 2, 1), degree=2, points="nodes")

@@ -1,0 +1,252 @@
+"""A resumed run goes on to the same result on any number of ranks, and a run killed at any moment can be resumed."""
+
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.output.checkpoint import CheckpointFiles
+from meshes import box, punch_plate, two_blocks
+
+ROOT = Path(__file__).resolve().parent.parent
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+ALL = [0.25, 0.5, 0.75, 1.0]
+SAME = 1e-10  # resumed against continuous: steps end at 1e-11 or, on one number of ranks, with the same iterates
+
+
+def pushed_punch(degree=1):
+    """A rough punch pushed down and aside on a rough floor; its travel is unknown and it slips."""
+    scene = Scene(
+        Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER), degree=degree
+    )
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
+    scene.contact("top", punch, 0.3, name="c")
+    scene.contact("bottom", rigid_plane(name="floor"), 0.2, name="bottom")
+    return scene, {"push": {punch: lambda t: (20.0 * max(t - 0.25, 0.0), 0.0, -60.0 * t)}}
+
+
+def sliding_blocks(points):
+    """A block pressed on another and dragged by half a facet of it: anchors on the master, slip."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 1))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 4.0 * max(t - 0.25, 0.0)))
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -1.0 * min(t / 0.25, 1.0)))
+    scene.contact("upper_bottom", "lower_top", 0.3, penalty=10.0, points=points, name="c")
+    return scene, {}
+
+
+SCENES = {
+    "punch": pushed_punch,
+    "punch of degree 2": lambda: pushed_punch(2),
+    "blocks by nodes": lambda: sliding_blocks("nodes"),
+    "blocks by Gauss points": lambda: sliding_blocks(2),
+}
+
+
+def carry(name, folder, times, resume=False):
+    scene, drive = SCENES[name]()
+    result = solve(
+        scene, **drive, steps=times, out=Path(folder) / name, checkpoint=True, resume=resume, tolerance=1e-11, progress=False
+    )
+    assert result.converged, result.verdict.reason
+    return result
+
+
+def numbers(result):
+    """What a partition may not change: {quantity: its values in all steps}."""
+    skip = ("seconds", "residual", "iterations")  # times, and what round-off may change at the last iteration
+    contact = result.system.contacts[0]
+    path = COMM.allreduce(float((contact.slip_path * contact.surface.area).sum()))
+    columns = {key: [row[key] for row in result.history] for key in result.history[0] if key not in skip}
+    return columns | {"slip path": [path], "norm": [result.system.vector.norm()]}
+
+
+def apart(one, other):
+    """Largest difference over the size of the quantities of its kind: force, moment, length, ..."""
+    assert one.keys() == other.keys()
+    worst = 0.0
+    for key in one:
+        kind = [np.abs(other[k]).max() for k in other if k.rsplit("_", 1)[-1] == key.rsplit("_", 1)[-1]]
+        worst = max(worst, np.abs(np.subtract(one[key], other[key])).max() / max(*kind, 1e-300, 0.0))
+    return worst
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return COMM.bcast(tmp_path)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", ["punch", "blocks by Gauss points"])
+def test_a_resumed_run_equals_a_continuous_one(name, folder):
+    continuous = numbers(carry(name, folder / "whole", ALL))
+    carry(name, folder / "parts", ALL[:2])
+    result = carry(name, folder / "parts", ALL, resume=True)
+    assert [row["step"] for row in result.history] == [1, 2, 3, 4]
+    assert result.history[-1]["c_sticking_points"] < result.history[-1]["c_active_points"]  # history matters
+    assert apart(numbers(result), continuous) < SAME
+    again = carry(name, folder / "parts", ALL, resume=True)  # nothing left to do
+    assert apart(numbers(again), continuous) < SAME
+    if COMM.rank == 0:
+        tables = [(folder / f / name / "history.csv").read_text().splitlines() for f in ("whole", "parts")]
+        whole, parts = (list(csv.DictReader(lines)) for lines in tables)
+        assert [row["t"] for row in parts] == [row["t"] for row in whole] == ["0.25", "0.5", "0.75", "1"]
+        assert parts[0].keys() == whole[0].keys()
+        fields = [times_of_fields(folder / f / name) for f in ("whole", "parts")]
+        assert fields[0] == fields[1] and fields[0]["displacement"] == [0.0, *ALL]
+
+
+def times_of_fields(folder):
+    """{field: its t's} of results.xdmf; every file it names must be whole."""
+    root = ET.parse(folder / "results.xdmf").getroot()
+    for item in root.iter("DataItem"):
+        if item.get("Format") == "HDF":
+            file, place = item.text.strip().split(":")
+            data = (folder / file).read_bytes()
+            assert data.startswith(b"\x89HDF") and place.rsplit("/", 1)[1].encode() in data
+            assert int.from_bytes(data[40:48], "little") <= len(data)  # the superblock's end of file: none is missing
+    grids = [g for g in root.iter("Grid") if g.get("GridType") == "Collection"]
+    return {g.get("Name"): [float(t.get("Value")) for t in g.iter("Time")] for g in grids}
+
+
+def on_ranks(count, *arguments):
+    """Run this file's main program under `mpirun -n count`; returns what it prints last."""
+    # the pytest process may itself be an MPI process: its child must not inherit that identity
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
+    env |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    command = ["mpirun", "--oversubscribe", "-n", str(count), sys.executable, __file__, *map(str, arguments)]
+    done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+@pytest.mark.serial
+def test_resumed_on_another_number_of_ranks(tmp_path):
+    names = list(SCENES)[1:]
+    continuous = {name: numbers(carry(name, tmp_path / "whole", ALL)) for name in names}  # on this one rank
+    two_to_one, one_to_two = tmp_path / "2 to 1", tmp_path / "1 to 2"
+    on_ranks(2, two_to_one, 2, "")
+    for name in names:
+        carry(name, one_to_two, ALL[:2])
+        assert apart(numbers(carry(name, two_to_one, ALL, resume=True)), continuous[name]) < SAME
+    for name, found in on_ranks(2, one_to_two, 4, "resume").items():
+        assert apart(found, continuous[name]) < SAME
+
+
+@pytest.mark.parallel
+def test_another_scene_is_refused(folder):
+    carry("punch", folder, ALL[:1])
+    scene, drive = pushed_punch(2)
+    with pytest.raises(SceneError, match="another scene, degree: 1 there, 2 here"):
+        solve(scene, **drive, out=folder / "punch", resume=True, progress=False)
+    out = folder / "box"
+    for size, refused in (((10.0, 10.0, 5.0), False), ((10.0, 11.0, 5.0), True)):
+        scene = Scene(Body(read_gmsh(box.build, size=size, cells=(2, 2, 2)), "box", RUBBER))
+        scene.fix("zmin")
+        scene.prescribe("zmax", "z", -0.1)
+        if refused:
+            with pytest.raises(SceneError, match="nodes lie in other places"):
+                solve(scene, steps=1, out=out, resume=True, progress=False)
+        else:
+            solve(scene, steps=1, out=out, checkpoint=True, progress=False)
+
+
+@pytest.mark.parallel
+def test_a_checkpoint_needs_a_folder():
+    scene, drive = pushed_punch()
+    with pytest.raises(SceneError, match="give out="):
+        solve(scene, **drive, checkpoint=True)
+    with pytest.raises(SceneError, match="give True, or the number"):
+        solve(scene, **drive, checkpoint=-1)
+
+
+@pytest.mark.serial
+def test_a_torn_file_leaves_the_generation_before(tmp_path):
+    files = CheckpointFiles(tmp_path)
+    assert files.read() is None
+    for step in (1, 2, 3):
+        files.write(step, {"u": np.full(1000, float(step))}, {"rows": [step]})
+    arrays, content = files.read()
+    assert content["step"] == 3 and arrays["u"][0] == 3.0
+    newest = tmp_path / "checkpoint_1.npz"
+    whole = newest.read_bytes()
+    for torn in (whole[: len(whole) // 2], whole[:3000] + b"x" + whole[3001:], b""):
+        newest.write_bytes(torn)
+        assert files.read()[1]["step"] == 2
+    files.clear()
+    assert files.read() is None
+
+
+def small(folder, resume, steps):
+    """Accepted steps of a few milliseconds each, nearly all of them spent in writing."""
+    scene = Scene(Body(read_gmsh(box.build, size=(10.0, 10.0, 5.0), cells=(2, 2, 1)), "box", RUBBER))
+    scene.fix("zmin")
+    tool = rigid_plane((0, 0, 5.0), (0, 0, -1.0))
+    scene.contact("zmax", tool, 0.3, name="c")
+    return solve(scene, move={tool: (1.0, 0, -1.0)}, steps=steps, out=folder, checkpoint=True, resume=resume, progress=False)
+
+
+def accepted(folder):
+    """Number of rows in the history a killed run left: steps it had said to be accepted."""
+    path = folder / "history.csv"
+    return max(path.read_text().count("\n") - 1, 0) if path.exists() else 0
+
+
+@pytest.mark.serial
+def test_killed_at_any_moment(tmp_path, kills=3, steps=30):
+    rng = random.Random(time.time_ns())
+    out, log = tmp_path / "run", []
+    kept = 0
+    for _ in range(kills):
+        run = subprocess.Popen(
+            [sys.executable, __file__, out, "small", str(steps)], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}
+        )
+        deadline = time.monotonic() + 60.0
+        while accepted(out) <= kept and run.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, 0.1))  # three to four steps
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+        rows = accepted(out)
+        found = CheckpointFiles(out).read()
+        assert found is not None and found[1]["step"] >= rows >= kept, (log, rows)
+        log.append((rows, found[1]["step"]))
+        kept = found[1]["step"]
+        if kept == steps:
+            break
+    result = small(out, True, steps)
+    assert result.converged and [row["step"] for row in result.history] == list(range(1, steps + 1)), log
+    whole = small(tmp_path / "whole", False, steps)
+    assert apart(numbers(result), numbers(whole)) < SAME
+    times = times_of_fields(out)
+    assert times == times_of_fields(tmp_path / "whole") and len(times["displacement"]) == steps + 1
+    return log
+
+
+if __name__ == "__main__":
+    where, what = Path(sys.argv[1]), sys.argv[2]
+    if what == "small":
+        small(where, True, int(sys.argv[3]))
+    elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20 kills 400 steps
+        print(test_killed_at_any_moment(where, int(sys.argv[3]), int(sys.argv[5])))
+    else:
+        resume = sys.argv[3] == "resume"
+        found = {name: numbers(carry(name, where, ALL[: int(what)], resume)) for name in list(SCENES)[1:]}
+        if COMM.rank == 0:
+            print(json.dumps(found))

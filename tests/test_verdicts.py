@@ -1,0 +1,230 @@
+"""A catalogue of scenes that must fail, each for a reason of its own: the verdict names it, its place and the remedy."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from meshes import box, two_blocks
+
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+CRUSHING = 0.6 * 0.4 ** (2 / 3)  # largest dead pressure over K on a cube: (1 - J) J^(2/3) is greatest at J = 0.4
+
+
+def cube(cells=(2, 2, 2), size=(2.0, 2.0, 2.0), origin=(0.0, 0.0, 0.0), material=RUBBER):
+    return Scene(Body(read_gmsh(box.build, size=size, cells=cells, origin=origin), "box", material))
+
+
+def crushed():
+    """Dead pressure 0.4 K on a cube of stiff shear: at CRUSHING it caves in."""
+    scene = cube(material=neo_hooke(5.0, 5.0))
+    for i, axis in enumerate("xyz"):
+        scene.fix(f"{axis}min", axis)
+        scene.traction(f"{axis}max", -2.0 * np.eye(3)[i])
+    return scene, {}
+
+
+def squeezed_through():
+    """The top of a block is led through its bottom."""
+    scene = cube(size=(10.0, 10.0, 10.0))
+    scene.fix("zmin")
+    scene.fix("zmax", "xy")
+    scene.prescribe("zmax", "z", -12.0)
+    return scene, {}
+
+
+def hanging():
+    """A block pulled down by a force, 1 mm above the rough floor that is to hold it."""
+    scene = cube(origin=(0.0, 0.0, 1.0))
+    scene.contact("zmin", rigid_plane(), 0.3)
+    scene.traction("zmax", (0, 0, -0.1))
+    return scene, {}
+
+
+def holding_each_other():
+    """Two blocks, each in contact with nothing but the other."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(4, 4, 1), upper_cells=(3, 3, 1))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.contact("upper_bottom", "lower_top", 0.3)
+    scene.traction("upper_top", (0, 0, -0.1))
+    return scene, {}
+
+
+def on_ice():
+    """A block that its support holds along z only, and a rough wall 1 mm away is to hold sideways."""
+    scene = cube()
+    scene.fix("zmin", "z")
+    scene.contact("xmin", rigid_plane((-1.0, 0, 0), (1.0, 0, 0)), 0.3)
+    scene.traction("xmax", (-0.1, 0, 0))
+    return scene, {}
+
+
+def tool_in_the_air():
+    scene = cube()
+    scene.fix("zmin")
+    ball = rigid_sphere(1.0, (1.0, 1.0, 4.0), name="ball")
+    scene.contact("zmax", ball)
+    return scene, {"push": {ball: (0, 0, -1.0)}}
+
+
+def pressed(penalty):
+    scene = cube()
+    scene.fix("zmax", "xy")
+    scene.prescribe("zmax", "z", -0.2)
+    scene.contact("zmin", rigid_plane(), 0.3, penalty=penalty, name="floor")
+    return scene, {}
+
+
+def ball_through():
+    """A penalty so soft that the ball sinks in to its middle before it is held."""
+    scene = cube(cells=(6, 6, 2), size=(10.0, 10.0, 4.0), origin=(-5.0, -5.0, -4.0))
+    scene.fix("zmin")
+    ball = rigid_sphere(3.0, (0, 0, 3.0))
+    scene.contact("zmax", ball, penalty=0.05, name="ball")
+    return scene, {"push": {ball: (0, 0, -20.0)}}
+
+
+def over_the_edge():
+    """A block under a press of given force is dragged over the end of the one it lies on."""
+    lower = {"lower": (40, 10, 4), "lower_cells": (10, 3, 1), "lower_origin": (0, 0, -4)}
+    mesh = read_gmsh(two_blocks.build, **lower, upper=(10, 8, 5), upper_cells=(3, 3, 1), upper_origin=(25, 1, 0))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "x", 20.0)
+    scene.contact("upper_bottom", "lower_top", name="c")
+    press = rigid_plane((0, 0, 5.0), (0, 0, -1.0), name="press")
+    scene.contact("upper_top", press, name="top")
+    return scene, {"push": {press: lambda t: (0, 0, -4.0 * min(5.0 * t, 1.0))}, "smallest_step": 1e-3}
+
+
+def no_room():
+    scene = cube(cells=(10, 10, 10))
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.2)
+    return scene, {}
+
+
+def stumbling(smallest):
+    """A tall block dragged over a rough floor in long steps: two nodes of its sole lift when they touch, and fall back."""
+    scene = cube(cells=(4, 4, 4), size=(2.0, 2.0, 4.0))
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -0.3 * min(t / 0.2, 1.0)))
+    scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), 4.0 * max(t - 0.2, 0.0)))
+    scene.fix("zmax", "y")
+    scene.contact("zmin", rigid_plane(), 0.3, tangential_share=1.0, name="floor")
+    return scene, {"smallest_step": smallest}
+
+
+CATALOGUE = {
+    "limit point": (crushed, "limit point", "body 'box'", "arc length"),
+    "inverted": (squeezed_through, "element inverted", "body 'box' at (", "mesh the place more finely"),
+    "gap": (hanging, "rigid-body motion", "body 'box'", "close the gap"),
+    "pair": (holding_each_other, "rigid-body motion", "body 'lower, upper'", "fix a surface"),
+    "ice": (on_ice, "rigid-body motion", "body 'box'", "fix a surface"),
+    "tool": (tool_in_the_air, "rigid-body motion", "tool 'ball'", "bring it into contact"),
+    "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
+    "soft": (ball_through, "penalty too soft", "contact 'ball' at (", "raise penalty="),
+    "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
+    "cycling": (lambda: stumbling(0.1), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
+}
+
+
+def failed(name, **options):
+    scene, more = CATALOGUE[name][0]()
+    result = solve(scene, steps=5, progress=False, **more, **options)
+    assert not result.converged
+    assert len(set(COMM.allgather(result.verdict.reason))) == 1  # all ranks say the same
+    return result
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_verdict_names_cause_place_and_remedy(name):
+    _, kind, place, remedy = CATALOGUE[name]
+    verdict = failed(name).verdict
+    assert (verdict.kind, verdict.step > 0) == (kind, True), verdict.reason
+    assert place in verdict.place and remedy in verdict.remedy, verdict.reason
+    for part in (verdict.kind, verdict.place, verdict.remedy, f"step {verdict.step}"):
+        assert part in verdict.reason
+
+
+@pytest.mark.parallel
+def test_limit_point_is_reached_before_it_is_reported():
+    result = failed("limit point")
+    # the run stops within two of its smallest steps of the closed form, in units of the pressure reached at t = 1
+    assert 0.0 < 5.0 * CRUSHING / 2.0 - result.verdict.t < 3 * result.verdict.smallest
+
+
+@pytest.mark.parallel
+def test_only_what_is_free_is_named():
+    reason = failed("ice").verdict.reason
+    for axis, free, held in (("x", "moves", "turns"), ("y", "moves", "turns"), ("z", "turns", "moves")):
+        place = {"moves": f"moves along {axis}", "turns": f"turns about {axis}"}
+        assert place[free] in reason and place[held] not in reason
+
+
+@pytest.mark.parallel
+def test_a_good_penalty_gives_no_verdict():
+    scene, _ = pressed(None)
+    result = solve(scene, steps=5, progress=False)
+    assert result.converged and result.require() is result and result.verdict.kind == "converged"
+
+
+@pytest.mark.parallel
+def test_cycling_is_resolved_by_smaller_steps_and_said():
+    scene, _ = stumbling(None)
+    result = solve(scene, steps=5, progress=False)
+    assert result.converged
+    assert any("cut back: the status of" in note for note in result.summary["verdict"]["notes"])
+    # the size grew again after the cut-backs: far fewer steps than the smallest one would ask for
+    sizes = np.diff(result.column("t"), prepend=0.0)
+    smallest = int(sizes.argmin())
+    assert sizes[smallest] < 0.06 and sizes[smallest:].max() > 3.0 * sizes[smallest]
+
+
+@pytest.mark.parallel
+def test_memory():
+    PETSc.Options()["fc_mat_mumps_icntl_23"] = 1  # MB per process
+    try:
+        scene, _ = no_room()
+        verdict = solve(scene, steps=5, progress=False).verdict
+    finally:
+        PETSc.Options().delValue("fc_mat_mumps_icntl_23")
+    assert verdict.kind == "out of memory" and verdict.step == 1 and verdict.cuts == 0
+    assert 'linear="iterative"' in verdict.remedy
+
+
+@pytest.mark.parallel
+def test_program_reads_the_verdict_and_a_script_ends_with_it(tmp_path):
+    folder = COMM.bcast(tmp_path)
+    result = failed("tool", out=folder)
+    COMM.Barrier()
+    verdict = json.loads((folder / "summary.json").read_text())["verdict"]
+    assert verdict["converged"] is False and verdict["kind"] == "rigid-body motion" and verdict["step"] == 1
+    assert verdict["place"] == "tool 'ball'" and verdict["t"] == 0.0 and verdict["smallest_step"] > 0.0
+    assert verdict["reason"] == result.verdict.reason and verdict["remedy"] == result.verdict.remedy
+    with pytest.raises(SystemExit) as left:
+        result.require()
+    assert left.value.code == (result.verdict.reason if COMM.rank == 0 else 1)
+
+
+@pytest.mark.serial
+def test_a_script_has_a_nonzero_exit_code():
+    here = Path(__file__).resolve().parent
+    code = f"import sys; sys.path[:0] = ['{here}', '{here.parent}']\nimport test_verdicts as t\nt.failed('tool').require()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 1 and "tool 'ball'" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parallel
+def test_smallest_step_is_a_share():
+    scene, _ = pressed(None)
+    with pytest.raises(SceneError, match="smallest_step = 0.0 must be"):
+        solve(scene, smallest_step=0.0)
