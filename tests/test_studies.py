@@ -93,7 +93,7 @@ def test_charts(folder):
     stability_map(folder / "panels.png", rows, "h", "iterations", panel="way", wrong=lambda row: row["error"] > 0.1)
     values = [row | {"value": 1.0 + row["error"]} for row in rows]
     (line,) = savings(folder / "savings.png", values, {"coarse": (base | {"h": 0.08}, base)}, ["h", "way"])
-    assert line == "coarse: 0.00 of the time, error added 98.73%"  # 1/1953; (1 + 1)/(1 + 0.0064) - 1
+    assert line == "coarse: 0.00 of the time, force differs by 98.73%"  # 1/1953; (1 + 1)/(1 + 0.0064) - 1
     pictures = ("work.png", "map.png", "panels.png", "savings.png")
     assert all((folder / name).stat().st_size > 5000 for name in pictures)
 

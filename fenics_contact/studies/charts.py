@@ -181,9 +181,9 @@ def savings(path, rows, pairs, parameters=(), title=""):
         ratio, added = _seconds(frugal) / _seconds(full), abs(frugal["value"] / full["value"] - 1)
         share = f"{added:.2%}" if added >= 5e-5 else "< 0.01 %"
         axis.barh(place, ratio, color=COLOURS[0] if ratio < 1.0 else COLOURS[1], height=0.55)
-        axis.annotate(f" {ratio:.2f} × the time, error added {share}", (ratio, place), va="center", fontsize=8,
+        axis.annotate(f" {ratio:.2f} × the time, force differs by {share}", (ratio, place), va="center", fontsize=8,
                       bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
-        sentences.append(f"{words}: {ratio:.2f} of the time, error added {share}")
+        sentences.append(f"{words}: {ratio:.2f} of the time, force differs by {share}")
     axis.set_yticks(range(len(pairs)), reversed(pairs), fontsize=8)
     axis.axvline(1.0, color="black", linewidth=0.8, zorder=0)
     axis.set_xlim(0.0, max(1.9, axis.get_xlim()[1] + 1.1))

@@ -1,12 +1,6 @@
 """Newton's method with its safeguards taken away one by one, for maps of what each of them cures."""
 
-import time
-
-import numpy as np
-
-from fenics_contact.run import Result
-from fenics_contact.solvers.control import run
-from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.run import STEPPERS
 from fenics_contact.solvers.newton import Newton, relative_residual
 
 
@@ -17,24 +11,11 @@ class FullSteps(Newton):
         return relative_residual(system, followed=True)
 
 
-# name: (stepper, smallest step to which a failing one is cut; endless: the first failure ends the run)
+STEPPERS["full steps"] = FullSteps
+
+# name: options of `solve`; where no step is small enough to be cut, the first failure ends the run
 CONTROLS = {
-    "full steps": (FullSteps, np.inf),
-    "line search": (Newton, np.inf),
-    "and step control": (Newton, 1e-4),
+    "full steps": {"method": "full steps", "smallest_step": 1.0},
+    "line search": {"smallest_step": 1.0},
+    "and step control": {},
 }
-
-
-def carry(scene, control, steps, move=None, push=None, record=None):
-    """`solve` under one of CONTROLS, without files; record: function of the state kept for each accepted step."""
-    stepper, smallest = CONTROLS[control]
-    system = scene.system(move, push)
-    start, history = time.perf_counter(), []
-
-    def on_step(report, seconds, on_schedule):
-        history.append({"t": system.state.t} | (record(system.state) if record else {}))
-
-    times = np.arange(1, steps + 1) / steps
-    verdict = run(system, stepper(LinearSolver(system, "direct")), times, on_step, smallest)
-    seconds = {"set-up": 0.0, "total": time.perf_counter() - start, **system.timers.seconds}
-    return Result(history, verdict, system, {"seconds": seconds, "sizes": {"unknowns": system.vector.getSize()}})

@@ -7,7 +7,7 @@ from fenics_contact.materials import mooney_paper, mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene import Body, Scene
-from fenics_contact.studies.controls import CONTROLS, carry
+from fenics_contact.studies.controls import CONTROLS
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate
 from fenics_contact.studies.runner import Study, grid, metrics
@@ -31,7 +31,7 @@ LOADS = ("load, plain Newton", "load, line search", "load, step control", "arc l
 def press(penalty_factor, steps, friction, control, cells=6):
     """Sharp punch pressed into a rubber plate by 40 % of its thickness."""
     scene, tool = punched_plate(cells, friction, factor=penalty_factor)
-    return metrics(carry(scene, control, steps, move={tool: (0, 0, -4.0)}))
+    return metrics(solve(scene, move={tool: (0, 0, -4.0)}, steps=steps, progress=False, **CONTROLS[control]))
 
 
 def fillets(fillet, cell, points):
@@ -117,8 +117,8 @@ def limit(reach, way, cells=4, steps=8):
         error = abs(result.history[-1]["t"] - 1) if result.history else float("nan")
         return metrics(result, error=error, value=radial(result.system.state))
     scene.pressure("inner", aim if reach < PEAK else 1.03 * highest)
-    control = dict(zip(LOADS, CONTROLS, strict=False))[way]
-    result = carry(scene, control, steps)
+    control = dict(zip(LOADS, CONTROLS.values(), strict=False))[way]
+    result = solve(scene, steps=steps, progress=False, **control)
     moved = radial(result.system.state)
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 
