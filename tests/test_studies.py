@@ -79,8 +79,8 @@ def test_charts(folder):
     assert len(medians(rows, ["h", "way"])) == 8
     assert cheapest(rows, 0.0101)["way"] == "a" and cheapest(rows, 0.0101)["h"] == 0.08
     assert cheapest(rows, 1e-9) is None
-    assert "h 0.08 (error 0.64%, 1953.12 of" in answer(rows, base, ["h", "way"])
-    assert "0.1% no run suffices, the best has 0.64% with h 0.08" in answer(rows, base, ["h", "way"])
+    assert "h 0.08 (error 0.64%, 1953.12 of" in answer(rows, base, panels, ["h", "way"])
+    assert "0.1% no run suffices for sure, the best has 0.64% with h 0.08" in answer(rows, base, panels, ["h", "way"])
     sizes = np.array([1.0, 0.5, 0.25])
     assert "2.00" in hold_slope("error", sizes, sizes**2, 2, 1e-9)
     with pytest.raises(StudyError, match="order 2.00"):

@@ -15,7 +15,7 @@ The same on a scene of one's own, in a script whose top level holds the case:
         panels = {"mesh": {"cells": {"cells": [4, 8, 16]}}, "solver": {"steps": {"steps": [1, 4, 10]}}}
         rows = read(Study("mine", case, expand(base, panels), repeats=3).run("results"))
         work_precision("results/mine.png", rows, base, panels, parameters=list(base))
-        print(answer(rows, base, list(base)))
+        print(answer(rows, base, panels, list(base)))
 """
 
 from fenics_contact.studies.charts import answer, work_precision

@@ -48,6 +48,18 @@ def cheapest(rows, tolerance):
     return min(good, key=_seconds, default=None)
 
 
+def lasting(rows, base, panels, tolerance):
+    """The rows from which on every curve that holds them stays within `tolerance`: not those where errors just cancel."""
+    curves = [of_curve(rows, base, values) for panel in panels.values() for values in panel.values()]
+    lost = [
+        row
+        for curve in curves
+        for i, row in enumerate(curve)
+        if not all(r["converged"] is True and r["error"] <= tolerance for r in curve[i:])
+    ]
+    return [row for row in rows if not any(row is other for other in lost)]
+
+
 def slope(sizes, errors):
     """Observed order: the slope of log error over log size by least squares."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
@@ -69,16 +81,22 @@ def _unit(rows, base):
     return _seconds(found[0])
 
 
-def answer(rows, base, parameters):
-    """In one sentence, what to choose for each of AIMS."""
+def answer(rows, base, panels, parameters):
+    """In one sentence, what to choose for each of AIMS: of the lasting runs within a tenth of the fastest one's time the
+    one nearest to the baseline."""
     rows = medians(rows, parameters)
     unit, parts = _unit(rows, base), []
     for aim in AIMS:
-        row = cheapest(rows, aim)
-        if row is None:
+        good = lasting(rows, base, panels, aim)
+        fastest = cheapest(good, aim)
+        if fastest is None:
             best = min((r for r in rows if r["converged"] is True and r["error"] > 0.0), key=lambda r: r["error"])
-            parts.append(f"for {aim:.1%} no run suffices, the best has {best['error']:.2%} with {_words(best, base)}")
+            parts.append(
+                f"for {aim:.1%} no run suffices for sure, the best has {best['error']:.2%} with {_words(best, base)}"
+            )
             continue
+        near = [row for row in good if row["error"] <= aim and _seconds(row) <= 1.1 * _seconds(fastest)]
+        row = min(near, key=lambda row: (sum(row[key] != base[key] for key in base), _seconds(row)))
         ratio = _seconds(row) / unit
         parts.append(
             f"for {aim:.1%} choose {_words(row, base)} (error {row['error']:.2%}, {ratio:.2f} of the baseline's time)"

@@ -84,4 +84,4 @@ def report(rows, charts, quick):
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
     rows, keys, (base, panels) = rows["cylinder"], list(BASE), PLANS[quick]
     work_precision(charts / "cylinder.png", rows, base, panels, TITLE, keys, "error of the force")
-    return [answer(rows, base, keys)]
+    return [answer(rows, base, panels, keys)]

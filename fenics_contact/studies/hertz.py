@@ -98,4 +98,6 @@ def report(rows, charts, quick):
     rows, keys, (base, panels) = rows["hertz"], list(BASE), PLANS[quick]
     work_precision(charts / "hertz.png", rows, base, panels, TITLE, keys, "error of the force")
     bases = {"cylinder": base} | ({} if quick else {"sphere": base | {"tool": "sphere", "cells": 8}})
-    return [f"{tool}: {answer([row for row in rows if row['tool'] == tool], star, keys)}" for tool, star in bases.items()]
+    return [
+        f"{tool}: {answer([row for row in rows if row['tool'] == tool], star, panels, keys)}" for tool, star in bases.items()
+    ]

@@ -76,4 +76,4 @@ def report(rows, charts, quick):
     (finest,), keys, (base, panels) = rows["punch_finest"], list(BASE), PLANS[quick]
     rows = [row | {"error": abs(row["value"] / finest["value"] - 1)} for row in rows["punch"]]
     work_precision(charts / "punch.png", rows, base, panels, TITLE, keys, "error of the force")
-    return [f"reference: {finest['value']:.3f} N with {finest['unknowns']} unknowns", answer(rows, base, keys)]
+    return [f"reference: {finest['value']:.3f} N with {finest['unknowns']} unknowns", answer(rows, base, panels, keys)]

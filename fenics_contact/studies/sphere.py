@@ -87,5 +87,5 @@ def report(rows, charts, quick):
             2,
             0.35,
         ),
-        answer(rows, base, keys),
+        answer(rows, base, panels, keys),
     ]

@@ -99,4 +99,4 @@ def report(rows, charts, quick):
         1,
         0.1,
     )
-    return [slope, answer(rows, base, keys)]
+    return [slope, answer(rows, base, panels, keys)]
