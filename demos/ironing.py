@@ -1,7 +1,7 @@
 """Shallow ironing: a stiff round indenter is pressed into a softer block, drawn along it with friction, and lifted.
 
-The scene of Fischer & Wriggers (2006, doi:10.1016/j.cma.2005.09.025), repeated by later papers whose forces scatter; plane
-strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
+The scene of Fischer & Wriggers (2006, Comput. Methods Appl. Mech. Engrg. 195, 5020), repeated by later papers whose
+forces scatter; plane strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
 
     mpirun -n 2 python3 demos/ironing.py
 """
@@ -20,6 +20,9 @@ from meshes import ironing
 OUT = Path("results/ironing")
 BLOCK, INDENTER, NU, FRICTION = 689.6, 6896.0, 0.32, 0.3  # Young's moduli [MPa]
 DEPTH = 0.125  # mm, of the slice
+# a quarter of the default for this mesh, a percent softer in force: points that meet the indenter's flank at an angle then
+# cost half the iterations
+PENALTY = 5e4  # MPa/mm
 PRESS, DRAW = 1.0, 10.0  # mm
 VERTICAL, RATIO = (335.0, 420.0), (0.30, 0.53)  # published plateaus of V [N/mm] and of H/V
 # while the indenter's middle (x = 0.8 mm at first) is more than the block's height, 4 mm, away from both its ends
@@ -39,15 +42,17 @@ def iron():
     scene.fix("ends", "y")
     scene.prescribe("indenter_top", "x", path([0, 0, DRAW, DRAW]))
     scene.prescribe("indenter_top", "z", path([0, -PRESS, -PRESS, 0]))
-    scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, name="interface")
+    scene.contact(
+        "foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, penalty=PENALTY, name="interface"
+    )
     shapes = []
 
     def keep(state):
         shapes.append(state.u.x.array.copy())
         return len(shapes)
 
-    press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 161)[1:], np.linspace(2, 3, 11)[1:]
-    result = solve(scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, record={"shape": keep})
+    press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 81)[1:], np.linspace(2, 3, 11)[1:]
+    result = solve(scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, progress=False, record={"shape": keep})
     if not result.converged:
         raise SystemExit(result.verdict.reason)
     return scene, result, shapes

@@ -31,8 +31,7 @@ COMM = MPI.COMM_WORLD
 def rubber_scene(mesh, K, element, degree):
     bulk = compat.Constant(mesh.domain, K)  # one compiled form serves all K
     law = mooney_rivlin(A1, A2, K, volumetric=lambda J, _: moderate_pressure(J, bulk))
-    (volume,) = mesh.volumes
-    return Scene(Body(mesh, volume, law), degree=degree, element=element, accept_locking=True)
+    return Scene(Body(mesh, *mesh.volumes, law), degree=degree, element=element, accept_locking=True)
 
 
 def computed(scene, steps):

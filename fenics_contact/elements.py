@@ -123,7 +123,8 @@ def pressure_space(mesh, degree):
     vectors = compat.constant_space(mesh, (3,))
     centre, size = compat.Function(vectors), compat.Function(vectors)
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
-    centre.x.array[:], size.x.array[:] = x.mean(axis=1).ravel(), np.ptp(x, axis=1).ravel()
+    cells = compat.cell_dofs(vectors)[:, 0]
+    centre.x.array.reshape(-1, 3)[cells], size.x.array.reshape(-1, 3)[cells] = x.mean(axis=1), np.ptp(x, axis=1)
     X = ufl.SpatialCoordinate(mesh)
     place = [(X[i] - centre[i]) / size[i] for i in range(3)]
     return compat.constant_space(mesh, (4,)), lambda q: q[0] + sum(q[i + 1] * place[i] for i in range(3))

@@ -219,7 +219,6 @@ class Scene:
         with timers("compile"):  # the first call of a kernel loads or compiles it
             for term in contacts:
                 term.initialise(state)
-                term.evaluate(state, True)
         refuse_loose(self, contacts, supports, state)
 
         def set_loads(t):

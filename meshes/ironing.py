@@ -5,8 +5,8 @@ import math
 import gmsh
 
 
-def build(length=12.0, height=4.0, foundation=(64, 10), width=1.2, left=0.2, sides=0.9, radius=0.75, gap=0.2,
-          indenter=(16, 8), depth=0.125, growth=1.1):  # fmt: skip
+def build(length=12.0, height=4.0, foundation=(48, 8), width=1.2, left=0.2, sides=0.9, radius=0.75, gap=0.2,
+          indenter=(16, 6), depth=0.125, growth=1.1):  # fmt: skip
     """Lengths; foundation, indenter: cells along x and z; growth: of the foundation's cells from its top downwards.
 
     Volumes foundation (top at z = 0, x from 0) and indenter (x from `left`, underside an arc of `radius` whose lowest

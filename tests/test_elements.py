@@ -9,6 +9,7 @@ import math
 import gmsh
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 from scipy.optimize import minimize
 
@@ -294,6 +295,16 @@ def test_cook_s_membrane(degree, cells):
     assert abs(u[1] / 5.0763 - 1) < 0.01 and abs(u[0] / -4.1432 - 1) < 0.0125  # u_x hangs on the same stiffness
 
 
+@pytest.mark.serial
+def test_the_error_does_not_double_between_a_bulk_modulus_of_1_and_200():
+    """Cook's membrane on 8 hexahedra per edge against degree 2 on as many cells, whose own error is a tenth."""
+    errors = []
+    for K in (1.0, 200.0):
+        coarse, fine = (membrane(rubber(K), 0.02, 8, (48, 60), degree)[1] for degree in (1, 2))
+        errors.append(abs(coarse / fine - 1))
+    assert errors[1] < 2 * errors[0], errors
+
+
 @pytest.mark.parallel
 @pytest.mark.parametrize(("degree", "cells"), [(1, 8), (2, 4)])
 @pytest.mark.parametrize(("squeeze", "force"), [(0.02, 7.1191), (0.1, 37.119)])
@@ -424,7 +435,7 @@ def test_an_unknown_element_is_refused():
 
 
 def test_an_energy_without_parts_is_refused_by_mixed_elements():
-    law = user_energy(lambda F: 0.2 * materials.ufl.inner(F, F), 0.4, 5.0, name="my law")
+    law = user_energy(lambda F: 0.2 * ufl.inner(F, F), 0.4, 5.0, name="my law")
     mesh = read_gmsh(box.build)
     for element in ("reduced", "mixed"):
         with pytest.raises(SceneError, match="'my law'.*element='displacement'"):

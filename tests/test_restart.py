@@ -26,7 +26,7 @@ ALL = [0.25, 0.5, 0.75, 1.0]
 SAME = 1e-10  # resumed against continuous: steps end at 1e-11 or, on one number of ranks, with the same iterates
 
 
-def pushed_punch(degree=1):
+def pushed_punch(degree=1, element="displacement"):
     """A rough punch pushed down and aside on a rough floor; its travel is unknown and it slips."""
     scene = Scene(
         Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER), degree=degree
@@ -54,6 +54,7 @@ def sliding_blocks(points):
 SCENES = {
     "punch": pushed_punch,
     "punch of degree 2": lambda: pushed_punch(2),
+    "punch, mixed element": lambda: pushed_punch(1, "mixed"),
     "blocks by nodes": lambda: sliding_blocks("nodes"),
     "blocks by Gauss points": lambda: sliding_blocks(2),
 }

@@ -13,7 +13,8 @@ class CellBlocks:
         self._form, self._matrix = form, compat.create_matrix(form)
         cells = rows.mesh.topology.index_map(3).size_local
         numbers = _dofs(columns, compat.global_blocks(columns))[:cells]
-        self.shape = cells, _dofs(rows).shape[1], numbers.shape[1]
+        self._rows = _dofs(rows)[:cells]
+        self.shape = *self._rows.shape, numbers.shape[1]
         # PETSc keeps a row's columns in rising order; these are their places in the cell
         self._order = np.argsort(numbers, axis=1)[:, None, :]
 
@@ -22,12 +23,10 @@ class CellBlocks:
         self._matrix.zeroEntries()
         compat.assemble_matrix(self._matrix, self._form)
         self._matrix.assemble()
+        values = self._matrix.getValuesCSR()[2].reshape(-1, self.shape[2])[self._rows]
         blocks = np.empty(self.shape)
-        np.put_along_axis(blocks, np.broadcast_to(self._order, self.shape), self._values(), axis=2)
+        np.put_along_axis(blocks, np.broadcast_to(self._order, self.shape), values, axis=2)
         return blocks
-
-    def _values(self):
-        return self._matrix.getValuesCSR()[2].reshape(self.shape)
 
 
 def _dofs(space, blocks=None):

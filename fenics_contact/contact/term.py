@@ -44,6 +44,7 @@ class RigidContact(SlavePoints):
     def initialise(self, state):
         """Anchor every point at its projection in the initial state."""
         self._commit(state, mu=0.0, touch=-np.inf)
+        self.evaluate(state, True)
 
     def _tool_arguments(self, state):
         tool = self.tool

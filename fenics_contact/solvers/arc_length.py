@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
-from fenics_contact.solvers.newton import StepFailed, StepReport, _forcing, relative_residual
+from fenics_contact.solvers.newton import SHORTEST, StepFailed, StepReport, _finite_residual, _forcing, relative_residual
 
 # Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
 LOAD_PROBE = 1e-4
@@ -62,7 +62,7 @@ class ArcLength:
     tolerance: out-of-balance force over the largest force seen, as in Newton; limit: largest number of tangent solves.
     """
 
-    def __init__(self, linear, tolerance=1e-8, limit=12):
+    def __init__(self, linear, tolerance=1e-8, limit=15):
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
         self.per_load = None  # L [length]
 
@@ -129,7 +129,7 @@ class ArcLength:
         """Carry the system from its committed state along an arc of `length`, first along the unit `rate`."""
         total = _advance(system, rate.times(length))
         report = ArcReport()
-        before = np.inf
+        before = relative_residual(system, followed=True)
         while True:
             side, size = self._load_side(system)
             report.iterations += 1
@@ -139,10 +139,11 @@ class ArcLength:
                     return Arrival(length, total, self._rate_along(system, side, total), report)
                 if report.iterations >= self.limit:
                     raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
-                total.add(_advance(system, self._correction(system, side, total, length, _forcing(before))))
+                correction = self._correction(system, side, total, length, _forcing(size))
             except LinearFailure as failure:
                 raise StepFailed(str(failure)) from None
-            before = size
+            made, before = _shorten(system, _advance(system, correction), before)
+            total.add(made)
 
     def _rate_along(self, system, side, total):
         """Unit rate of the path at a converged state, pointing the way it was reached."""
@@ -170,14 +171,36 @@ class ArcLength:
         return step
 
 
-def _advance(system, increment):
-    """Move the state; supports and moved tools go exactly to their places at the new t. Returns the increment made."""
+def _advance(system, increment, share=1.0):
+    """Move the state; supports and moved tools go exactly to their places at the new t. Returns the increment made.
+
+    share: how much of the last correction the state then holds.
+    """
     owed, moved = system.begin_step(system.state.t + increment.dt)
     with increment.du.localForm() as local:
         local.array_w[system.supports.dofs] = owed
     increment.dq = np.where(system.tools.free, increment.dq, moved)
-    system.update(increment.du, increment.dq)
+    system.update(increment.du, increment.dq, share)
     return increment
+
+
+def _shorten(system, made, before):
+    """Where a correction does not lower the out-of-balance force, halve it while that helps, as in a load step.
+
+    The next correction leads back onto the arc. Returns what was made of it and the share of the force left.
+    """
+    share, size = 1.0, _finite_residual(system)
+    while size > before and share > SHORTEST:
+        half = _advance(system, made.times(-0.5), 0.5 * share)
+        shorter = _finite_residual(system)
+        if shorter >= size:
+            _advance(system, half.times(-1.0), share)
+            break
+        made.add(half)
+        share, size = 0.5 * share, shorter
+    if not np.isfinite(size):
+        raise StepFailed("an element turned inside out")
+    return made, size
 
 
 def depends_on_load(system):

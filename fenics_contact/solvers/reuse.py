@@ -55,6 +55,7 @@ class ReusingSolver:
         self.builds = self.iterations = 0
         self._reuses, self._longest = size > REUSE_ABOVE, LONGEST if size > SMALL else LONGEST_IF_SMALL
         self._copy = self._pattern = self._reuse = None
+        self._objects = ()
         self.use(method)
 
     def use(self, method):
@@ -63,7 +64,10 @@ class ReusingSolver:
         self._make()
 
     def _make(self):
-        """New PETSc objects."""
+        """New PETSc objects; the old ones go at once, for Python alone never frees what several ranks share."""
+        for thing in self._objects:
+            thing.destroy()
+        PETSc.garbage_cleanup(self.comm)
         pc = PETSc.PC().create(self.comm)
         pc.setOptionsPrefix(PREFIX)
         (self._multigrid if self.method == "iterative" else self._factors)(pc)
@@ -71,6 +75,7 @@ class ReusingSolver:
         self._krylov = self._ksp(pc, krylov)
         self._fresh = self._krylov if self.method == "iterative" else self._ksp(pc, "preonly")
         pc.setFromOptions()
+        self._objects = (self._krylov, self._fresh, pc)
 
     def _ksp(self, pc, kind):
         ksp = PETSc.KSP().create(self.comm)
@@ -127,8 +132,9 @@ class ReusingSolver:
         with self.timers("factorisation"):
             if self.method == "iterative":  # PETSc keeps the soft modes of the first set-up: it needs a new object
                 self._make()
-            target = self._copy if pattern == self._pattern and self._copy is not None else PETSc.Mat()
-            self._copy = matrix.convert("aij", out=target)
+            if pattern != self._pattern and self._copy is not None:
+                self._copy.destroy()  # leaves an empty handle, which convert fills anew
+            self._copy = matrix.convert("aij", out=self._copy or PETSc.Mat())
             self._pattern, self._state = pattern, matrix.stateGet()
             if self.symmetric:
                 self._copy.setOption(PETSc.Mat.Option.SYMMETRIC, True)

@@ -1,0 +1,114 @@
+"""The reported cost of the penalties against the true one: the same scene with penalties fifty times as large."""
+
+import json
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, rigid_sphere, solve
+from meshes import box, punch_plate, two_blocks
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+
+
+def punch(penalty, pushed=False):
+    mesh = read_gmsh(punch_plate.build, inside=4, outside=3, layers=2, ratio=1.0)
+    scene = Scene(Body(mesh, "plate", RUBBER))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
+    scene.contact("top", tool, 0.3, penalty=penalty, name="c")
+    scene.contact("bottom", rigid_plane(name="floor"), 0.2, penalty=penalty, name="bottom")
+    return scene, {"push": {tool: (0, 0, -60.0)}} if pushed else {"move": {tool: (0, 0, -1.0)}}
+
+
+def sphere(penalty):
+    scene = Scene(Body(read_gmsh(box.build, size=(10, 10, 5), cells=(7, 7, 4), origin=(0, 0, -5)), "box", RUBBER))
+    for group, axis in (("zmin", "xyz"), ("xmin", "x"), ("ymin", "y")):
+        scene.fix(group, axis)
+    tool = rigid_sphere(10.0, (0, 0, 10.0))
+    scene.contact("zmax", tool, 0.3, penalty=penalty, name="c")
+    return scene, {"move": {tool: (0, 0, -1.0)}}
+
+
+def blocks(penalty):
+    mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 2))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -2.0)
+    scene.contact("upper_bottom", "lower_top", 0.3, penalty=penalty, points="nodes", name="c")
+    return scene, {}
+
+
+def pair(build, penalty, stiffer, **options):
+    """Results at a soft penalty and at one so stiff that what is left of its error, a fiftieth, does not count."""
+    results = []
+    for factor in (1.0, stiffer):
+        scene, drive = build(factor * penalty, **options)
+        results.append(solve(scene, **drive, steps=2, progress=False).require())
+    return results
+
+
+@pytest.mark.parametrize(("build", "penalty", "stiffer"), [(punch, 5.0, 50.0), (sphere, 5.0, 50.0), (blocks, 2.0, 50.0)])
+def test_force(build, penalty, stiffer):
+    soft, stiff = pair(build, penalty, stiffer)
+    true = stiff.history[-1]["c_force_z_N"] - soft.history[-1]["c_force_z_N"]
+    said = soft.summary["penalty_error"]["contacts"]["c"]
+    assert abs(true) > 0.05 * abs(stiff.history[-1]["c_force_z_N"])  # the penalty is soft enough to matter
+    assert 0.5 < said["force_change_N"][2] / true < 2.0  # the bound asked for; first order in 1/penalty
+    change = np.linalg.norm(said["force_change_N"])
+    force = np.linalg.norm([soft.history[-1][f"c_force_{a}_N"] for a in "xyz"])
+    np.testing.assert_allclose(said["force_change_share"], change / force, rtol=1e-9)
+
+
+def test_peak_pressure_and_summary(tmp_path):
+    folder = COMM.bcast(tmp_path)
+    soft, stiff = pair(punch, 5.0, 50.0)
+    peaks = [r.summary["penalty_error"]["contacts"]["c"]["peak_pressure_MPa"] for r in (soft, stiff)]
+    said = soft.summary["penalty_error"]["contacts"]["c"]["peak_pressure_change_share"]
+    assert 0.5 < said / (peaks[1] / peaks[0] - 1.0) < 2.0
+    scene, drive = punch(5.0)
+    solve(scene, **drive, steps=1, out=folder, progress=False)
+    COMM.Barrier()
+    assert "c" in json.loads((folder / "summary.json").read_text())["penalty_error"]["contacts"]
+
+
+def test_a_pushed_tool_goes_less_deep():
+    soft, stiff = pair(punch, 5.0, 50.0, pushed=True)
+    true = stiff.history[-1]["punch_travel_z_mm"] - soft.history[-1]["punch_travel_z_mm"]
+    error = soft.summary["penalty_error"]
+    assert 0.5 < error["travel_change"]["punch_mm"][2] / true < 2.0
+    assert abs(error["contacts"]["c"]["force_change_N"][2]) < 1e-5 * 60.0  # the force is given; 1e-4 of a linear solve
+
+
+def test_the_state_is_left_as_it_was():
+    scene, drive = sphere(5.0)
+    result = solve(scene, **drive, steps=2, progress=False)
+    system, contact = result.system, result.system.contacts[0]
+    force = -(contact.traction * contact.surface.area[..., None]).sum(axis=(0, 1))
+    total = COMM.allreduce(force)
+    np.testing.assert_allclose(total[2], result.history[-1]["c_force_z_N"], rtol=1e-9)  # nothing moved but round-off
+    assert system.assemble_residual() < 1e-7 * abs(total[2])
+    np.testing.assert_array_equal(system.state.u.x.array, system._committed[0])
+
+
+def test_error_of_a_homogeneous_bar():
+    """A bar between a support and a plane: the penalty is a spring 1/eps in series, so errors are as 1/eps."""
+    said, forces = [], []
+    for penalty in (50.0, 100.0, 200.0):
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", RUBBER))
+        for axis in "xyz":
+            scene.fix(f"{axis}min", axis)
+        plate = rigid_plane((0, 0, 2.0), (0, 0, -1.0))
+        scene.contact("zmax", plate, penalty=penalty, name="c")
+        result = solve(scene, move={plate: (0, 0, -0.2)}, steps=1, progress=False).require()
+        said.append(result.summary["penalty_error"]["contacts"]["c"]["force_change_N"][2])
+        forces.append(result.history[-1]["c_force_z_N"])
+    said, forces = np.array(said), np.array(forces)
+    # Richardson: F(inf) = 2 F(2 eps) - F(eps) up to second order; the penetration is 1 % of the squeeze at 50 MPa/mm
+    np.testing.assert_allclose(said[:-1], 2.0 * np.diff(forces), rtol=0.05)
+    np.testing.assert_allclose(said[:-1] / said[1:], 2.0, rtol=0.05)

@@ -1,0 +1,134 @@
+"""What speed rests on, by counts that do not depend on the machine: iterations, factorisations, patterns, mallocs, bytes."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, timing
+from fenics_contact.solvers import linear, reuse
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.timing import Timers
+from meshes import punch_plate
+
+UNIFORM = {"inside": 7, "outside": 7, "layers": 4, "ratio": 1.0}  # 3375 unknowns
+STEPS = 3
+
+
+def plate(patch=False):
+    scene = Scene(Body(read_gmsh(punch_plate.build, **UNIFORM, patch=patch), "plate", mooney_rivlin(0.1863, 0.0098, 5.0)))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    return scene
+
+
+def parity():
+    scene = plate(patch=True)
+    scene.fix("bottom", "z")
+    scene.prescribe("under_punch", "z", -0.2 * STEPS)
+    return scene.system()
+
+
+def rough_punch():
+    scene = plate()
+    punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
+    scene.contact("top", punch, 0.3, name="top")
+    scene.contact("bottom", rigid_plane(name="floor"), 0.3, name="bottom")
+    return scene.system({punch: (0, 0, -0.2 * STEPS)})
+
+
+def carried(system, method, tolerance=1e-8):
+    """The solver and the Newton iterations of a run of STEPS steps."""
+    solver, iterations = LinearSolver(system, method), []
+    newton = Newton(solver, tolerance=tolerance)
+    for i in range(STEPS):
+        iterations.append(newton.step(system, (i + 1) / STEPS).iterations)
+        system.commit()
+    return solver, iterations
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("method", ["direct", "iterative"])
+def test_counts_of_the_parity_scene(method):
+    system = parity()
+    solver, iterations = carried(system, method)
+    assert max(iterations) <= 3  # as in five other codes
+    assert solver.builds <= STEPS  # at most one factorisation or hierarchy per step, a third of the tangents
+    assert solver.iterations <= 30 * sum(iterations)  # a fresh hierarchy needs about 25 at the tightest tolerance
+    assert system.patterns == 1
+    assert "baij" in system.matrix.getType()  # insertion by blocks
+    assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
+
+
+@pytest.mark.parallel
+def test_counts_of_the_rough_punch():
+    system = rough_punch()
+    solver, iterations = carried(system, "iterative")
+    assert max(iterations[1:]) <= 5  # after the first touch
+    assert solver.builds < sum(iterations)
+    assert solver.iterations <= 40 * sum(iterations)  # penalties must not show: the parity scene's bound and a third
+    assert not solver.fallbacks
+    assert system.patterns == 1
+    assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scene", [parity, rough_punch])
+def test_reuse_does_not_change_results(scene, monkeypatch):
+    """An old factorisation or hierarchy against a new factorisation for every tangent."""
+    displacements = {}
+    for name, method, above in (("new", "direct", 10**9), ("old", "direct", 0), ("multigrid", "iterative", 0)):
+        monkeypatch.setattr(reuse, "REUSE_ABOVE", above)
+        system = scene()
+        solver, iterations = carried(system, method, tolerance=1e-11)
+        assert (solver.builds == sum(iterations)) == (name == "new")
+        displacements[name] = system.state.u.x.array.copy()
+    size = np.abs(displacements["new"]).max()
+    for name in ("old", "multigrid"):
+        assert np.abs(displacements[name] - displacements["new"]).max() < 1e-9 * size  # the bound for accelerations
+
+
+@pytest.mark.serial
+def test_modes_that_fade_where_penalties_hold(monkeypatch):
+    """Rigid-body modes that know nothing of supports and contacts take more than half as many iterations again."""
+    monkeypatch.setattr(reuse, "LONGEST_IF_SMALL", 400)
+    counts = {}
+    for name, sweeps in (("rigid", 0), ("soft", linear.SWEEPS)):
+        monkeypatch.setattr(linear, "SWEEPS", sweeps)
+        counts[name] = carried(rough_punch(), "iterative")[0].iterations
+    assert counts["rigid"] > 1.5 * counts["soft"], counts
+
+
+@pytest.mark.serial
+def test_history_takes_32_bytes_per_point():
+    """Anchor and slip path: what a step cut back must restore."""
+    term = rough_punch().contacts[0]
+    assert (term._anchor.nbytes + term.slip_path.nbytes) / term.gap.size == 32
+
+
+@pytest.mark.serial
+def test_a_new_preconditioner_is_made_when_it_pays():
+    rule = reuse.Reuse(build_cost=10)
+    rates = [1, 2, 2, 3, 4, 6]  # iterations per digit; on average 11, 6.5, 5, 4.5, 4.4, 4.7 with the build's ten
+    for rate in rates:
+        assert not rule.stale
+        rule.solved(rate, 0.1)
+    assert rule.stale
+    rule.built()
+    assert not rule.stale
+
+
+@pytest.mark.serial
+def test_stages_add_up(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: now[0])
+    timers = Timers()
+    now[0] = 1.0
+    with timers("residual"):
+        now[0] = 3.0
+        with timers("contact kernel"):
+            now[0] = 7.0
+        now[0] = 8.0
+    now[0] = 10.0
+    table = timers.table()
+    assert (table["residual"], table["contact kernel"], table["other"], table["total"]) == (3.0, 4.0, 3.0, 10.0)

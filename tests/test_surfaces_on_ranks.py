@@ -1,0 +1,66 @@
+"""Contact surfaces that some ranks know nothing of, and bodies that a step carries through each other."""
+
+import pytest
+
+from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from meshes import two_blocks
+
+SQUEEZED = 0.1288051 * 400  # N: classical Mooney-Rivlin, uniaxial stretch 0.9, nominal stress [MPa] times area [mm^2]
+
+
+def stack(lower_cells, upper_cells, gap=0.0):
+    """Two blocks of 20 x 20 x 10 mm, one on the other."""
+    mesh = read_gmsh(
+        two_blocks.build,
+        lower=(20.0, 20.0, 10.0),
+        lower_origin=(0.0, 0.0, -10.0),
+        lower_cells=lower_cells,
+        upper=(20.0, 20.0, 10.0),
+        upper_origin=(0.0, 0.0, gap),
+        upper_cells=upper_cells,
+    )
+    rubber = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+    scene = Scene(Body(mesh, "lower", rubber), Body(mesh, "upper", rubber))
+    for body in ("lower", "upper"):
+        scene.fix(f"{body}_xmin", "x")
+        scene.fix(f"{body}_ymin", "y")
+    scene.fix("lower_bottom", "z")
+    return scene
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("points", ["nodes", 2])
+def test_surfaces_of_one_facet(points):
+    """Each block is one cell, so on two ranks each surface is unknown to one of them."""
+    scene = stack((1, 1, 1), (1, 1, 1))
+    comm = scene.mesh.comm
+    for name in ("upper_bottom", "lower_top"):
+        assert comm.size == 1 or 0 in comm.allgather(len(scene.mesh.facets(name)))
+    scene.prescribe("upper_top", "z", -2.0)
+    scene.contact("upper_bottom", "lower_top", penalty=1000.0, points=points, name="c")
+    result = solve(scene, steps=2, progress=False)
+    assert result.converged
+    # the penalty's 1.3e-4 mm of 2 mm, over the stretch 0.9: 1e-4 of the force
+    assert abs(result.history[-1]["c_force_z_N"] / SQUEEZED - 1.0) < 2e-4
+
+
+@pytest.mark.parallel
+def test_tool_on_a_face_of_one_facet():
+    scene = stack((1, 1, 1), (1, 1, 1))
+    scene.contact("upper_bottom", "lower_top", penalty=1000.0, points=2, name="c")
+    tool = rigid_plane(point=(0, 0, 10), normal=(0, 0, -1))
+    scene.contact("upper_top", tool, penalty=1000.0, name="top")
+    result = solve(scene, move={tool: (0, 0, -2.0)}, steps=2, progress=False)
+    assert result.converged
+    assert abs(result.history[-1]["top_force_z_N"] / -SQUEEZED - 1.0) < 3e-4  # two interfaces yield
+
+
+@pytest.mark.parallel
+def test_a_step_does_not_carry_bodies_through_each_other():
+    """The step's first solve moves the upper block by 8 mm without resistance, deeper than partners are sought for."""
+    scene = stack((4, 4, 4), (3, 3, 4), gap=0.5)
+    scene.prescribe("upper_top", "z", -8.0)
+    scene.contact("upper_bottom", "lower_top", name="c")
+    result = solve(scene, steps=1, progress=False)
+    assert result.converged and result.verdict.cuts > 0
+    assert result.history[-1]["c_force_z_N"] > 2 * SQUEEZED  # squeezed by 7.5 of 20 mm, 3.75 times the strain
