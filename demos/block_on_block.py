@@ -80,7 +80,9 @@ def main():
         figure(t, ratio, normal, surface)
         print(f"vertical force when pressed {pressed:.2f} N (four codes: {FORCE[0]} to {FORCE[1]} N)")
         print(f"force ratio while sliding {sliding.min():.3f} to {sliding.max():.3f} (μ = {FRICTION})")
-        print(f"{result.verdict.iterations} Newton iterations in {len(t)} steps; picture: {OUT / 'block_on_block.png'}")
+        verdict = result.verdict
+        print(f"{verdict.iterations} tangents, {verdict.corrections} corrections with old ones in {len(t)} steps")
+        print(f"picture: {OUT / 'block_on_block.png'}")
     assert FORCE[0] <= pressed <= FORCE[1]
 
 

@@ -25,18 +25,34 @@ def refuse_inside(mesh, facets, what):
 
 
 def refuse_loose(scene, contacts, supports, state):
-    """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
+    """Nothing may be free to translate that neither a support nor a tool holds; bodies sharing nodes are bonded.
+
+    A contact with another body holds only as far as that body is held itself.
+    """
     comm = scene.mesh.comm
-    for names, blocks in bonded_bodies(scene):
+    groups = bonded_bodies(scene)
+    held = []
+    for _, blocks in groups:
         dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
-        held = {letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))}
-        for contact in contacts:
-            if comm.allreduce(contact.touches(blocks)):
-                held |= contact.held_axes(state, comm)
-        if loose := sorted(set("xyz") - held):
+        held.append({letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))})
+    ties = []
+    for contact in contacts:
+        met = [i for i, (_, blocks) in enumerate(groups) if comm.allreduce(contact.touches(blocks))]
+        axes = contact.held_axes(state, comm)
+        if hasattr(contact, "tool"):
+            for i in met:
+                held[i] |= axes
+        elif len(met) > 1:
+            ties.append((met, axes))
+    for _ in groups:  # a chain is no longer than the bodies are many
+        for met, axes in ties:
+            for i in met:
+                held[i] |= axes & set().union(*(held[j] for j in met if j != i))
+    for (names, _), axes in zip(groups, held, strict=True):
+        if loose := sorted(set("xyz") - axes):
             raise SceneError(
                 f"nothing holds body '{names}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
-                "add a contact that holds it"
+                "add a contact that holds it; bodies that hold only each other are loose together"
             )
 
 

@@ -282,6 +282,7 @@ def _summary(scene, system, solver, method, verdict, history):
         },
         "limit_points": limit_points(history),
         "iterations": verdict.iterations,
+        "corrections": verdict.corrections,
         "residuals_per_step": verdict.residuals,
         "last_step": history[-1] if history else {},
         "ranks": system.comm.size,

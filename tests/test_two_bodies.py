@@ -130,8 +130,8 @@ def test_tangent_is_the_derivative_of_the_residual(points, friction, shift, stat
     system.matrix.zeroEntries()
     contact.add_tangent(state, system.matrix, None)
     system.matrix.assemble()
-    assert (contact.status == status).all()
     at_start, way = residual(), system.vector.duplicate()
+    assert (contact.status == status).all()
     way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
     slope = (system.matrix * way).array.copy()
     remainders = []
@@ -153,7 +153,7 @@ def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
     out = np.zeros(len(state.u.x.array))
     contact.add_residual(state, out, np.zeros((0, 3)))
     assert np.abs(out.reshape(-1, 3).sum(axis=0)).max() < 1e-11 * np.abs(out).max()
-    contact.evaluate(state, False)
+    contact.evaluate(state)
     contact.commit(state)
     size, status = np.linalg.norm(contact.traction, axis=2), contact.status.copy()
     assert (status == STICK).all()
@@ -167,6 +167,38 @@ def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
         assert (contact.status == status).all()
         # coordinates of size 40 round at 1e-14; times a penalty of 50
         assert np.abs(np.linalg.norm(contact.traction, axis=2) - size).max() < 1e-10 * size.max()
+
+
+# ---- a stuck pair turned by its supports
+
+
+def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
+    """Pressed, then turned by 360 degrees in 20 steps, every support moving along a circle in each step."""
+    _, scene = blocks(lower_cells=(3, 3, 1), upper_cells=(2, 2, 1))
+    pressed, centre = 0.1, np.array([15.0, 20.0, 0.0])
+
+    def moved(X, t, down):
+        angle = 2 * np.pi * max(t - pressed, 0.0) / (1.0 - pressed)
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        place = X - [0.0, 0.0, down * min(t / pressed, 1.0)]
+        return centre + (place - centre) @ turn.T - X
+
+    for face, down in (("lower_bottom", 0.0), ("upper_top", 1.0)):
+        for i, axis in enumerate("xyz"):
+            scene.prescribe(face, axis, lambda X, t, i=i, down=down: moved(X, t, down)[:, i])
+    scene.contact("upper_bottom", "lower_top", 5.0, name="c")
+    times = [pressed, *(pressed + (1.0 - pressed) * np.arange(1, 21) / 20)]
+    found = []
+    for last in (1, 2, 8, 21):  # states after pressing, one step, a third of a turn, the whole turn
+        result = solve(scene, steps=times[:last], tolerance=1e-10, progress=False)
+        assert result.converged and result.verdict.cuts == 0
+        contact = result.system.contacts[0]
+        found.append((np.linalg.norm(contact.traction, axis=2), contact.status.copy(), contact.gap.copy()))
+    size, status, gap = found[0]
+    assert (status[gap <= contact.touch] == STICK).all() and (status == STICK).any()
+    for other, now, _ in found[1:]:
+        assert (now == status).all()
+        assert np.abs(other - size).max() < 1e-7 * size.max()  # forces balanced to 1e-10 of the largest, per point
 
 
 # ---- ranks
@@ -240,6 +272,13 @@ def test_a_loose_block_is_refused():
         scene.system()
 
 
+def test_blocks_that_hold_only_each_other_are_refused():
+    scene = blocks(**COARSE)[1]
+    scene.contact("upper_bottom", "lower_top", 0.3)
+    with pytest.raises(SceneError, match="nothing holds body 'lower' along x, y, z.*loose together"):
+        scene.system()
+
+
 def test_blocks_apart_meet_without_friction_history():
     """An open gap of 1 mm, closed after two of four steps: round-off within `touch` is all the force before."""
     _, scene = blocks(**COARSE, upper_origin=(5.0, 10.0, 1.0))
@@ -261,3 +300,24 @@ def test_master_facets_without_area_are_found():
     master.X[master.facets[0][5]] = place
     found = master.degenerate()
     assert len(found) == 1 and np.allclose(found[0], place)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["nodes", 2])
+def test_foreseen_gaps_are_linear_in_the_motion(points):
+    """What Newton judges by: the gaps' first-order change, second order away from the true gaps."""
+    system, contact = deformed(points, 0.3, (0.4, 0.1, -0.02))
+    state, start = system.state, system.state.u.x.array.copy()
+    way = np.random.default_rng(3).uniform(-1, 1, len(start))
+    errors = []
+    for step in 1e-3 / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start
+        system.assemble_tangent()
+        state.u.x.array[:] = start + step * way
+        contact.foresee(state)
+        foreseen = contact._judged
+        contact.release()
+        contact.evaluate(state)
+        errors.append(np.linalg.norm(foreseen - contact.gap.ravel()))
+    errors = np.array(errors)
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.98 and errors[0] < 1e-2 * np.sqrt(contact.gap.size) * 1e-3

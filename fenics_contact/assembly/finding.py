@@ -11,6 +11,7 @@ TOO_STIFF = "penalty too stiff"
 TOO_SOFT = "penalty too soft"
 LOST = "projection lost"
 MEMORY = "out of memory"
+OUT_OF_STEPS = "out of steps"
 UNKNOWN = "no convergence"
 
 

@@ -26,7 +26,12 @@ class State:
 
 
 class Term(Protocol):
-    """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes."""
+    """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes.
+
+    A term with `foresees` set offers hold(share), foresee(state) and release(), between which its evaluation depends on
+    unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
+    has no such unknowns and no kinks either.
+    """
 
     name: str
     symmetric: bool
@@ -183,6 +188,8 @@ class System:
         self._accepted_stiffness = 0.0
         self.extent = self._extent()
         self._committed = self._snapshot()
+        self._accepted = [self._committed]  # the last three
+        self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
 
     def _extent(self):
         """Largest side of the box around all bodies [length]."""
@@ -215,9 +222,11 @@ class System:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
+        self._accepted = [*self._accepted[-2:], self._committed]
 
     def rollback(self):
         """Return to the last committed state."""
+        self.release()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
@@ -231,7 +240,59 @@ class System:
         self.state.t = t
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
+        self._accepted = [self._committed]
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
+
+    def extrapolate(self, owed):
+        """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
+
+        owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where
+        an element would turn inside out, or where no term foresees the kinks of a contact.
+        """
+        if not self._foreseeing or self.condensed or len(self.tools):
+            return False
+        u, dofs = self._committed[0], self.supports.dofs
+        for count in (3, 2):
+            step = self._onwards(self._accepted[-count:]) if len(self._accepted) >= count else None
+            if step is None or self._strays(step[dofs] - owed, owed):
+                continue
+            step[dofs] = owed
+            self.state.u.x.array[:] = u + step
+            for term in self._foreseeing:
+                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self._accepted[-2][2]))
+            if np.isfinite(self.assemble_residual()):
+                return True
+            self.release()
+            self.state.u.x.array[:] = u
+        return False
+
+    def _onwards(self, states):
+        """Displacement from the last of these states to the present t on the polynomial through all of them (Lagrange)."""
+        times = np.array([state[2] for state in states])
+        step = -states[-1][0]
+        for i, (u, _, t) in enumerate(states):
+            others = np.delete(times, i)
+            step = step + np.prod((self.state.t - others) / (t - others)) * u
+        return step
+
+    def _strays(self, gap, owed):
+        """True where supports would end further from their places than half the way they go. Collective."""
+        sizes = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
+        return bool(sizes[0] > 0.25 * sizes[1])
+
+    @property
+    def foresees(self):
+        """True where a term has unknowns of its own that solves carry along."""
+        return bool(self._foreseeing)
+
+    def foresee(self):
+        """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
+        for term in self._foreseeing:
+            term.foresee(self.state)
+
+    def release(self):
+        for term in self._foreseeing:
+            term.release()
 
     @property
     def committed_t(self):

@@ -1,6 +1,7 @@
 """Contact of a slave surface with a deformable master surface as one term of a System: forces, tangent, history."""
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
@@ -9,16 +10,23 @@ from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.points import SlavePoints
 from fenics_contact.contact.term import TOUCH
-from fenics_contact.kernels import deformable_element, ray_element
 from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.kernels.contact_pairs import (
+    add_forces,
+    add_tangents,
+    committed_anchors,
+    foreseen_gaps,
+)
 from fenics_contact.kernels.couplings import clique_keys
 from fenics_contact.kernels.deformable_element import element_nodes, slave_points
 from fenics_contact.kernels.status import OPEN
+from fenics_contact.timing import Timers
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
 FIRST_SEARCH = 3.0
 # Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
 MARGIN = 0.5
+_NOT_HELD = np.empty(0)
 
 
 class DeformableContact(SlavePoints):
@@ -34,6 +42,7 @@ class DeformableContact(SlavePoints):
     """
 
     edge = "none"
+    foresees = True
 
     def __init__(self, name, master_name, surface, facets, master, friction, normal_penalty, tangential_penalty, space):
         self.name, self.master_name, self.surface, self.master = name, master_name, surface, master
@@ -46,22 +55,25 @@ class DeformableContact(SlavePoints):
         ne, nq, k = surface.a.shape
         self._local = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         nodes = np.repeat(np.searchsorted(self._local, surface.nodes), nq, axis=0).astype(np.int64)
-        self._slaves = (nodes, surface.a.reshape(-1, k), surface.area.ravel())
+        gradients = np.empty((0, 2, k)) if surface.gradients is None else surface.gradients.reshape(-1, 2, k)
+        self._slaves = (nodes, surface.a.reshape(-1, k), surface.area.ravel(), gradients)
         first = len(self._local)
         self._facets = (master.facets[0] + first, master.facets[1])
         self._blocks = np.concatenate([compat.global_blocks(space)[self._local], master.blocks]).astype(np.int64)
+        self._comm = space.mesh.comm
         self._block_count = space.dofmap.index_map.size_global
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
-        self._eps = tuple(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty))
-        self._element, seek = deformable_element, seek_closest
-        if surface.gradients is not None:
-            gradients = surface.gradients.reshape(-1, 2, k)
-            self._slaves = (*self._slaves, gradients)
-            self._element, seek = ray_element, seek_along_normals(nodes, gradients)
+        self._law = (*(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty)), friction, self.touch)
+        seek = seek_closest if surface.gradients is None else seek_along_normals(nodes, gradients)
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._anchors = self._no_anchors()
-        self._keys, self._provided = np.empty(0, dtype=np.int64), np.full((ne * nq, 5), -2)
+        self._provided = np.full((ne * nq, 5), -2)
+        self._set_keys(np.empty(0, dtype=np.int64))
+        self._seen = self._projected = self._linearised = None
+        self._judged = _NOT_HELD
+        self._gaps = (np.full(ne * nq, self.search),) * 2  # when a step was last accepted, and before
+        self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
         self.status = np.zeros((ne, nq), dtype=np.int32)
         self.met = np.zeros((ne, nq), dtype=bool)
@@ -73,15 +85,19 @@ class DeformableContact(SlavePoints):
 
     # -- kinematics -----------------------------------------------------------------------------------------------
     def _positions(self, state):
-        """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3) and their normals."""
+        """Positions (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
+        they say in which direction a slave node looks."""
         u = state.u.x.array
         coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
-        points, normals = np.empty((len(self._slaves[2]), 3)), np.empty((len(self._slaves[2]), 3))
+        points = np.empty((len(self._slaves[2]), 3))
         slave_points(coords, self._slaves[0], self._slaves[1], points)
-        at_nodes = np.zeros_like(coords)
-        at_nodes[: len(self._local)] = self._nodal_normals(u)[self._local]
+        return coords, points, points if self.surface.gradients is not None else self._point_normals(u)
+
+    def _point_normals(self, u):
+        """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""
+        at_nodes, normals = self._nodal_normals(u)[self._local], np.empty((len(self._slaves[2]), 3))
         slave_points(at_nodes, self._slaves[0], self._slaves[1], normals)
-        return coords, points, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
 
     def _nodal_normals(self, u):
         """Sum of the area vectors of the slave facets around each node (nodes, 3), facets of all ranks."""
@@ -95,8 +111,15 @@ class DeformableContact(SlavePoints):
         return values
 
     def _project(self, state):
-        coords, points, normals = self._positions(state)
-        return coords, points, self._pairing.project(points, normals, coords)
+        """(coords, points, projection) at the state, kept until it changes on some rank. Collective."""
+        now = state.u.x.array, state.travel
+        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
+        if not self._comm.allreduce(same, op=MPI.LAND):
+            with self.timers("projection"):
+                coords, points, normals = self._positions(state)
+                self._projected = coords, points, self._pairing.project(points, normals, coords, self.timers)
+            self._seen = tuple(part.copy() for part in now)
+        return self._projected
 
     def _first_projection(self, state):
         coords, points, normals = self._positions(state)
@@ -128,64 +151,70 @@ class DeformableContact(SlavePoints):
 
     def held_axes(self, state, comm):
         """Axes along which the contact can hold a body: without friction, those its normals have a part in."""
-        normals = np.abs(self._positions(state)[2]).max(axis=0, initial=0.0)
+        normals = np.abs(self._point_normals(state.u.x.array)).max(axis=0, initial=0.0)
         largest = np.max(comm.allgather(normals), axis=0)
         return set("xyz") if self.friction > 0.0 else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
     # -- evaluation -----------------------------------------------------------------------------------------------
-    def evaluate(self, state, want_tangent):
-        """Evaluate all points. Of the closed ones it returns the numbers (na,) and their elements' residual (na, 3 nd),
-        tangent (na, 3 nd, 3 nd) and node numbers (na, nd)."""
+    def evaluate(self, state):
+        """Evaluate all points: traction, status, gap and excess; returns forces (nx, 3) on slave and master nodes."""
         coords, _, projection = self._project(state)
-        active = np.flatnonzero(projection[4] <= self.touch)
-        slaves, pairs, anchors, eps = (
-            tuple(part[active] for part in group) for group in (self._slaves, projection, self._anchors, self._eps)
-        )
-        n, nd = len(active), self._slaves[0].shape[1] + 8
-        residual, tangent = np.empty((n, 3 * nd)), np.empty((n, 3 * nd, 3 * nd) if want_tangent else (0, 0, 0))
-        status, traction = np.empty(n, dtype=np.int64), np.empty((n, 3))
-        gap, excess = np.empty(n), np.empty(n)
-        law = (*eps, self.friction, self.touch)
-        self._element.contact_elements(
-            coords, slaves, self._facets, pairs, anchors, law, want_tangent,
-            residual, tangent, status, traction, gap, excess,
-        )  # fmt: skip
-        nodes = np.empty((n, nd), dtype=np.int64)
-        element_nodes(slaves[0], self._facets[0], pairs[0], anchors[0], nodes)
-        shape = self.gap.shape
+        forces, shape = np.zeros_like(coords), self.gap.shape
+        with self.timers("contact kernel"):
+            add_forces(
+                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
+                forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1),
+            )  # fmt: skip
         self.gap = np.minimum(projection[4], self.search).reshape(shape)
-        for values, target in ((status, self.status), (excess, self.excess), (traction, self.traction)):
-            target[:] = 0
-            target.reshape(-1, *values.shape[1:])[active] = values
-        return active, residual, tangent, nodes
+        return forces
 
     def add_residual(self, state, residual, tool_residual):
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
-        _, forces, _, nodes = self.evaluate(state, False)
-        sums = np.zeros((len(self._blocks), 3))
-        np.add.at(sums, nodes, forces.reshape(*nodes.shape, 3))
-        first = len(self._local)
-        residual.reshape(-1, 3)[self._local] += sums[:first]
-        self.master.add_forces(sums[first:], residual, tool_residual)
+        forces, first = self.evaluate(state), len(self._local)
+        with self.timers("insertion"):
+            residual.reshape(-1, 3)[self._local] += forces[:first]
+            self.master.add_forces(forces[first:], residual, tool_residual)
 
     def add_tangent(self, state, matrix, border):
-        active, _, tangent, nodes = self.evaluate(state, True)
-        # anchors have no rows, for T acts at the projection; without friction they have no columns either
-        k = nodes.shape[1] - 8
-        moved, felt = 3 * (k + 4), 3 * (k + 4 if self.friction == 0.0 else k + 8)
-        home = (nodes[:, k : k + 4] == nodes[:, k + 4 :]).all(axis=1)  # anchored on the facet they are on: most
-        self._insert(matrix, nodes[~home], tangent[~home, :moved, :felt])
-        tangent[home, :moved, 3 * k : moved] += tangent[home, :moved, moved:]
-        facet = self._project(state)[2][0]
-        pair = (active // self.gap.shape[1] * len(self._facets[0]) + facet[active])[home]
-        self._insert(matrix, *_summed(pair, nodes[home], tangent[home, :moved, :moved]))
+        rows, columns, values = self._tangent_blocks(state)
+        starts = np.flatnonzero(np.diff(rows, prepend=-1))
+        offsets, rows = np.append(starts, len(values)).astype(np.int32), rows[starts].astype(np.int32)
+        with self.timers("insertion"):
+            matrix.setValuesBlockedIJV(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
 
-    def _insert(self, matrix, nodes, tangent):
-        """Add element matrices (n, 3 (k + 4), 3 m): rows of slave and master nodes, columns of the first m nodes."""
-        if len(nodes):
-            blocks = self._blocks[nodes].astype(np.int32)
-            rows, columns = (np.ascontiguousarray(blocks[:, : size // 3]) for size in tangent.shape[1:])
-            matrix.setValuesBlockedRCV(rows, columns, np.ascontiguousarray(tangent), addv=True)
+    def _tangent_blocks(self, state):
+        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
+        coords, _, projection = self._project(state)
+        self._linearised = coords, projection
+        values, used = np.zeros((len(self._keys), 3, 3)), np.zeros(len(self._keys), dtype=bool)
+        with self.timers("contact kernel"):
+            missing = add_tangents(
+                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
+                self._pattern, values, used,
+            )  # fmt: skip
+        if missing:
+            raise RuntimeError(f"contact '{self.name}': {missing} couplings are not in the pattern")
+        places = np.flatnonzero(used)
+        return self._rows[places], self._pattern[3][places], values[places]
+
+    # -- Newton's own unknowns ------------------------------------------------------------------------------------
+    def foresee(self, state):
+        """Take the pressures that the last tangent foresees at the state as unknowns of their own until `release`."""
+        coords, _, projection = self._project(state)
+        before, pairs = self._linearised
+        gaps = np.empty(len(projection[4]))
+        foreseen_gaps(before, self._slaves, self._facets, pairs, self._anchors, coords - before, gaps)
+        self._judged = np.where(np.isfinite(gaps), gaps, projection[4])
+
+    def hold(self, share):
+        """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
+        now, before = self._gaps
+        # a pressure doubles or halves at most: it stays one, and what was open before gives no slope
+        self._judged = np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.5 * now), now)
+
+    def release(self):
+        """Judge by the gaps again."""
+        self._judged = _NOT_HELD
 
     # -- pattern --------------------------------------------------------------------------------------------------
     def couplings(self, state):
@@ -194,7 +223,7 @@ class DeformableContact(SlavePoints):
         Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
         """
         coords, points, projection = self._project(state)
-        closed = projection[4] <= self.touch
+        closed = self._closed(projection)
         now = np.column_stack([projection[0], self._anchors[0]])
         new = np.flatnonzero(closed & (now != self._provided).any(axis=1))
         if not len(new):
@@ -209,12 +238,24 @@ class DeformableContact(SlavePoints):
             return None
         self._provided[:] = -2  # pairs of points that are open now may be in the old pattern only
         self._provided[closed] = now[closed]
-        self._keys = np.union1d(wanted, self._near(coords, points, closed, projection))
+        self._set_keys(np.union1d(wanted, self._near(coords, points, closed, projection)))
         return self._keys
+
+    def _closed(self, projection):
+        gaps = self._judged if len(self._judged) else projection[4]
+        return (gaps <= self.touch) & (projection[1] != NONE)
+
+    def _set_keys(self, keys):
+        """Rising keys of the pattern, and where the row of each of our nodes begins and ends in them."""
+        self._keys = keys
+        self._rows, columns = np.divmod(keys, self._block_count)
+        ends = (np.searchsorted(keys, (self._blocks + more) * self._block_count) for more in (0, 1))
+        self._pattern = (self._blocks, *ends, columns)
 
     def _near(self, coords, points, closed, projection):
         """Keys of all couplings that the points may need before they have moved by MARGIN of an edge."""
-        offsets, facets = self._pairing.within(points, coords, MARGIN * self.master.edge)
+        with self.timers("search"):
+            offsets, facets = self._pairing.within(points, coords, MARGIN * self.master.edge)
         point = np.repeat(np.arange(len(points)), np.diff(offsets))
         deep = np.flatnonzero(closed)
         point, facets = np.concatenate([point, deep]), np.concatenate([facets, projection[0][deep]])
@@ -234,18 +275,21 @@ class DeformableContact(SlavePoints):
     def initialise(self, state):
         """Anchor every point at its projection in the initial state, so that it can stick in the first step."""
         self._commit(*self._first_projection(state), touch=-np.inf)
+        self.evaluate(state)
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
-        self.evaluate(state, False)
+        self.release()
+        self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
         coords, _, projection = self._project(state)
+        self._gaps = self.gap.ravel(), self._gaps[0]
         self._commit(coords, projection, self.touch)
 
     def _commit(self, coords, projection, touch):
         new, sliding = self._no_anchors(), np.empty(self.gap.size)
-        law, old = (*self._eps, self.friction, touch), self._anchors
-        self._element.committed_anchors(coords, self._slaves, self._facets, projection, old, law, new, sliding)
+        law, old = (*self._law[:3], touch), self._anchors
+        committed_anchors(coords, self._slaves, self._facets, projection, old, law, new, sliding)
         self._anchors = new
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
 
@@ -278,12 +322,3 @@ class DeformableContact(SlavePoints):
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
         closed = self.status != OPEN
         return contact_measures(self, state, comm, closed, self.gap)
-
-
-def _summed(pair, nodes, tangent):
-    """Nodes and sum of the element matrices of each pair of slave and master facet: fewer, for insertion is what costs."""
-    if not len(pair):
-        return nodes, tangent
-    order = np.argsort(pair, kind="stable")
-    first = np.flatnonzero(np.diff(pair[order], prepend=-1))
-    return nodes[order[first]], np.add.reduceat(tangent[order], first, axis=0)

@@ -18,24 +18,30 @@ class MeshedToolContact(DeformableContact):
         super().__init__(name, tool.name, surface, facets, master, friction, normal_penalty, tangential_penalty, space)
         self.edge = f"meshed, {len(tool.nodes)} facets"
 
+        # the tool's nodes travel as one: behind this rank's slave nodes they are one node of the pattern
+        tool = len(self._local)
+        self._blocks = np.concatenate([np.arange(tool), np.full(len(master.X), tool)])
+        self._block_count = tool + 1
+        nodes = np.column_stack([self._slaves[0], np.full(len(self._slaves[0]), tool)])
+        self._set_keys(np.unique(nodes[:, :, None] * self._block_count + nodes[:, None, :]))
+
     def add_tangent(self, state, matrix, border):
-        _, _, tangent, nodes = self.evaluate(state, True)
-        if not len(nodes):
-            return
-        k = nodes.shape[1] - 8
-        local = self._local[nodes[:, :k]].astype(np.int32)
-        matrix.setValuesBlockedLocalRCV(local, local, np.ascontiguousarray(tangent[:, : 3 * k, : 3 * k]), addv=True)
+        rows, columns, values = self._tangent_blocks(state)
+        tool = len(self._local)
+        inside = (rows < tool) & (columns < tool)
+        starts = np.flatnonzero(np.diff(rows[inside], prepend=-1))
+        offsets = np.append(starts, inside.sum()).astype(np.int32)
+        at, along = (self._local[part[inside]].astype(np.int32) for part in (rows, columns))
+        matrix.setValuesBlockedLocalIJV(offsets, along, values[inside], addv=True, rowmap=at[starts])
         if border is None:
             return
-        # (n, node, axis, node, axis); anchors have no rows, for T acts at the projection, but they travel with the tool
-        blocks = tangent.reshape(len(nodes), k + 8, 3, k + 8, 3)
         mine = slice(3 * self.master.index, 3 * self.master.index + 3)
-        columns, rows = (np.zeros((len(border.columns[0]) // 3, 3, 3)) for _ in range(2))
-        np.add.at(columns, local, blocks[:, :k, :, k:].sum(axis=3))
-        np.add.at(rows, local, blocks[:, k : k + 4, :, :k].sum(axis=1).transpose(0, 2, 1, 3))
-        border.columns[mine] += columns.transpose(2, 0, 1).reshape(3, -1)
-        border.rows[mine] += rows.transpose(1, 0, 2).reshape(3, -1)
-        border.corner[mine, mine] += blocks[:, k : k + 4, :, k:].sum(axis=(0, 1, 3))
+        for c in range(3):
+            here = (rows < tool) & (columns == tool)
+            border.columns[mine][:, 3 * self._local[rows[here]] + c] += values[here, c].T
+            here = (rows == tool) & (columns < tool)
+            border.rows[mine][:, 3 * self._local[columns[here]] + c] += values[here, :, c].T
+        border.corner[mine, mine] += values[(rows == tool) & (columns == tool)].sum(axis=0)
 
     def couplings(self, state):
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""

@@ -16,27 +16,24 @@ class Pairing:
     projection arrays of kernels/closest_point.py.
 
     Candidate lists are a cache: they hold all facets within search + margin and are renewed when points and facets have
-    moved by more than the margin since; no result depends on when. So is the last projection, for the same positions.
+    moved by more than the margin since; no result depends on when.
     """
 
     def __init__(self, facets, seek, search, margin):
         self.facets, self.seek, self.search, self.margin = facets, seek, search, margin
-        self._lists = self._places = self._seen = self._projection = None
+        self._lists = self._places = None
 
-    def project(self, points, normals, coords):
+    def project(self, points, normals, coords, timers):
         """Projection of points (np, 3) with outward normals (np, 3) on the facets at positions coords (nx, 3)."""
-        now = (points, normals, coords)
-        if self._seen is None or not all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True)):
-            if self._lists is None or self._strayed(points, coords):
+        if self._lists is None or self._strayed(points, coords):
+            with timers("search"):
                 self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
-                self._places = points, coords
-            self._projection = self._sought(points, normals, coords, self._lists, self.search)
-            self._seen = now
-        return self._projection
+            self._places = points, coords
+        return self._sought(points, normals, coords, self._lists, self.search)
 
     def _strayed(self, points, coords):
-        far = [np.linalg.norm(a - b, axis=1).max(initial=0.0) for a, b in zip((points, coords), self._places, strict=True)]
-        return not sum(far) <= self.margin
+        far = [(np.square(a - b)).sum(axis=1).max(initial=0.0) for a, b in zip((points, coords), self._places, strict=True)]
+        return not np.sqrt(far).sum() <= self.margin
 
     def within(self, points, coords, search):
         """CSR lists (offsets, facets) of the facets whose box, enlarged by `search`, holds the points (np, 3)."""

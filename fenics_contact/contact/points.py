@@ -21,7 +21,7 @@ class SlavePoints:
 
     def resultants(self, state):
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,). Collective."""
-        self.evaluate(state, False)
+        self.evaluate(state)
         comm = state.u.function_space.mesh.comm
         return self.measures(state, comm)["force"], self.split_traction(state)[0].ravel()
 
@@ -41,7 +41,7 @@ class SlavePoints:
 
     def trouble(self, state):
         comm = state.u.function_space.mesh.comm
-        self.evaluate(state, False)
+        self.evaluate(state)
         area, gone = self.surface.area.ravel(), self.met.ravel() & self.unpaired(state)
         met, lost = comm.allreduce(np.array([area[self.met.ravel()].sum(), area[gone].sum()]))
         if lost > SLID_OFF * met:

@@ -50,7 +50,7 @@ class RigidContact(SlavePoints):
         tool = self.tool
         return tool.kind, tool.shape, tool.origin, tool.axes, state.travel[self.index]
 
-    def evaluate(self, state, want_tangent):
+    def evaluate(self, state, want_tangent=False):
         """Evaluate all points; returns the numbers of the elements in contact."""
         s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
         with self.timers("contact kernel"):
@@ -64,7 +64,7 @@ class RigidContact(SlavePoints):
 
     def add_residual(self, state, residual, tool_residual):
         """Add a area T to the slave nodes' forces and its opposite to the tool's, (14)."""
-        active = self.evaluate(state, False)
+        active = self.evaluate(state)
         with self.timers("insertion"):
             scatter_forces(active, self.surface.nodes, self._force, residual)
             tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
@@ -94,7 +94,7 @@ class RigidContact(SlavePoints):
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
-        self.evaluate(state, False)
+        self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
         self._commit(state, self.friction, self.touch)
 
@@ -150,7 +150,7 @@ class RigidContact(SlavePoints):
 
     def first_normal(self, state, comm):
         """Tool normal (3,) where the surface is nearest to the tool: the direction in which contact holds at first."""
-        self.evaluate(state, False)
+        self.evaluate(state)
         if not self.gap.size:
             here = (np.inf, np.zeros(3))
         else:

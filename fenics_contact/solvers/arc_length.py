@@ -90,7 +90,7 @@ class ArcLength:
         try:
             rate = self._raw_rate(system, self._load_side(system)[0])
         except LinearFailure as failure:
-            raise StepFailed(str(failure)) from None
+            raise StepFailed(*failure.args) from None
         if self.per_load is None:
             self.per_load = 0.0
             if not (moved := self.norm(rate)) > 0.0:
@@ -141,7 +141,7 @@ class ArcLength:
                     raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
                 correction = self._correction(system, side, total, length, _forcing(size))
             except LinearFailure as failure:
-                raise StepFailed(str(failure)) from None
+                raise StepFailed(*failure.args) from None
             made, before = _shorten(system, _advance(system, correction), before)
             total.add(made)
 

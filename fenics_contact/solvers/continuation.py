@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 
@@ -68,7 +69,8 @@ class Path:
             self.arc.weigh(self.furthest, self.highest)
             size = self.arc.norm(rate)  # 1 in the lengths before
             length, rate = length * size, rate.times(1.0 / size)
-        raise StepFailed(f"{self.taken} steps reached none of: {', '.join(targets)}")
+        why = f"{self.taken} steps reached none of: {', '.join(targets)}"
+        raise StepFailed(why, OUT_OF_STEPS, remedy="allow more steps, ArcSteps(most=...), or longer ones")
 
     def _take(self, length, rate, smallest):
         """A step of `length` or, where that fails, of a half of it, and so on. Also returns the length that went well."""
@@ -172,7 +174,10 @@ def follow(system, arc, steps, legs, on_step):
         for targets in legs:
             reached.append(path.follow(targets))
     except StepFailed as failure:
-        verdict.stop(diagnose(system, failure), system.state.t)
+        found, t = diagnose(system, failure), system.state.t
+        if found.kind == LIMIT_POINT:  # no news to a continuation: the arc was too long for the turn of its path
+            found = found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
+        verdict.stop(found, t)
     else:
         verdict.converged, verdict.reason = True, "reached " + ", then ".join(reached)
     return verdict

@@ -3,14 +3,24 @@
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.finding import LIMIT_POINT, LOST, MEMORY, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding, spot
+from fenics_contact.assembly.finding import (
+    LIMIT_POINT,
+    LOST,
+    MEMORY,
+    OUT_OF_STEPS,
+    RIGID_MOTION,
+    TOO_STIFF,
+    UNKNOWN,
+    Finding,
+    spot,
+)
 
 # A motion counts as free below this share of the stiffness that its nodes have each alone: round-off is 1e-15, and the
 # least of what holds a body, one corner in contact, is far above.
 FREE = 1e-10
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
-CERTAIN = (MEMORY, TOO_STIFF)  # causes that need no further evidence
+CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues

@@ -60,17 +60,18 @@ class LinearSolver:
         """Factorisations or multigrid hierarchies made so far."""
         return self._solver.builds
 
-    def solve(self, du_supports, dq, tolerance=TIGHTEST):
+    def solve(self, du_supports, dq, tolerance=TIGHTEST, again=False):
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
 
         du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
         tolerance: relative residual at which an iterative solve may stop; a new factorisation does not look at it.
+        again: keep the tangent and factorisation of the last solve; supports and tools then stay where they are.
         Raises LinearFailure, on all ranks, if the solver fails.
         """
         system = self.system
-        return self.solve_sides([(system.residual_vector, system.tool_residual, du_supports, dq)], tolerance)[0]
+        return self.solve_sides([(system.residual_vector, system.tool_residual, du_supports, dq)], tolerance, again)[0]
 
-    def solve_sides(self, sides, tolerance=TIGHTEST):
+    def solve_sides(self, sides, tolerance=TIGHTEST, again=False):
         """Increments (du, dq) for several sides with one factorisation and one set of the tools' responses.
 
         sides: (residual Vec, tool residual (tools, 3), du_supports, dq) each. Raises LinearFailure as `solve` does.
@@ -83,7 +84,7 @@ class LinearSolver:
             rhs.scale(-1.0)
             self._add_prescribed_travel(rhs, dq)
             rights.append(rhs)
-        self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides])
+        self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides], again)
         increments = [self._solve(rhs) for rhs in rights]
         PETSc.garbage_cleanup(system.comm)  # Python alone never frees what several ranks share
         for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
@@ -126,10 +127,10 @@ class LinearSolver:
         for c in np.flatnonzero(dq.ravel()):
             rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
 
-    def _eliminate(self, rights, du_supports):
+    def _eliminate(self, rights, du_supports, again):
         """Put the supports' increments into the right-hand sides and unit rows into the matrix, keeping its symmetry.
 
-        The supports' own rows get zero on the right, so that norms are those of the unknown part.
+        The supports' own rows get zero on the right, so that norms are those of the unknown part. again: the matrix has its.
         """
         system = self.system
         if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
@@ -142,7 +143,8 @@ class LinearSolver:
             system.matrix.mult(du, force)
             rhs.axpy(-1.0, force)
             rhs.array_w[system.supports.owned] = 0.0
-        system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
+        if not again:
+            system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
 
     def _response(self, component):
         """du/dq of one free travel component: K^-1 (-C)."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from dense import evaluated
 
-from fenics_contact.kernels import ray_element
 from fenics_contact.kernels.closest_point import INTERIOR, NONE
-from fenics_contact.kernels.deformable_element import element_nodes, slave_points
+from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.slave_ray import slave_rays
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
@@ -44,17 +44,9 @@ class Pair:
         out = (*(np.zeros(1, np.int64) for _ in range(3)), np.zeros((1, 2)), np.zeros(1), np.zeros((1, 3)))
         lists = (np.array([0, n]), np.arange(n))
         slave_rays(point, self.slaves[0], self.slaves[3], coords, self.surface, lists, 2.0, out)
-        R, K = np.zeros((1, 36)), np.zeros((1, 36, 36))
-        status, T, gap, slip = np.zeros(1, np.int64), np.zeros((1, 3)), np.zeros(1), np.zeros(1)
-        ray_element.contact_elements(
-            coords, self.slaves, self.surface, out, self.anchors, self.law, True, R, K, status, T, gap, slip
-        )
-        nodes = np.zeros((1, 12), np.int64)
-        element_nodes(self.slaves[0], self.surface[0], out[0], self.anchors[0], nodes)
-        dofs = (3 * nodes[0][:, None] + np.arange(3)).ravel()
-        residual, tangent = np.zeros(coords.size), np.zeros((coords.size, coords.size))
-        np.add.at(residual, dofs, R[0])
-        np.add.at(tangent, (dofs[:, None], dofs[None, :]), K[0])
+        pairs = (coords, self.slaves, self.surface, out, self.anchors, self.law)
+        residual, tangent, status, T, _ = evaluated(*pairs)
+        gap = out[4]
         return residual, tangent, status[0], gap[0], T[0], out, point[0]
 
 
