@@ -90,7 +90,8 @@ def answer(rows, base, panels, parameters):
         good = lasting(rows, base, panels, aim)
         fastest = cheapest(good, aim)
         if fastest is None:
-            best = min((r for r in rows if r["converged"] is True and r["error"] > 0.0), key=lambda r: r["error"])
+            tight = sorted(row["error"] for row in rows if row["converged"] is True)
+            best = next(row for error in tight if (row := cheapest(lasting(rows, base, panels, error), error)))
             parts.append(
                 f"for {aim:.1%} no run suffices for sure, the best has {best['error']:.2%} with {_words(best, base)}"
             )

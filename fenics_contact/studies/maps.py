@@ -164,7 +164,7 @@ def studies(quick):
             {"way": list(LOADS)[few]},
         ),
     }
-    return [Study(name, case, grid(**across, **up), limit=120.0) for name, (case, across, up) in plans.items()]
+    return [Study(name, case, grid(**across, **up), limit=60.0, shared=True) for name, (case, across, up) in plans.items()]
 
 
 def report(rows, charts, quick):

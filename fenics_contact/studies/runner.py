@@ -10,6 +10,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -80,7 +81,8 @@ class Study:
 
     case: function of JSON values that returns `metrics(...)`, at the top level of an importable file; runs: list of its
     keyword arguments, where `processes` is the number of MPI processes and not given to it; repeats: runs of each, for
-    medians of times; limit: seconds after which a run counts as failed.
+    medians of times; limit: seconds after which a run counts as failed; shared: one process for run after run until one
+    fails in it, which saves each its start but makes memory_MB the largest of them.
     """
 
     name: str
@@ -88,7 +90,9 @@ class Study:
     runs: list
     repeats: int = 1
     limit: float = 600.0
+    shared: bool = False
     parameters: list = field(init=False)
+    _worker: object = field(init=False, default=None)
 
     def __post_init__(self):
         self.parameters = list(dict.fromkeys(key for run in self.runs for key in run))
@@ -115,6 +119,7 @@ class Study:
         for run, missing in tqdm(todo, desc=self.name, disable=not progress):
             parameters = {key: run.get(key, "") for key in self.parameters}
             self._write(path, [parameters | row for row in measure(run, len(missing))], missing)
+        self._worker = self._worker and self._worker.end()
         return path
 
     def _write(self, path, rows, numbers):
@@ -136,29 +141,60 @@ class Study:
         return tuple(str(row.get(name, "")) for name in [*self.parameters, *["repeat"] * with_repeat])
 
     def _measure(self, run, repeats):
-        """Metrics of a run's repeats in a process of their own; one that dies or takes too long is a row with its reason."""
+        """Metrics of a run's repeats in another process; one that dies or takes too long is a row with its reason."""
         processes = int(run.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
-            answer = Path(scratch) / "metrics.json"
+            answer, limit = Path(scratch) / "metrics.json", repeats * self.limit
             task = json.dumps([inspect.getfile(self.case), self.case.__name__, _arguments(run), repeats, str(answer)])
-            command = [sys.executable, "-m", "fenics_contact.studies.worker", task]
             if processes > 1:
-                command = ["mpirun", "-n", str(processes), *command]
-            # the environment as this process found it: a started MPI library would pass its own on to mpirun
-            limit = repeats * self.limit
-            try:
-                ended = subprocess.run(
-                    command, env=os.environ.copy(), timeout=limit, capture_output=True, text=True, check=False
-                )
-                reason = (ended.stderr.strip().splitlines() or [f"exit {ended.returncode}"])[-1]
-            except subprocess.TimeoutExpired:
-                reason = f"no end within {limit:g} s"
+                self._worker = self._worker and self._worker.end()
+            self._worker = self._worker or _Worker(processes, task)
+            reason = self._worker.do(task, answer, limit)
+            if reason or processes > 1 or not self.shared:
+                self._worker = self._worker.end()
             if not answer.exists():
                 return [{"converged": False, "verdict": f"stopped: {reason}", "processes": processes}]
             return json.loads(answer.read_text())
 
     def _measure_here(self, run, repeats):
         return [self.case(**_arguments(run)) for _ in range(repeats)]
+
+
+class _Worker:
+    """A process that does tasks given as lines, or several processes that do one task: mpirun feeds lines to the first."""
+
+    def __init__(self, processes, task):
+        command = [sys.executable, "-m", "fenics_contact.studies.worker", "-"]
+        self.single = processes > 1
+        if self.single:
+            command = ["mpirun", "-n", str(processes), *command[:-1], task]
+        self.errors = tempfile.TemporaryFile("w+")
+        # the environment as this process found it: a started MPI library would pass its own on to mpirun
+        self.process = subprocess.Popen(
+            command, env=os.environ.copy(), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self.errors, text=True
+        )
+
+    def do(self, task, answer, limit):
+        """Wait for the answer's file; returns why there is none."""
+        if not self.single:
+            self.process.stdin.write(task + "\n")
+            self.process.stdin.flush()
+        end = time.monotonic() + limit
+        while not answer.exists():
+            if self.process.poll() is not None and not answer.exists():
+                self.errors.seek(0)
+                return (self.errors.read().strip().splitlines() or [f"exit {self.process.returncode}"])[-1]
+            if time.monotonic() > end:
+                return f"no end within {limit:g} s"
+            time.sleep(0.02)
+        return None
+
+    def end(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.wait()
+        self.process.stdin.close()
+        self.errors.close()
 
 
 def _arguments(run):
