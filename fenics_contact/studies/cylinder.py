@@ -19,27 +19,27 @@ STIFF = {"rubber": ["stiff"]}
 PANELS = {
     "mesh (cells per block), degree and element": {
         "degree 1": {"cells": [4, 8, 16, 32]},
-        "degree 1, reduced": {"cells": [4, 8, 16, 32], "element": ["reduced"]},
-        "degree 1, mixed": {"cells": [4, 8, 16, 32], "element": ["mixed"]},
-        "degree 2": {"cells": [4, 8, 16], "degree": [2]},
+        "degree 1, reduced": {"cells": [4, 8, 16], "element": ["reduced"]},
+        "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"]},
+        "degree 2": {"cells": [4, 8], "degree": [2]},
     },
     "the same for rubber of K/μ = 1515": {
-        "degree 1": {"cells": [4, 8, 16, 32], "element": ["locking"], **STIFF},
-        "degree 1, reduced": {"cells": [4, 8, 16, 32], "element": ["reduced"], **STIFF},
-        "degree 1, mixed": {"cells": [4, 8, 16, 32], "element": ["mixed"], **STIFF},
-        "degree 2": {"cells": [4, 8, 16], "degree": [2], **STIFF},
-        "degree 2, mixed": {"cells": [4, 8, 16], "degree": [2], "element": ["mixed"], **STIFF},
+        "degree 1": {"cells": [4, 8, 16], "element": ["locking"], **STIFF},
+        "degree 1, reduced": {"cells": [4, 8, 16], "element": ["reduced"], **STIFF},
+        "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"], **STIFF},
+        "degree 2": {"cells": [4, 8], "degree": [2], **STIFF},
+        "degree 2, mixed": {"cells": [4, 8], "degree": [2], "element": ["mixed"], **STIFF},
     },
     "method (number of steps) on 8 cells": {
         "Newton": {"steps": [1, 2, 4, 8, 16]},
-        "incremental": {"steps": [8, 16, 32, 64], "method": ["incremental"]},
-        "SNES": {"steps": [4, 8, 16], "method": ["snes"]},
-        "arc length": {"steps": [4, 8], "method": ["arc_length"]},
+        "incremental": {"steps": [8, 16, 32], "method": ["incremental"]},
+        "SNES": {"steps": [8], "method": ["snes"]},
+        "arc length": {"steps": [8], "method": ["arc_length"]},
     },
     "penalty (factor on E/h), contact points, on 16 cells": {
         "nodes": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0], "cells": [16]},
-        "2 × 2 Gauss points": {"factor": [1.0, 10.0, 100.0, 1000.0], "points": [2], "cells": [16]},
-        "3 × 3 Gauss points": {"factor": [1.0, 10.0, 100.0, 1000.0], "points": [3], "cells": [16]},
+        "2 × 2 Gauss points": {"factor": [10.0, 100.0], "points": [2], "cells": [16]},
+        "3 × 3 Gauss points": {"factor": [10.0, 100.0, 1000.0], "points": [3], "cells": [16]},
     },
 }
 QUICK = {"all": {"mesh": {"cells": [4, 8, 16], "points": [3]}, "penalty": {"factor": [10.0, 100.0, 1000.0]}}}

@@ -23,30 +23,30 @@ FAR, DEPTH = 8.0, 0.1  # [mm]: far faces, thickness of the slice under the cylin
 
 BASE = {"tool": "cylinder", "cells": 12, "degree": 1, "points": "nodes", "factor": 100.0, "method": "newton", "steps": 2,
         "linear": "direct", "processes": 1}  # fmt: skip
-MESHES = [4, 6, 8, 12, 16, 24]
+MESHES = [4, 6, 8, 12, 24]
 SPHERE = {"tool": ["sphere"]}
 PANELS = {
     "cylinder: mesh (cells per 1.5 contact widths)": {
         "nodes": {"cells": MESHES},
-        "2 × 2 Gauss points": {"cells": MESHES, "points": [2]},
-        "3 × 3 Gauss points": {"cells": MESHES, "points": [3]},
-        "degree 2, nodes": {"cells": MESHES[:4], "degree": [2]},
-        "degree 2, 3 × 3": {"cells": MESHES[:4], "degree": [2], "points": [3]},
+        "2 × 2 Gauss points": {"cells": [4, 8, 12], "points": [2]},
+        "3 × 3 Gauss points": {"cells": [4, 8, 12], "points": [3]},
+        "degree 2, nodes": {"cells": [4, 6, 8], "degree": [2]},
+        "degree 2, 3 × 3": {"cells": [4, 6], "degree": [2], "points": [3]},
     },
     "sphere: mesh, linear solver, processes": {
         "direct": {"cells": [4, 6, 8], **SPHERE},
-        "direct, 2 processes": {"cells": [4, 6, 8], "processes": [2], **SPHERE},
-        "iterative": {"cells": [4, 6], "linear": ["iterative"], **SPHERE},
-        "3 × 3 Gauss points": {"cells": [4, 6, 8], "points": [3], **SPHERE},
+        "direct, 2 processes": {"cells": [6, 8], "processes": [2], **SPHERE},
+        "iterative": {"cells": [4], "linear": ["iterative"], **SPHERE},
+        "3 × 3 Gauss points": {"cells": [4, 6], "points": [3], **SPHERE},
     },
     "cylinder: method (number of steps)": {
         "Newton": {"steps": [1, 2, 4]},
-        "incremental": {"steps": [4, 8, 16, 32], "method": ["incremental"]},
+        "incremental": {"steps": [8, 16, 32], "method": ["incremental"]},
         "SNES": {"steps": [1, 2, 4], "method": ["snes"]},
     },
     "cylinder: penalty (factor on E/h)": {
         "12 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
-        "24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0], "cells": [24]},
+        "24 cells": {"factor": [10.0, 100.0, 1000.0], "cells": [24]},
     },
 }
 QUICK = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}}}

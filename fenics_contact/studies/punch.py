@@ -12,29 +12,28 @@ from meshes import punch_plate
 
 BASE = {"cells": 10, "degree": 1, "element": "displacement", "friction": 0.3, "points": "nodes", "factor": 100.0,
         "share": 0.1, "method": "newton", "steps": 5, "linear": "direct", "processes": 1}  # fmt: skip
-# as fine as minutes allow, stiff penalties in both directions
-FINEST = BASE | {"cells": 10, "degree": 2, "steps": 10, "factor": 1000.0, "share": 1.0}
+# as fine as a minute allows, with a penalty whose compliance no longer counts
+FINEST = BASE | {"cells": 8, "degree": 2, "factor": 1000.0}
 PANELS = {
     "mesh (cells under the punch), degree and element": {
         "degree 1": {"cells": [4, 6, 8, 10, 14]},
-        "degree 1, mixed": {"cells": [4, 6, 8, 10], "element": ["mixed"]},
+        "degree 1, mixed": {"cells": [4, 6, 10], "element": ["mixed"]},
         "degree 2": {"cells": [3, 4, 6], "degree": [2]},
     },
     "method (number of steps) on 10 cells": {
-        "Newton": {"steps": [2, 5, 10, 20]},
-        "incremental": {"steps": [5, 10, 20, 40], "method": ["incremental"]},
-        "SNES": {"steps": [5, 10], "method": ["snes"]},
-        "arc length": {"steps": [5, 10], "method": ["arc_length"]},
+        "Newton": {"steps": [1, 2, 5, 10]},
+        "incremental": {"steps": [10, 20, 40], "method": ["incremental"]},
+        "SNES": {"steps": [5], "method": ["snes"]},
+        "arc length": {"steps": [5], "method": ["arc_length"]},
     },
     "penalty (factor on E/h) and contact points": {
         "nodes, εT = 0.1 εN": {"factor": [1.0, 10.0, 100.0, 1000.0]},
-        "nodes, εT = εN": {"factor": [1.0, 10.0, 100.0], "share": [1.0]},
-        "2 × 2 Gauss points": {"factor": [1.0, 10.0, 100.0], "points": [2]},
-        "3 × 3 Gauss points": {"factor": [1.0, 10.0, 100.0], "points": [3]},
+        "nodes, εT = εN": {"factor": [10.0, 100.0], "share": [1.0]},
+        "3 × 3 Gauss points": {"factor": [10.0, 100.0], "points": [3]},
     },
     "linear solver and processes (cells)": {
         "direct": {"cells": [10, 14]},
-        "direct, 2 processes": {"cells": [10, 14], "processes": [2]},
+        "direct, 2 processes": {"cells": [10], "processes": [2]},
         "iterative": {"cells": [10, 14], "linear": ["iterative"]},
         "iterative, 2 processes": {"cells": [10, 14], "linear": ["iterative"], "processes": [2]},
     },

@@ -21,19 +21,19 @@ BASE = {"cells": 48, "points": 3, "factor": 100.0, "element": "displacement", "m
 PANELS = {
     "mesh (cells around a quarter)": {
         "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
-        "2 × 2 Gauss points": {"cells": [12, 24, 48, 96], "points": [2]},
-        "slave nodes": {"cells": [12, 24, 48, 96], "points": ["nodes"]},
-        "3 × 3, mixed element": {"cells": [12, 24, 48, 96], "element": ["mixed"]},
+        "2 × 2 Gauss points": {"cells": [12, 24, 48], "points": [2]},
+        "slave nodes": {"cells": [12, 24, 48], "points": ["nodes"]},
+        "3 × 3, mixed element": {"cells": [12, 24, 48], "element": ["mixed"]},
     },
     "method (number of steps)": {
         "Newton": {"steps": [3, 6, 12]},
-        "incremental": {"steps": [12, 24, 48, 96], "method": ["incremental"]},
-        "SNES": {"steps": [6, 12], "method": ["snes"]},
-        "arc length": {"steps": [6, 12], "method": ["arc_length"]},
+        "incremental": {"steps": [12, 24, 48], "method": ["incremental"]},
+        "SNES": {"steps": [6], "method": ["snes"]},
+        "arc length": {"steps": [6], "method": ["arc_length"]},
     },
     "penalty (factor on E/h)": {
         "on 48 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
-        "on 24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0], "cells": [24]},
+        "on 24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0], "cells": [24]},
     },
 }
 HARD = 1e4  # factor whose penetration no longer counts
