@@ -77,7 +77,7 @@ def cylinder(cells, degree, element, rubber, points, factor, method, steps, line
 
 
 def studies(quick):
-    return [Study("cylinder", cylinder, expand(*PLANS[quick]), repeats=1 if quick else 3)]
+    return [Study("cylinder", cylinder, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
 
 
 def report(rows, charts, quick):

@@ -90,7 +90,7 @@ def cylinder(cells):
 
 
 def studies(quick):
-    return [Study("hertz", hertz, expand(*PLANS[quick]), repeats=1 if quick else 3)]
+    return [Study("hertz", hertz, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
 
 
 def report(rows, charts, quick):

@@ -25,7 +25,7 @@ BASE = {
 }
 PANELS = {
     "mesh (cells per patch edge), degree and element": {
-        "degree 1": {"cells": [3, 6, 9, 12]},
+        "degree 1": {"cells": [3, 6, 9, 12, 15]},
         "degree 1, mixed": {"cells": [3, 6, 9, 12], "element": ["mixed"]},
         "degree 2": {"cells": [3, 6], "degree": [2]},
         "degree 2, mixed": {"cells": [3, 6], "degree": [2], "element": ["mixed"]},

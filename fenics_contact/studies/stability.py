@@ -79,8 +79,8 @@ def _field(axes, i, j, row, norm, text, wrong):
         if wrong(row):
             axes.add_patch(_frame(i, j))
     else:
-        reached = f"{row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else "0"
-        words, colour = f"× t={reached}\n{failure(row)}", "black"
+        reached = f"t={row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else ""
+        words, colour = f"× {reached}\n{failure(row)}", "black"
     axes.text(j, i, words, ha="center", va="center", fontsize=6, color=colour)
 
 

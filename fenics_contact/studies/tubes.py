@@ -83,7 +83,7 @@ def mean_radius(scene, group, u):
 
 
 def studies(quick):
-    return [Study("tubes", tubes, expand(*PLANS[quick]), repeats=1 if quick else 3)]
+    return [Study("tubes", tubes, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
 
 
 def report(rows, charts, quick):
