@@ -18,10 +18,10 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 
-# What a run leaves beside its parameters; empty where it does not apply.
+# What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
 METRICS = (
     "error", "value", "converged", "verdict", "t_reached", "iterations", "cut_backs", "unknowns", "seconds",
-    "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
+    "busy", "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
 )  # fmt: skip
 
 
@@ -125,6 +125,9 @@ class Study:
     def _write(self, path, rows, numbers):
         columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
         new = not path.exists()
+        if not new:  # an older file keeps its columns
+            with open(path, newline="") as file:
+                columns = next(csv.reader(file))
         with open(path, "a", newline="") as file:
             writer = csv.DictWriter(file, columns, extrasaction="ignore")
             if new:

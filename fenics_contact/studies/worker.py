@@ -7,6 +7,7 @@ import importlib.util
 import json
 import os
 import sys
+import time
 
 from mpi4py import MPI
 
@@ -19,7 +20,9 @@ def run(file, name, arguments, repeats, answer):
     found = []
     try:
         while len(found) < repeats and all(one["converged"] for one in found):
+            wall, busy = time.perf_counter(), time.process_time()
             found.append(getattr(module, name)(**arguments))
+            found[-1]["busy"] = (time.process_time() - busy) / (time.perf_counter() - wall)
     except ValueError as refusal:  # a scene refused before it starts is an answer too
         found.append({"converged": False, "verdict": f"refused: {refusal}"})
     if MPI.COMM_WORLD.rank == 0:
