@@ -109,7 +109,7 @@ def solve(
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
-    solver = LinearSolver(system, linear)
+    solver = LinearSolver(system, linear, afresh=continuation)
     stepper = _stepper(method, solver, tolerance)
     keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)

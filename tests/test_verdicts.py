@@ -49,10 +49,11 @@ def hanging():
 
 
 def holding_each_other():
-    """Two blocks, each in contact with nothing but the other."""
+    """Two blocks, each in contact with nothing but the other; the floor that is to hold them is 2 mm away."""
     mesh = read_gmsh(two_blocks.build, lower_cells=(4, 4, 1), upper_cells=(3, 3, 1))
     scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
     scene.contact("upper_bottom", "lower_top", 0.3)
+    scene.contact("lower_bottom", rigid_plane((0, 0, -12.0)), 0.3)
     scene.traction("upper_top", (0, 0, -0.1))
     return scene, {}
 

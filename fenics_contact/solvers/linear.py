@@ -29,10 +29,11 @@ class LinearSolver:
     """Solves K du + C dq = -R with prescribed du and dq.
 
     system: System; method: "direct" (MUMPS: Cholesky where the tangent is symmetric, else LU), "iterative" (CG or GMRES with
-    smoothed aggregation and the rigid-body modes), or "auto" by size. Either is kept from tangent to tangent while it pays.
+    smoothed aggregation and the rigid-body modes), or "auto" by size. Either is kept from tangent to tangent while it pays,
+    unless `afresh`: a continuation's tangents are nearly singular, and what an old one tells of the softest motion is wrong.
     """
 
-    def __init__(self, system, method="auto"):
+    def __init__(self, system, method="auto", afresh=False):
         if method not in ("auto", "direct", "iterative"):
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
@@ -43,7 +44,7 @@ class LinearSolver:
         self.fallbacks = []  # what the log and the summary say of a change of solver
         self._pivot = None
         self._solver = ReusingSolver(
-            system.comm, size, system.symmetric, method, lambda matrix: _soft_modes(system, matrix), system.timers
+            system.comm, size, system.symmetric, method, lambda matrix: _soft_modes(system, matrix), system.timers, afresh
         )
 
     @property

@@ -46,14 +46,14 @@ class ReusingSolver:
     method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation);
     near_null_space: function of the matrix to PETSc's NullSpace, for the latter. The matrix is one of blocks; what is
     factorised or coarsened is a copy by scalars, made when it is due, so that PETSc keeps the old one meanwhile. builds,
-    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far.
+    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing.
     """
 
-    def __init__(self, comm, size, symmetric, method, near_null_space, timers):
+    def __init__(self, comm, size, symmetric, method, near_null_space, timers, afresh=False):
         self.comm, self.symmetric, self.timers = comm, symmetric, timers
         self._near_null_space = near_null_space
         self.builds = self.iterations = 0
-        self._reuses, self._longest = size > REUSE_ABOVE, LONGEST if size > SMALL else LONGEST_IF_SMALL
+        self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
         self._copy = self._pattern = self._reuse = None
         self._objects = ()
         self.use(method)
