@@ -2,12 +2,16 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test bench lint setup test-debian13 test-newest
+.PHONY: demo test bench study lint setup test-debian13 test-newest
 setup:
 	@bash .ci/setup
 
 demo: setup
 	@$(ENV) mpirun -n 2 python3 demos/punch_on_plate.py
+
+# Runs what the committed CSV files lack and draws again: make study NAME=sphere (tubes punch cylinder hertz maps economy all)
+study: setup
+	@$(ENV) python3 -m fenics_contact.studies $(NAME)
 
 lint: setup
 	@$(ENV) ruff check . && ruff format --check .

@@ -56,6 +56,7 @@ class _Contact:
     master: Tool | tuple
     friction: float
     penalty: float | None
+    penalty_factor: float
     tangential_penalty: float | None
     tangential_share: float
     points: object
@@ -137,14 +138,16 @@ class Scene:
         tangential_share=None,
         points=None,
         name=None,
+        penalty_factor=None,
     ):
         """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
-        slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
-        (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on an
-        analytic tool, and 3 on a body or a meshed tool, where they alone feel no jump at the master's edges.
+        slave point; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
+        tangential over normal penalty where no number is given (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss
+        points per direction of each facet; by default nodes on an analytic tool, and 3 on a body or a meshed tool, where
+        they alone feel no jump at the master's edges.
         """
         if not isinstance(master, Tool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
@@ -164,7 +167,8 @@ class Scene:
             raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
-        positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share}
+        positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share,
+                    "penalty_factor": penalty_factor}  # fmt: skip
         for label, value in positive.items():
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SceneError(f"contact '{name}': {label} = {value} must be positive")
@@ -173,8 +177,10 @@ class Scene:
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
-        share = tangential_share or TANGENTIAL_SHARE
-        self.contacts.append(_Contact(name, _names(slave), master, friction, penalty, tangential_penalty, share, points))
+        factor, share = penalty_factor or PENALTY_FACTOR, tangential_share or TANGENTIAL_SHARE
+        self.contacts.append(
+            _Contact(name, _names(slave), master, friction, penalty, factor, tangential_penalty, share, points)
+        )
 
     @property
     def tools(self):
@@ -306,7 +312,7 @@ class Scene:
 
     def _contact_term(self, contact, modulus):
         surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, contact.points)
-        default = PENALTY_FACTOR * surface.stiffness
+        default = contact.penalty_factor * surface.stiffness
         normal = np.full_like(default, contact.penalty) if contact.penalty else default
         tangential = (
             np.full_like(default, contact.tangential_penalty)

@@ -7,8 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from fenics_contact.studies import Study, grid, stability_map, work_precision
-from fenics_contact.studies.charts import cheapest, medians, pareto, slope
+from fenics_contact.studies import Study, answer, expand, grid, stability_map, work_precision
+from fenics_contact.studies.__main__ import NAMES, run
+from fenics_contact.studies.charts import StudyError, cheapest, hold_slope, medians, pareto, savings
+from fenics_contact.studies.exact import Radial
 from fenics_contact.studies.runner import read
 
 pytestmark = pytest.mark.serial
@@ -66,21 +68,53 @@ def test_a_parameter_may_not_hide_a_metric():
 
 
 def test_charts(folder):
-    """Front, medians, slope and the answer to "what for 1 %" on rows whose truth is known; both pictures are drawn."""
-    rows = [r | case(r["h"], "good") | {"way": w} for w, s in (("a", 1), ("b", 3)) for r in grid(h=[1.0, 0.5, 0.25, 0.1])
-            for _ in range(s)]  # fmt: skip
-    for row in rows:
-        row["seconds"] *= 1.0 if row["way"] == "a" else 2.0
+    """Front, medians, slope and the answer to "what for 1 %" on rows whose truth is known; all pictures are drawn."""
+    base = {"h": 1.0, "way": "a"}
+    panels = {"size": {"good": {"h": [1.0, 0.5, 0.25, 0.08]}, "slow": {"h": [1.0, 0.5, 0.25, 0.08], "way": ["b"]}}}
+    runs = expand(base, panels)
+    assert len(runs) == 8 and runs[0] == base
+    rows = [r | case(r["h"], "good") for r in runs for _ in range(3 if r["way"] == "b" else 1)]
+    for i, row in enumerate(rows):
+        row["seconds"] *= 1.0 if row["way"] == "a" else (2.0, 9.0, 1.5)[i % 3]
     assert len(medians(rows, ["h", "way"])) == 8
-    assert cheapest(rows, 0.0101)["way"] == "a" and cheapest(rows, 0.0101)["h"] == 0.1
+    assert cheapest(rows, 0.0101)["way"] == "a" and cheapest(rows, 0.0101)["h"] == 0.08
     assert cheapest(rows, 1e-9) is None
+    assert "h 0.08 (error 0.64%, 1953.12 of" in answer(rows, base, panels, ["h", "way"])
+    assert "0.1% no run suffices for sure, the best has 0.64% with h 0.08" in answer(rows, base, panels, ["h", "way"])
     sizes = np.array([1.0, 0.5, 0.25])
-    assert abs(slope(sizes, sizes**2) - 2.0) < 1e-12
+    assert "2.00" in hold_slope("error", sizes, sizes**2, 2, 1e-9)
+    with pytest.raises(StudyError, match="order 2.00"):
+        hold_slope("error", sizes, sizes**2, 1, 0.3)
     assert pareto([(3.0, 1.0), (1.0, 2.0), (2.0, 2.5), (4.0, 0.5)]) == [1, 0, 3]
-    front = work_precision(folder / "work.png", rows, lambda r: r["way"], lambda r: r["h"] == 1.0 and r["way"] == "a",
-                           parameters=["h", "way"])  # fmt: skip
+    front = work_precision(folder / "work.png", rows, base, panels, "a title", ["h", "way"])
     assert {row["way"] for row in front} == {"a"}
     failed = case(1.0, "diverges") | {"h": 1.0, "way": "a"}
     stability_map(folder / "map.png", [failed, *rows[1:]], "h", "way", title="where it fails")
-    stability_map(folder / "panels.png", rows, "h", "iterations", panel="way")
-    assert all((folder / name).stat().st_size > 5000 for name in ("work.png", "map.png", "panels.png"))
+    stability_map(folder / "panels.png", rows, "h", "iterations", panel="way", wrong=lambda row: row["error"] > 0.1)
+    values = [row | {"value": 1.0 + row["error"]} for row in rows]
+    (line,) = savings(folder / "savings.png", values, {"coarse": (base | {"h": 0.08}, base)}, ["h", "way"])
+    assert line == "coarse: 0.00 of the time, force differs by 98.73%"  # 1/1953; (1 + 1)/(1 + 0.0064) - 1
+    pictures = ("work.png", "map.png", "panels.png", "savings.png")
+    assert all((folder / name).stat().st_size > 5000 for name in pictures)
+
+
+# independent scripts: inner stretch or radius [mm], pressure [MPa], contact pressure [MPa] where there is one
+@pytest.mark.parametrize(("stretch", "pressure"), [(1.02, 0.917799e-3), (1.4, 5.446230e-3), (3.0, 3.585209e-3)])
+def test_exact_sphere(stretch, pressure):
+    found, _ = Radial("sphere", 5.0).solve((95.0, 96.0), 95.0 * stretch)
+    assert abs(found / pressure - 1) < 1e-6  # printed digits
+
+
+@pytest.mark.parametrize(("radius", "inside", "contact"), [(104.0, 0.045330, 0.013863), (140.0, 0.079361, 0.031856)])
+def test_exact_tubes(radius, inside, contact):
+    tube = Radial("tube", 5.0)
+    pressure, interface = tube.solve((80.0, 90.0), radius, lambda r: tube.solve((100.0, 110.0), r)[0])
+    found = tube.solve((100.0, 110.0), interface)[0]
+    assert abs(pressure - inside) < 1e-6 and abs(found - contact) < 1e-6  # printed digits
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_quick_version_of_each_study(name, tmp_path):
+    """Fails where a run cannot be made, a chart not be drawn, or a slope contradicts theory."""
+    assert run(name, tmp_path, tmp_path, quick=True, progress=False)
+    assert list(tmp_path.glob("*.csv")) and all(p.stat().st_size > 10_000 for p in tmp_path.glob("*.png"))

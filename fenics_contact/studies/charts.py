@@ -1,14 +1,23 @@
-"""Charts drawn from a study's rows: error against time with its Pareto front, and maps of where a method fails."""
+"""Charts drawn from a study's rows: error against time with its Pareto front, and what economies buy."""
 
+import textwrap
 from statistics import median
 
 import numpy as np
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from fenics_contact.studies.runner import of_curve
+from fenics_contact.studies.stability import short
 
 # Okabe & Ito's colours, told apart with any colour vision and in grey with the markers
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C00")
 MARKERS = "os^Dv<>P"
+AIMS = (0.01, 0.001)  # relative errors a user may want
+
+
+class StudyError(RuntimeError):
+    """A study contradicts theory, or has nothing to draw."""
 
 
 def medians(rows, parameters):
@@ -16,11 +25,13 @@ def medians(rows, parameters):
     groups = {}
     for row in rows:
         groups.setdefault(tuple(row.get(p, "") for p in parameters), []).append(row)
-    return [same[0] | {"seconds": median(_seconds(r) for r in same)} for same in groups.values()]
+    return [same[0] | {"seconds": median(_seconds(r) for r in same), "busy": 1.0} for same in groups.values()]
 
 
 def _seconds(row):
-    return row["seconds"] if isinstance(row.get("seconds"), float | int) else float("nan")
+    """Seconds on the processor, which other users of the machine disturb less than wall time; NaN where unknown."""
+    busy = row.get("busy") if isinstance(row.get("busy"), float | int) else 1.0
+    return row["seconds"] * min(1.0, busy) if isinstance(row.get("seconds"), float | int) else float("nan")
 
 
 def pareto(points):
@@ -39,78 +50,165 @@ def cheapest(rows, tolerance):
     return min(good, key=_seconds, default=None)
 
 
-def work_precision(path, rows, series, baseline, title="", parameters=()):
-    """Draw log error against log time over the time of a baseline; returns the rows on the Pareto front.
-
-    path: picture; rows: of a study; series: function row -> label of its curve; baseline: function row -> bool, true for
-    the one row whose time is 1; parameters: the study's, to take medians over repeats.
-    """
-    rows = [r for r in medians(rows, parameters) if r["converged"] is True and r["error"] > 0.0]
-    unit = _seconds(next(r for r in rows if baseline(r)))
-    points = [(_seconds(r) / unit, r["error"]) for r in rows]
-    figure = Figure(figsize=(7, 5))
-    axes = figure.add_subplot()
-    labels = list(dict.fromkeys(series(r) for r in rows))
-    for number, label in enumerate(labels):
-        mine = sorted(p for p, r in zip(points, rows, strict=True) if series(r) == label)
-        style = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)]}
-        axes.loglog(*np.transpose(mine), markersize=5, linewidth=1.2, **style)
-        axes.annotate(label, mine[-1], xytext=(5, 0), textcoords="offset points", color=style["color"], fontsize=8)
-    front = pareto(points)
-    axes.loglog(*np.transpose([points[i] for i in front]), color="black", linewidth=5, alpha=0.15, zorder=0)
-    axes.set_xlabel("time over that of the baseline run")
-    axes.set_ylabel("relative error")
-    axes.set_title(title, fontsize=10)
-    axes.margins(x=0.25)
-    axes.grid(which="major", linewidth=0.3)
-    figure.savefig(path, dpi=150, bbox_inches="tight")
-    return [rows[i] for i in front]
-
-
-def stability_map(path, rows, x, y, panel=None, title=""):
-    """Draw where a method converges, and with how many iterations, over two parameters; a panel per value of a third.
-
-    Failed runs are grey with the t they reached and the first word of their verdict.
-    """
-    panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
-    columns, lines = (list(dict.fromkeys(row[name] for row in rows)) for name in (x, y))
-    figure = Figure(figsize=(1.5 + (1 + 0.75 * len(columns)) * len(panels), 1.6 + 0.5 * len(lines)))
-    counts = [row["iterations"] for row in rows if row["converged"] is True]
-    norm = LogNorm(min(counts, default=1), max([*counts, 2]))
-    for number, value in enumerate(panels):
-        axes = figure.add_subplot(1, len(panels), number + 1)
-        values = np.full((len(lines), len(columns)), np.nan)
-        for row in rows:
-            if panel and row[panel] != value:
-                continue
-            i, j = lines.index(row[y]), columns.index(row[x])
-            if row["converged"] is True:
-                values[i, j] = row["iterations"]
-                cut = f"\n{row['cut_backs']:g} cuts" if row["cut_backs"] else ""
-                dark = norm(row["iterations"]) > 0.6
-                text, colour = f"{row['iterations']:g}{cut}", "white" if dark else "black"
-            else:
-                reached = f"{row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else "0"
-                text, colour = f"× t={reached}\n{' '.join(str(row['verdict']).split()[:2])[:14]}", "black"
-            axes.text(j, i, text, ha="center", va="center", fontsize=6, color=colour)
-        axes.set_facecolor("lightgrey")
-        picture = axes.imshow(values, norm=norm, cmap="cividis_r", origin="lower", aspect="auto")
-        axes.set_xticks(range(len(columns)), [_label(c) for c in columns], fontsize=8)
-        axes.set_yticks(range(len(lines)), [_label(line) for line in lines] if number == 0 else [], fontsize=8)
-        axes.set_xlabel(x.replace("_", " "))
-        if number == 0:
-            axes.set_ylabel(y.replace("_", " "))
-        axes.set_title(_label(value) if panel else title, fontsize=9)
-    figure.colorbar(picture, ax=figure.axes, label="Newton iterations (grey: failed)")
-    if panel:
-        figure.suptitle(title, fontsize=10)
-    figure.savefig(path, dpi=150, bbox_inches="tight")
-
-
-def _label(value):
-    return f"{value:g}" if isinstance(value, float | int) and not isinstance(value, bool) else str(value)
+def lasting(rows, base, panels, tolerance):
+    """The rows from which on every curve that holds them stays within `tolerance`: not those where errors just cancel."""
+    curves = [of_curve(rows, base, values) for panel in panels.values() for values in panel.values()]
+    lost = [
+        row
+        for curve in curves
+        for i, row in enumerate(curve)
+        if not all(r["converged"] is True and r["error"] <= tolerance for r in curve[i:])
+    ]
+    return [row for row in rows if not any(row is other for other in lost)]
 
 
 def slope(sizes, errors):
     """Observed order: the slope of log error over log size by least squares."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
+
+
+def hold_slope(what, sizes, errors, expected, within):
+    """A sentence with the observed order; StudyError where it is not `expected` within a tolerance."""
+    found = slope(sizes, errors)
+    if not abs(found - expected) <= within:
+        raise StudyError(f"{what}: order {found:.2f}, theory says {expected:g} (errors {np.array(errors)})")
+    return f"{what}: observed order {found:.2f}, theory {expected:g}"
+
+
+def _unit(rows, base):
+    """Seconds of the baseline run, whose time is 1."""
+    found = of_curve(rows, base, {})
+    if not found or found[0]["converged"] is not True:
+        raise StudyError(f"the baseline {base} has no converged run")
+    return _seconds(found[0])
+
+
+def answer(rows, base, panels, parameters):
+    """In one sentence, what to choose for each of AIMS: of the lasting runs within a tenth of the fastest one's time the
+    one nearest to the baseline."""
+    rows = medians(rows, parameters)
+    unit, parts = _unit(rows, base), []
+    for aim in AIMS:
+        good = lasting(rows, base, panels, aim)
+        fastest = cheapest(good, aim)
+        if fastest is None:
+            tight = sorted(row["error"] for row in rows if row["converged"] is True)
+            best = next(row for error in tight if (row := cheapest(lasting(rows, base, panels, error), error)))
+            parts.append(
+                f"for {aim:.1%} no run suffices for sure, the best has {best['error']:.2%} with {_words(best, base)}"
+            )
+            continue
+        near = [row for row in good if row["error"] <= aim and _seconds(row) <= 1.1 * _seconds(fastest)]
+        row = min(near, key=lambda row: (sum(row[key] != base[key] for key in base), _seconds(row)))
+        ratio = _seconds(row) / unit
+        parts.append(
+            f"for {aim:.1%} choose {_words(row, base)} (error {row['error']:.2%}, {ratio:.2f} of the baseline's time)"
+        )
+    return "; ".join(parts)
+
+
+def _words(row, base):
+    """What sets a run apart from the baseline."""
+    changed = [f"{key.replace('_', ' ')} {short(row[key])}" for key in base if row[key] != base[key]]
+    return ", ".join(changed) or "the baseline"
+
+
+def work_precision(path, rows, base, panels, title="", parameters=(), quantity="relative error"):
+    """Draw log error against log time over the baseline's time, a panel for each question; returns the Pareto front's rows.
+
+    path: picture; rows: of a study; base, panels: as given to `expand`; parameters: the study's, for medians over repeats.
+    The front of all panels is grey; beside each point stands the value of the curve's first parameter.
+    """
+    rows = medians(rows, parameters)
+    unit = _unit(rows, base)
+    good = [r for r in rows if r["converged"] is True and r["error"] > 0.0]
+    front = pareto([(_seconds(r) / unit, r["error"]) for r in good])
+    across = min(len(panels), 2)
+    figure = Figure(figsize=(5.6 * across, 4.1 * -(-len(panels) // across)), layout="constrained")
+    axes = figure.subplots(-(-len(panels) // across), across, sharex=True, sharey=True, squeeze=False).ravel()
+    for axis in axes[len(panels) :]:
+        axis.set_visible(False)
+    for axis, (name, curves) in zip(axes, panels.items(), strict=False):
+        steps = np.transpose([(_seconds(good[i]) / unit, good[i]["error"]) for i in front])
+        axis.step(*steps, where="post", color="black", linewidth=6, alpha=0.12, zorder=0)
+        _curves(axis, good, base, curves, unit)
+        axis.set_title(name, fontsize=10)
+        axis.set_xlabel("time / time of the baseline (★)")
+        axis.set_ylabel(quantity)
+        axis.tick_params(labelbottom=True, labelleft=True)
+    words = textwrap.wrap(f"{title}. Grey: no run is both faster and better", 60 * across)
+    figure.suptitle("\n".join(words), fontsize=10)
+    figure.savefig(path, dpi=110)
+    return [good[i] for i in front]
+
+
+def _curves(axis, good, base, curves, unit):
+    ends = []
+    for number, (label, values) in enumerate(curves.items()):
+        mine = of_curve(good, base, values)
+        if not mine:
+            ends.append((label + ": none converged", None, COLOURS[number]))
+            continue
+        first = next(iter(values))
+        points = [(_seconds(r) / unit, r["error"]) for r in mine]
+        axis.loglog(*np.transpose(points), color=COLOURS[number], marker=MARKERS[number], markersize=5, linewidth=1.2)
+        for place, row in zip(points, mine, strict=True):
+            axis.annotate(short(row[first]), place, xytext=(3, 3), textcoords="offset points", fontsize=6.5,
+                          color=COLOURS[number])  # fmt: skip
+        ends.append((label, max(points), COLOURS[number]))
+    star = of_curve(good, base, {})
+    if star:
+        axis.loglog(1.0, star[0]["error"], "*", color="black", markersize=11, zorder=5)
+    for aim in AIMS:
+        axis.axhline(aim, color="grey", linewidth=0.6, linestyle=":")
+    axis.margins(0.08)
+    axis.grid(which="major", linewidth=0.3)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    _label_ends(axis, ends)
+
+
+def _label_ends(axis, ends):
+    """Names of the curves in a column at the right, in the order of their ends and apart from one another."""
+    low, high = np.log(axis.get_ylim())
+    heights = [(np.log(end[1]) - low) / (high - low) if end else 0.0 for _, end, _ in ends]
+    order, gap = np.argsort(heights), 0.055
+    places = np.array(heights)[order]
+    for i in range(1, len(places)):
+        places[i] = max(places[i], places[i - 1] + gap)
+    places -= max(0.0, places[-1] - 0.98)
+    for i in range(len(places) - 1, 0, -1):
+        places[i - 1] = min(places[i - 1], places[i] - gap)
+    for place, i in zip(places, order, strict=True):
+        label, end, colour = ends[i]
+        line = {"arrowstyle": "-", "color": colour, "linewidth": 0.5, "alpha": 0.6} if end else None
+        axis.annotate(label, end or (1.0, place), xycoords="data" if end else "axes fraction", xytext=(1.02, place),
+                      textcoords="axes fraction", color=colour, fontsize=8, va="center", arrowprops=line)  # fmt: skip
+
+
+def savings(path, rows, pairs, parameters=(), title=""):
+    """Draw what economies buy: for each the time of the frugal run over the full one's, and the error it adds.
+
+    pairs: {words: (parameters of the full run, parameters of the frugal one)}. Returns a sentence for each.
+    """
+    rows = medians(rows, parameters)
+    figure = Figure(figsize=(8.2, 0.9 + 0.5 * len(pairs)), layout="constrained")
+    axis, sentences = figure.add_subplot(), []
+    for place, (words, runs) in enumerate(reversed(pairs.items())):
+        full, frugal = (of_curve(rows, run, {})[0] for run in runs)
+        if not (full["converged"] is True and frugal["converged"] is True):
+            raise StudyError(f"{words}: a run did not converge")
+        ratio, added = _seconds(frugal) / _seconds(full), abs(frugal["value"] / full["value"] - 1)
+        share = f"{added:.2%}" if added >= 5e-5 else "< 0.01 %"
+        axis.barh(place, ratio, color=COLOURS[0] if ratio < 1.0 else COLOURS[1], height=0.55)
+        axis.annotate(f" {ratio:.2f} × the time, force differs by {share}", (ratio, place), va="center", fontsize=8,
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
+        sentences.append(f"{words}: {ratio:.2f} of the time, force differs by {share}")
+    axis.set_yticks(range(len(pairs)), reversed(pairs), fontsize=8)
+    axis.axvline(1.0, color="black", linewidth=0.8, zorder=0)
+    axis.set_xlim(0.0, 1.9 * max(1.0, axis.get_xlim()[1]))
+    axis.set_xlabel("time of the frugal run / time of the full one (1: nothing gained)")
+    axis.set_title(title, fontsize=10)
+    figure.savefig(path, dpi=110)
+    return sentences[::-1]

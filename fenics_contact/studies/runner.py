@@ -10,6 +10,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,16 +18,31 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 
-# What a run leaves beside its parameters; empty where it does not apply.
+# What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
 METRICS = (
     "error", "value", "converged", "verdict", "t_reached", "iterations", "cut_backs", "unknowns", "seconds",
-    "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
+    "busy", "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
 )  # fmt: skip
 
 
 def grid(**values):
     """All combinations of the parameters' values, as a list of dicts."""
     return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
+
+
+def expand(base, panels):
+    """The runs of a work-precision chart, each once: `base` and, from it, what its curves vary.
+
+    panels: {title: {label of a curve: {parameter: values}}}; several parameters of a curve make a grid.
+    """
+    varied = [base | run for curves in panels.values() for values in curves.values() for run in grid(**values)]
+    return list({json.dumps(run): run for run in [base, *varied]}.values())
+
+
+def of_curve(rows, base, values):
+    """The rows of a curve: equal to `base` in all that the curve does not vary, in the order of its values."""
+    wanted = [base | run for run in grid(**values)]
+    return [row for run in wanted for row in rows if all(row.get(key) == run[key] for key in run)]
 
 
 def metrics(result, error=float("nan"), value=float("nan")):
@@ -65,7 +81,8 @@ class Study:
 
     case: function of JSON values that returns `metrics(...)`, at the top level of an importable file; runs: list of its
     keyword arguments, where `processes` is the number of MPI processes and not given to it; repeats: runs of each, for
-    medians of times; limit: seconds after which a run counts as failed.
+    medians of times; limit: seconds after which a run counts as failed; shared: one process for run after run until one
+    fails in it, which saves each its start but makes memory_MB the largest of them.
     """
 
     name: str
@@ -73,60 +90,122 @@ class Study:
     runs: list
     repeats: int = 1
     limit: float = 600.0
+    shared: bool = False
     parameters: list = field(init=False)
+    _worker: object = field(init=False, default=None)
 
     def __post_init__(self):
         self.parameters = list(dict.fromkeys(key for run in self.runs for key in run))
         if clash := set(self.parameters) & set(METRICS) - {"processes"}:
             raise ValueError(f"study '{self.name}': parameter '{clash.pop()}' has the name of a metric; rename it")
 
-    def run(self, folder, progress=True):
-        """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun."""
+    def run(self, folder, progress=True, isolated=True):
+        """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
+
+        isolated: each run and its repeats in a process of their own; else all in this one, which saves seconds per run but
+        where nothing catches a crash, and `processes` is 1. What failed once is not repeated.
+        """
         path = Path(folder) / f"{self.name}.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
-        done = {self._key(row) for row in read(path)} if path.exists() else set()
-        todo = [
-            run | {"repeat": i}
-            for i in range(self.repeats)
-            for run in self.runs
-            if self._key(run | {"repeat": i}) not in done
-        ]
-        for parameters in tqdm(todo, desc=self.name, disable=not progress):
-            row = {key: parameters.get(key, "") for key in [*self.parameters, "repeat"]} | self._measure(parameters)
-            new = not path.exists()
-            with open(path, "a", newline="") as file:
-                writer = csv.DictWriter(file, columns, extrasaction="ignore")
-                if new:
-                    writer.writeheader()
-                writer.writerow(row)
+        before = read(path) if path.exists() else []
+        done = {self._key(row) for row in before}
+        failed = {self._key(row, False) for row in before if row["converged"] is not True}
+        todo = []
+        for run in self.runs:
+            missing = [i for i in range(self.repeats) if self._key(run | {"repeat": i}) not in done]
+            if missing and self._key(run, False) not in failed:
+                todo.append((run, missing))
+        measure = self._measure if isolated else self._measure_here
+        for run, missing in tqdm(todo, desc=self.name, disable=not progress):
+            parameters = {key: run.get(key, "") for key in self.parameters}
+            self._write(path, [parameters | row for row in measure(run, len(missing))], missing)
+        self._worker = self._worker and self._worker.end()
         return path
 
-    def _key(self, row):
-        return tuple(str(row.get(name, "")) for name in [*self.parameters, "repeat"])
+    def _write(self, path, rows, numbers):
+        columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
+        new = not path.exists()
+        if not new:  # an older file keeps its columns
+            with open(path, newline="") as file:
+                columns = next(csv.reader(file))
+        with open(path, "a", newline="") as file:
+            writer = csv.DictWriter(file, columns, extrasaction="ignore")
+            if new:
+                writer.writeheader()
+            for row, number in zip(rows, numbers, strict=False):
+                writer.writerow(row | {"repeat": number} | _here())
 
-    def _measure(self, parameters):
-        """Metrics of one run in its own process; a run that dies or takes too long is a row with its reason."""
-        arguments = {k: v for k, v in parameters.items() if k not in ("repeat", "processes")}
-        processes = int(parameters.get("processes", 1))
-        here = {"machine": _machine(), "versions": " ".join(f"{k} {v}" for k, v in compat.versions().items())}
+    def mine(self, rows):
+        """The rows that belong to this study's runs as they are stated now."""
+        wanted = {self._key(run | {"repeat": i}) for run in self.runs for i in range(self.repeats)}
+        return [row for row in rows if self._key(row) in wanted]
+
+    def _key(self, row, with_repeat=True):
+        return tuple(str(row.get(name, "")) for name in [*self.parameters, *["repeat"] * with_repeat])
+
+    def _measure(self, run, repeats):
+        """Metrics of a run's repeats in another process; one that dies or takes too long is a row with its reason."""
+        processes = int(run.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
-            answer = Path(scratch) / "metrics.json"
-            task = json.dumps([inspect.getfile(self.case), self.case.__name__, arguments, str(answer)])
-            command = [sys.executable, "-m", "fenics_contact.studies.worker", task]
+            answer, limit = Path(scratch) / "metrics.json", repeats * self.limit
+            task = json.dumps([inspect.getfile(self.case), self.case.__name__, _arguments(run), repeats, str(answer)])
             if processes > 1:
-                command = ["mpirun", "-n", str(processes), *command]
-            # the environment as this process found it: a started MPI library would pass its own on to mpirun
-            try:
-                ended = subprocess.run(
-                    command, env=os.environ.copy(), timeout=self.limit, capture_output=True, text=True, check=False
-                )
-                reason = (ended.stderr.strip().splitlines() or [f"exit {ended.returncode}"])[-1]
-            except subprocess.TimeoutExpired:
-                reason = f"no end within {self.limit:g} s"
+                self._worker = self._worker and self._worker.end()
+            self._worker = self._worker or _Worker(processes, task)
+            reason = self._worker.do(task, answer, limit)
+            if reason or processes > 1 or not self.shared:
+                self._worker = self._worker.end()
             if not answer.exists():
-                return {"converged": False, "verdict": f"stopped: {reason}", "processes": processes} | here
-            return json.loads(answer.read_text()) | here
+                return [{"converged": False, "verdict": f"stopped: {reason}", "processes": processes}]
+            return json.loads(answer.read_text())
+
+    def _measure_here(self, run, repeats):
+        return [self.case(**_arguments(run)) for _ in range(repeats)]
+
+
+class _Worker:
+    """A process that does tasks given as lines, or several processes that do one task: mpirun feeds lines to the first."""
+
+    def __init__(self, processes, task):
+        command = [sys.executable, "-m", "fenics_contact.studies.worker", "-"]
+        self.single = processes > 1
+        if self.single:
+            command = ["mpirun", "-n", str(processes), *command[:-1], task]
+        self.errors = tempfile.TemporaryFile("w+")
+        # the environment as this process found it: a started MPI library would pass its own on to mpirun
+        self.process = subprocess.Popen(
+            command, env=os.environ.copy(), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self.errors, text=True
+        )
+
+    def do(self, task, answer, limit):
+        """Wait for the answer's file; returns why there is none."""
+        if not self.single:
+            self.process.stdin.write(task + "\n")
+            self.process.stdin.flush()
+        end = time.monotonic() + limit
+        while not answer.exists():
+            if self.process.poll() is not None and not answer.exists():
+                self.errors.seek(0)
+                return (self.errors.read().strip().splitlines() or [f"exit {self.process.returncode}"])[-1]
+            if time.monotonic() > end:
+                return f"no end within {limit:g} s"
+            time.sleep(0.02)
+        return None
+
+    def end(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.wait()
+        self.process.stdin.close()
+        self.errors.close()
+
+
+def _arguments(run):
+    return {key: value for key, value in run.items() if key != "processes"}
+
+
+def _here():
+    return {"machine": _machine(), "versions": " ".join(f"{k} {v}" for k, v in compat.versions().items())}
 
 
 def _machine():

@@ -1,26 +1,36 @@
-"""Runs one case of a study: `python -m fenics_contact.studies.worker '[file, function, arguments, answer]'`."""
+"""Runs cases of a study: `python -m fenics_contact.studies.worker TASK`, or `-` for a task on each line of its input.
+
+TASK: '[file, function, arguments, repeats, answer]' in JSON; `answer` is the file for the list of metrics.
+"""
 
 import importlib.util
 import json
+import os
 import sys
+import time
 
 from mpi4py import MPI
 
 
-def main():
-    file, name, arguments, answer = json.loads(sys.argv[1])
+def run(file, name, arguments, repeats, answer):
     spec = importlib.util.spec_from_file_location("study_case", file)
     module = importlib.util.module_from_spec(spec)
     sys.modules["study_case"] = module
     spec.loader.exec_module(module)
+    found = []
     try:
-        found = getattr(module, name)(**arguments)
+        while len(found) < repeats and all(one["converged"] for one in found):
+            wall, busy = time.perf_counter(), time.process_time()
+            found.append(getattr(module, name)(**arguments))
+            found[-1]["busy"] = (time.process_time() - busy) / (time.perf_counter() - wall)
     except ValueError as refusal:  # a scene refused before it starts is an answer too
-        found = {"converged": False, "verdict": f"refused: {refusal}"}
+        found.append({"converged": False, "verdict": f"refused: {refusal}"})
     if MPI.COMM_WORLD.rank == 0:
-        with open(answer, "w") as file:
-            json.dump(found, file, default=float)
+        with open(f"{answer}.part", "w") as out:
+            json.dump(found, out, default=float)
+        os.replace(f"{answer}.part", answer)  # whole or not at all
 
 
 if __name__ == "__main__":
-    main()
+    for task in sys.stdin if sys.argv[1] == "-" else sys.argv[1:]:
+        run(*json.loads(task))

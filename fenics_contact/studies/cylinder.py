@@ -1,0 +1,87 @@
+"""Rubber cylinder squeezed between frictionless plates, plane strain: force per depth against independent references."""
+
+from fenics_contact.contact.tools import rigid_plane
+from fenics_contact.materials import mooney_rivlin
+from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.run import solve
+from fenics_contact.scene import Body, Scene
+from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.runner import Study, expand, metrics
+from fenics_contact.targets import Load
+from meshes import disc
+
+# (radius mm, a1, a2, K MPa, squeeze in all mm, force N/mm): classical Mooney-Rivlin, references of other codes
+RUBBERS = {"soft": (20.0, 0.1863, 0.0098, 5.0, 6.4, 4.5622), "stiff": (200.0, 0.293, 0.177, 1423.93, 40.0, 60.15)}
+
+BASE = {"cells": 8, "degree": 1, "element": "displacement", "rubber": "soft", "points": "nodes", "factor": 100.0,
+        "method": "newton", "steps": 8, "linear": "direct", "processes": 1}  # fmt: skip
+STIFF = {"rubber": ["stiff"]}
+PANELS = {
+    "mesh (cells per block), degree and element": {
+        "degree 1": {"cells": [4, 8, 16, 32]},
+        "degree 1, reduced": {"cells": [4, 8, 16], "element": ["reduced"]},
+        "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"]},
+        "degree 2": {"cells": [4, 8], "degree": [2]},
+    },
+    "the same for rubber of K/μ = 1515": {
+        "degree 1": {"cells": [4, 8, 16], "element": ["locking"], **STIFF},
+        "degree 1, reduced": {"cells": [4, 8, 16], "element": ["reduced"], **STIFF},
+        "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"], **STIFF},
+        "degree 2": {"cells": [4, 8], "degree": [2], **STIFF},
+        "degree 2, mixed": {"cells": [4, 8], "degree": [2], "element": ["mixed"], **STIFF},
+    },
+    "method (number of steps) on 8 cells": {
+        "Newton": {"steps": [1, 2, 4, 8, 16]},
+        "incremental": {"steps": [8, 16, 32], "method": ["incremental"]},
+        "SNES": {"steps": [8], "method": ["snes"]},
+        "arc length": {"steps": [8], "method": ["arc_length"]},
+    },
+    "penalty (factor on E/h), contact points, on 16 cells": {
+        "nodes": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0], "cells": [16]},
+        "2 × 2 Gauss points": {"factor": [10.0, 100.0], "points": [2], "cells": [16]},
+        "3 × 3 Gauss points": {"factor": [10.0, 100.0, 1000.0], "points": [3], "cells": [16]},
+    },
+}
+QUICK = {"all": {"mesh": {"cells": [4, 8, 16], "points": [3]}, "penalty": {"factor": [10.0, 100.0, 1000.0]}}}
+PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+TITLE = "Rubber cylinder between plates; baseline: 3 blocks of 8 × 8 cells, nodes, penalty 100 E/h, 8 Newton steps"
+
+
+def cylinder(cells, degree, element, rubber, points, factor, method, steps, linear, layers=1, length=1.0, free_end=False):
+    """Error of the force per depth on a quarter of the cylinder. element "locking": plain displacement, though it locks.
+
+    layers, length, free_end: a 3-D cylinder of that length [mm] between symmetry planes, or with one end free.
+    """
+    radius, a1, a2, K, squeeze, reference = RUBBERS[rubber]
+    locking, element = element == "locking", "displacement" if element == "locking" else element
+    mesh = read_gmsh(disc.build, radius=radius, depth=length, cells=cells, layers=layers)
+    body = Body(mesh, "disc", mooney_rivlin(a1, a2, K))
+    scene = Scene(body, degree=degree, element=element, accept_locking=locking)
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_z", "z")
+    scene.fix(("front",) if free_end else ("front", "back"), "y")
+    plate = rigid_plane((0, 0, radius), (0, 0, -1.0))
+    scene.contact("rim", plate, points=points, penalty_factor=factor, name="rim")
+    arc = {"until": Load(1.0)} if method == "arc_length" else {}
+    result = solve(
+        scene,
+        move={plate: (0, 0, -squeeze / 2)},
+        method=method,
+        steps=steps,
+        linear=linear,
+        progress=False,
+        **arc,
+    )
+    force = -2 * result.history[-1]["rim_force_z_N"] / length if result.history else float("nan")
+    return metrics(result, error=abs(force / reference - 1), value=force)
+
+
+def studies(quick):
+    return [Study("cylinder", cylinder, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
+
+
+def report(rows, charts, quick):
+    """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
+    rows, keys, (base, panels) = rows["cylinder"], list(BASE), PLANS[quick]
+    work_precision(charts / "cylinder.png", rows, base, panels, TITLE, keys, "error of the force")
+    return [answer(rows, base, panels, keys)]

@@ -1,0 +1,84 @@
+"""Exact solutions that studies compare with: radial problems of rubber, and half-spaces under concentrated loads."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+A1, A2 = 0.1863, 0.0098  # Mooney's constants of the paper [MPa]
+TINY = 1e-30  # derivatives by a complex step this small are exact
+
+
+class Radial:
+    """Spheres and, in plane strain, tubes of the paper's Mooney energy (22) that deform radially.
+
+    kind: "sphere" or "tube"; K: bulk modulus [MPa]. Lengths in mm, stresses in MPa.
+    """
+
+    def __init__(self, kind, K):
+        self.hoops, self.K = {"sphere": 2, "tube": 1}[kind], K
+
+    def nominal(self, radial, hoop):
+        """Nominal stresses (radial, hoop) at principal stretches."""
+        other = hoop if self.hoops == 2 else 1.0
+        J = radial * hoop * other
+        B = np.array([radial**2, hoop**2, other**2 + 0.0 * J]) * J ** (-2 / 3)
+        tau = 2 * A1 * (B - B.sum() / 3) + 4 * A2 * (B**2 - (B**2).sum() / 3) + self.K * J * (J - 1)
+        return tau[0] / radial, tau[1] / hoop
+
+    def through(self, wall, inside, radial):
+        """Integrate dP/dR = hoops (Q - P) / R over the wall (inner, outer radius) from the deformed inner radius and the
+        radial stretch there: deformed outer radius and the Cauchy radial stress at both surfaces."""
+
+        def slope(R, y):
+            hoop = y[0] / R
+            P, Q = self.nominal(y[1], hoop)
+            by_radial = self.nominal(y[1] + 1j * TINY, hoop)[0].imag / TINY
+            by_hoop = self.nominal(y[1], hoop + 1j * TINY)[0].imag / TINY
+            return y[1], (self.hoops * (Q - P) - by_hoop * (y[1] - hoop)) / (R * by_radial)
+
+        ends = solve_ivp(slope, wall, (inside, radial), rtol=1e-10, atol=1e-12).y[:, [0, -1]]
+        cauchy = [self.nominal(s, r / R)[0] * (R / r) ** self.hoops for R, (r, s) in zip(wall, ends.T, strict=True)]
+        return ends[0, 1], *cauchy
+
+    def solve(self, wall, inside, outer_pressure=lambda outside: 0.0):
+        """(pressure inside, deformed outer radius) at a deformed inner radius; outer_pressure: function of outer radius."""
+
+        def unbalanced(radial):
+            outside, _, stress = self.through(wall, inside, radial)
+            return stress + outer_pressure(outside)
+
+        membrane = brentq(lambda s: self.nominal(s, inside / wall[0])[0], 0.05, 1.5)  # of a wall without thickness
+        outside, stress, _ = self.through(wall, inside, brentq(unbalanced, 0.75 * membrane, 1.2 * membrane, xtol=1e-13))
+        return -stress, outside
+
+
+def boussinesq(P, E, nu):
+    """Displacement (n, 3) of a half-space z < 0 under a point load P pressing down at the origin (Johnson 1985, 3.18)."""
+    G = E / (2 * (1 + nu))
+
+    def field(X):
+        x, y, z = X[:, 0], X[:, 1], -X[:, 2]
+        rho = np.sqrt(x**2 + y**2 + z**2)
+        radial = z / rho**3 - (1 - 2 * nu) / (rho * (rho + z))
+        down = z**2 / rho**3 + 2 * (1 - nu) / rho
+        return P / (4 * np.pi * G) * np.column_stack([x * radial, y * radial, -down])
+
+    return field
+
+
+def flamant(P, E, nu):
+    """Displacement of a half-space z < 0 under a line load P per length along y (Johnson 1985, 2.19, C1 = C2 = C3 = 0)."""
+    big, small = P * (1 - nu**2) / (np.pi * E), P * (1 + nu) / (np.pi * E)
+
+    def field(X):
+        x, z = X[:, 0], -X[:, 2]
+        rho, angle = np.hypot(x, z), np.arctan2(x, z)
+        ur = -2 * big * np.cos(angle) * np.log(rho) - small * (1 - 2 * nu) * angle * np.sin(angle)
+        ut = 2 * big * np.sin(angle) * np.log(rho) + small * (
+            2 * nu * np.sin(angle) - (1 - 2 * nu) * (angle * np.cos(angle) - np.sin(angle))
+        )
+        side = ur * np.sin(angle) + ut * np.cos(angle)
+        down = ur * np.cos(angle) - ut * np.sin(angle)
+        return np.column_stack([side, 0 * side, -down])
+
+    return field

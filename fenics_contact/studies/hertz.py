@@ -1,0 +1,103 @@
+"""Hertz's contacts of a rigid sphere or cylinder with a half-space, at small strain: the force against the closed form.
+
+The half-space is a block whose far faces are led along the displacement of a point (Boussinesq) or line (Flamant) load of
+Hertz's force, the exact far field up to O((a / far)^2) of itself.
+"""
+
+import numpy as np
+
+from fenics_contact.contact.tools import rigid_cylinder, rigid_sphere
+from fenics_contact.materials import from_elastic
+from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.run import solve
+from fenics_contact.scene import Body, Scene
+from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.exact import boussinesq, flamant
+from fenics_contact.studies.runner import Study, expand, metrics
+from meshes import graded_block
+
+E, NU = 1000.0, 0.3  # MPa
+STAR = E / (1 - NU**2)
+R, A = 100.0, 1.0  # tool radius and half-width of the contact [mm]: strains of A / R = 1 %
+FAR, DEPTH = 8.0, 0.1  # [mm]: far faces, thickness of the slice under the cylinder
+
+BASE = {"tool": "cylinder", "cells": 12, "degree": 1, "points": "nodes", "factor": 100.0, "method": "newton", "steps": 2,
+        "linear": "direct", "processes": 1}  # fmt: skip
+MESHES = [4, 6, 8, 12, 24]
+SPHERE = {"tool": ["sphere"]}
+PANELS = {
+    "cylinder: mesh (cells per 1.5 contact widths)": {
+        "nodes": {"cells": MESHES},
+        "2 × 2 Gauss points": {"cells": [4, 8, 12], "points": [2]},
+        "3 × 3 Gauss points": {"cells": [4, 8, 12], "points": [3]},
+        "degree 2, nodes": {"cells": [4, 6, 8], "degree": [2]},
+        "degree 2, 3 × 3": {"cells": [4, 6], "degree": [2], "points": [3]},
+    },
+    "sphere: mesh, linear solver, processes": {
+        "direct": {"cells": [4, 6, 8], **SPHERE},
+        "direct, 2 processes": {"cells": [6, 8], "processes": [2], **SPHERE},
+        "iterative": {"cells": [4], "linear": ["iterative"], **SPHERE},
+        "3 × 3 Gauss points": {"cells": [4, 6], "points": [3], **SPHERE},
+    },
+    "cylinder: method (number of steps)": {
+        "Newton": {"steps": [1, 2, 4]},
+        "incremental": {"steps": [8, 16, 32], "method": ["incremental"]},
+        "SNES": {"steps": [1, 2, 4], "method": ["snes"]},
+    },
+    "cylinder: penalty (factor on E/h)": {
+        "12 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
+        "24 cells": {"factor": [10.0, 100.0, 1000.0], "cells": [24]},
+    },
+}
+QUICK = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}}}
+PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+TITLE = "Hertz; baseline: cylinder, 12 cells of degree 1, nodes, penalty 100 E/h, 2 Newton steps"
+
+
+def hertz(tool, cells, degree, points, factor, method, steps, linear):
+    """Relative error of the force of the tool."""
+    shape, depth, field, exact, mesh = (sphere if tool == "sphere" else cylinder)(cells)
+    scene = Scene(Body(mesh, "block", from_elastic(E, NU)), degree=degree)
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    for face in ("xmax", "ymax", "zmin"):
+        for axis, letter in enumerate("xyz"):
+            if tool == "sphere" or (letter != "y" and face != "ymax"):
+                scene.prescribe(face, letter, lambda X, t, axis=axis: t * field(X)[:, axis])
+    if tool != "sphere":
+        scene.fix("ymax", "y")
+    scene.contact("zmax", shape, points=points, penalty_factor=factor, name="top")
+    result = solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False)
+    force = -result.history[-1]["top_force_z_N"] if result.history else float("nan")
+    return metrics(result, error=abs(force / exact - 1), value=force)
+
+
+def sphere(cells):
+    """Tool, its travel [mm], the far field, the exact force [N] on a quarter, and the mesh."""
+    depth = A**2 / R
+    force = 4 / 3 * STAR * np.sqrt(R) * depth**1.5
+    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.35)
+    return rigid_sphere(R, (0, 0, R)), depth, boussinesq(force, E, NU), force / 4, mesh
+
+
+def cylinder(cells):
+    """The same for half of a slice under a cylinder."""
+    P = np.pi * STAR * A**2 / (4 * R)  # a = 2 sqrt(P R / (pi E*))
+    # the travel against the same far field: Hertz's pressure folded with Flamant's surface displacement
+    depth = 2 * P / (np.pi * STAR) * (0.5 - np.log(A / 2)) - P * (1 + NU) / (np.pi * E)
+    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.2, depth=DEPTH)
+    return rigid_cylinder(R, (0, 0, R)), depth, flamant(P, E, NU), DEPTH * P / 2, mesh
+
+
+def studies(quick):
+    return [Study("hertz", hertz, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
+
+
+def report(rows, charts, quick):
+    """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
+    rows, keys, (base, panels) = rows["hertz"], list(BASE), PLANS[quick]
+    work_precision(charts / "hertz.png", rows, base, panels, TITLE, keys, "error of the force")
+    bases = {"cylinder": base} | ({} if quick else {"sphere": base | {"tool": "sphere", "cells": 8}})
+    return [
+        f"{tool}: {answer([row for row in rows if row['tool'] == tool], star, panels, keys)}" for tool, star in bases.items()
+    ]

@@ -1,0 +1,78 @@
+"""Sharp square punch on a rubber plate with friction: force at 2 mm against the finest run of the same sweep."""
+
+from fenics_contact.contact.tools import rigid_punch
+from fenics_contact.materials import mooney_rivlin
+from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.run import solve
+from fenics_contact.scene import Body, Scene
+from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.runner import Study, expand, metrics
+from fenics_contact.targets import Load
+from meshes import punch_plate
+
+BASE = {"cells": 10, "degree": 1, "element": "displacement", "friction": 0.3, "points": "nodes", "factor": 100.0,
+        "share": 0.1, "method": "newton", "steps": 5, "linear": "direct", "processes": 1}  # fmt: skip
+# as fine as a minute allows, with a penalty whose compliance no longer counts
+FINEST = BASE | {"cells": 8, "degree": 2, "factor": 1000.0}
+PANELS = {
+    "mesh (cells under the punch), degree and element": {
+        "degree 1": {"cells": [4, 6, 8, 10, 14]},
+        "degree 1, mixed": {"cells": [4, 6, 10], "element": ["mixed"]},
+        "degree 2": {"cells": [3, 4, 6], "degree": [2]},
+    },
+    "method (number of steps) on 10 cells": {
+        "Newton": {"steps": [1, 2, 5, 10]},
+        "incremental": {"steps": [10, 20, 40], "method": ["incremental"]},
+        "SNES": {"steps": [5], "method": ["snes"]},
+        "arc length": {"steps": [5], "method": ["arc_length"]},
+    },
+    "penalty (factor on E/h) and contact points": {
+        "nodes, εT = 0.1 εN": {"factor": [1.0, 10.0, 100.0, 1000.0]},
+        "nodes, εT = εN": {"factor": [10.0, 100.0], "share": [1.0]},
+        "3 × 3 Gauss points": {"factor": [10.0, 100.0], "points": [3]},
+    },
+    "linear solver and processes (cells)": {
+        "direct": {"cells": [10, 14]},
+        "direct, 2 processes": {"cells": [10], "processes": [2]},
+        "iterative": {"cells": [10, 14], "linear": ["iterative"]},
+        "iterative, 2 processes": {"cells": [10, 14], "linear": ["iterative"], "processes": [2]},
+    },
+}
+QUICK = {"all": {"mesh": {"cells": [4, 6]}, "penalty": {"factor": [1.0, 10.0, 100.0], "cells": [4]}}}
+PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+TITLE = "Sharp punch, friction 0.3; baseline: 10 cells of degree 1 under the punch, nodes, penalty 100 E/h, 5 Newton steps"
+
+
+def punch(cells, degree, element, friction, points, factor, share, method, steps, linear, fillet=0.0):
+    """Force [N] on a quarter of the plate at 2 mm; the error is taken against the finest run when charts are drawn."""
+    scene, tool = punched_plate(cells, friction, points, factor, share, fillet, degree=degree, element=element)
+    arc = {"until": Load(1.0)} if method == "arc_length" else {}
+    result = solve(scene, move={tool: (0, 0, -2.0)}, method=method, steps=steps, linear=linear, progress=False, **arc)
+    return metrics(result, value=-result.history[-1]["top_force_z_N"] if result.history else float("nan"))
+
+
+def punched_plate(cells, friction, points="nodes", factor=100.0, share=0.1, fillet=0.0, **options):
+    """Scene of the plate, 40 x 40 x 10 mm on a frictionless floor it cannot leave, and the punch above it."""
+    sizes = {"inside": cells, "outside": max(2, round(0.8 * cells)), "layers": max(2, cells // 2), "ratio": 1.1}
+    mesh = read_gmsh(punch_plate.build, **sizes)
+    scene = Scene(Body(mesh, "plate", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), **options)
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    scene.fix("bottom", "z")
+    tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10), fillet=fillet)
+    scene.contact("top", tool, friction, points=points, penalty_factor=factor, tangential_share=share, name="top")
+    return scene, tool
+
+
+def studies(quick):
+    runs = expand(*PLANS[quick])
+    finest = BASE | {"cells": 8} if quick else FINEST
+    return [Study("punch", punch, runs, repeats=1 if quick else 3), Study("punch_finest", punch, [finest])]
+
+
+def report(rows, charts, quick):
+    """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
+    (finest,), keys, (base, panels) = rows["punch_finest"], list(BASE), PLANS[quick]
+    rows = [row | {"error": abs(row["value"] / finest["value"] - 1)} for row in rows["punch"]]
+    work_precision(charts / "punch.png", rows, base, panels, TITLE, keys, "error of the force")
+    return [f"reference: {finest['value']:.3f} N with {finest['unknowns']} unknowns", answer(rows, base, panels, keys)]

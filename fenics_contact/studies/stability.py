@@ -1,0 +1,92 @@
+"""Maps of where a method converges, with how many iterations, and where and how it fails."""
+
+import textwrap
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+# What a failed run's field says, by a part of its verdict; the first that fits
+FAILURES = {
+    "inside out": "inverted",
+    "inverted": "inverted",
+    "cycling": "cycling",
+    "too stiff": "too stiff",
+    "rigid-body": "loose",
+    "projection lost": "lost",
+    "out of balance": "diverges",
+    "linear solver": "singular",
+    "passed through": "lost",
+    "refused": "refused",
+    "no end within": "too long",
+    "stopped": "crashed",
+    "limit": "limit point",
+}
+WRONG = "#D55E00"
+
+
+def failure(row):
+    """One or two words for how a run failed."""
+    verdict = str(row["verdict"])
+    return next((words for part, words in FAILURES.items() if part in verdict), " ".join(verdict.split()[:2])[:14])
+
+
+def iterations(row):
+    """The text of a converged run's field."""
+    return f"{row['iterations']:g}" + (f"\n{row['cut_backs']:g} cuts" if row["cut_backs"] else "")
+
+
+def stability_map(path, rows, x, y, panel=None, title="", text=iterations, wrong=lambda row: False, names=None):
+    """Draw where a method converges, and with how many iterations, over two parameters; a panel per value of a third.
+
+    Failed runs are grey with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
+    whether it converged to something wrong, which is framed; names: {parameter: axis label with unit}.
+    """
+    names = names or {}
+    panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
+    columns, lines = (list(dict.fromkeys(row[name] for row in rows)) for name in (x, y))
+    size = 1.9 + (0.4 + 0.72 * len(columns)) * len(panels), 1.9 + 0.46 * len(lines)
+    figure = Figure(figsize=size, layout="constrained")
+    counts = [row["iterations"] for row in rows if row["converged"] is True]
+    norm = LogNorm(min(counts, default=1), max([*counts, 2]))
+    for number, (value, axes) in enumerate(zip(panels, figure.subplots(1, len(panels), squeeze=False)[0], strict=True)):
+        mine = [row for row in rows if panel is None or row[panel] == value]
+        values = np.full((len(lines), len(columns)), np.nan)
+        for row in mine:
+            i, j = lines.index(row[y]), columns.index(row[x])
+            values[i, j] = row["iterations"] if row["converged"] is True else np.nan
+            _field(axes, i, j, row, norm, text, wrong)
+        axes.set_facecolor("lightgrey")
+        picture = axes.imshow(values, norm=norm, cmap="cividis_r", origin="lower", aspect="auto")
+        axes.set_xticks(range(len(columns)), [short(c) for c in columns], fontsize=8)
+        axes.set_yticks(range(len(lines)), [short(line) for line in lines] if number == 0 else [], fontsize=8)
+        axes.set_xlabel(names.get(x, x.replace("_", " ")), fontsize=9)
+        axes.set_title(f"{names.get(panel, panel)}: {short(value)}" if panel else "", fontsize=9)
+    figure.axes[0].set_ylabel(names.get(y, y.replace("_", " ")), fontsize=9)
+    bar = figure.colorbar(picture, ax=figure.axes, label="tangent solves (grey: failed)")
+    even = [m * 10**n for n in range(5) for m in (1, 2, 5) if norm.vmin <= m * 10**n <= norm.vmax]
+    ticks = even if len(even) > 1 else [norm.vmin, norm.vmax]
+    bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
+    bar.ax.minorticks_off()
+    figure.suptitle("\n".join(textwrap.wrap(title, round(11 * size[0]))), fontsize=10)
+    figure.savefig(path, dpi=120)
+
+
+def _field(axes, i, j, row, norm, text, wrong):
+    if row["converged"] is True:
+        words, colour = text(row), "white" if norm(row["iterations"]) > 0.6 else "black"
+        if wrong(row):
+            axes.add_patch(_frame(i, j))
+    else:
+        reached = f"t={row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else ""
+        words, colour = f"× {reached}\n{failure(row)}", "black"
+    axes.text(j, i, words, ha="center", va="center", fontsize=6, color=colour)
+
+
+def _frame(i, j):
+    return Rectangle((j - 0.45, i - 0.42), 0.9, 0.84, fill=False, edgecolor=WRONG, linewidth=2)
+
+
+def short(value):
+    return f"{value:g}" if isinstance(value, float | int) and not isinstance(value, bool) else str(value)

@@ -1,0 +1,102 @@
+"""Nested rubber tubes, two deformable bodies in contact, against the exact solution: at an inner radius of 120 mm."""
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.materials import mooney_paper
+from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.run import solve
+from fenics_contact.scene import Body, Scene
+from fenics_contact.studies.charts import answer, hold_slope, work_precision
+from fenics_contact.studies.exact import A1, A2, Radial
+from fenics_contact.studies.runner import Study, expand, metrics, of_curve
+from fenics_contact.targets import Load
+from meshes import tubes as tube_mesh
+
+INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
+REACH = 120.0  # mm, inner radius under the largest pressure
+
+BASE = {"cells": 48, "points": 3, "factor": 100.0, "element": "displacement", "method": "newton", "steps": 6,
+        "linear": "direct", "processes": 1}  # fmt: skip
+PANELS = {
+    "mesh (cells around a quarter)": {
+        "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
+        "2 × 2 Gauss points": {"cells": [12, 24, 48], "points": [2]},
+        "slave nodes": {"cells": [12, 24, 48], "points": ["nodes"]},
+        "3 × 3, mixed element": {"cells": [12, 24, 48], "element": ["mixed"]},
+    },
+    "method (number of steps)": {
+        "Newton": {"steps": [3, 6, 12]},
+        "incremental": {"steps": [12, 24, 48], "method": ["incremental"]},
+        "SNES": {"steps": [6], "method": ["snes"]},
+        "arc length": {"steps": [6], "method": ["arc_length"]},
+    },
+    "penalty (factor on E/h)": {
+        "on 48 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
+        "on 24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0], "cells": [24]},
+    },
+}
+HARD = 1e4  # factor whose penetration no longer counts
+QUICK = {"all": {"penalty": {"factor": [10.0, 100.0, 1000.0, HARD]}, "mesh": {"cells": [12, 24]}}}
+PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 24}, QUICK)}  # by quick
+TITLE = "Nested tubes, exact solution; baseline: 48 and 36 cells around, 3 × 3 Gauss points, penalty 100 E/h, 6 Newton steps"
+
+
+def tubes(cells, points, factor, element, method, steps, linear):
+    """The larger of the errors of contact pressure and inner displacement, under the pressure that belongs to REACH.
+
+    value: contact pressure [MPa].
+    """
+    exact = Radial("tube", K)
+
+    def outer(radius):
+        return exact.solve(OUTER, radius)[0] if radius > OUTER[0] else 0.0
+
+    pressure, interface = exact.solve(INNER, REACH, outer)
+    depth = 100.0 / cells
+    around = {"inner": (*INNER, cells, max(2, cells // 8)), "outer": (*OUTER, 3 * cells // 4, max(2, cells // 10))}
+    mesh = read_gmsh(tube_mesh.build, tubes=around, depth=depth)
+    rubber = mooney_paper(A1, A2, K)
+    scene = Scene(Body(mesh, "inner", rubber), Body(mesh, "outer", rubber), element=element)
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    scene.fix("ends", "z")
+    scene.pressure("inner_inside", pressure)
+    scene.contact("inner_outside", "outer_inside", points=points, penalty_factor=factor, name="interface")
+    until = {"until": Load(1.0)} if method == "arc_length" else {}
+    result = solve(scene, method=method, steps=steps, linear=linear, progress=False, **until)
+    # the interface's pressure on a quarter of its length is balanced by radius times pressure on a symmetry plane
+    found = -result.history[-1]["interface_force_x_N"] / mean_radius(scene, "outer_inside", result.u) / depth
+    moved = mean_radius(scene, "inner_inside", result.u) - INNER[0]
+    errors = abs(found / outer(interface) - 1), abs(moved / (REACH - INNER[0]) - 1)
+    return metrics(result, error=max(errors), value=found)
+
+
+def mean_radius(scene, group, u):
+    """Mean distance of a surface's nodes from the axis [mm]. Collective."""
+    space, comm = scene.space, scene.mesh.comm
+    nodes = compat.locate_blocks(space, scene.mesh.facets(group))
+    nodes = nodes[nodes < space.dofmap.index_map.size_local]
+    x = space.tabulate_dof_coordinates()[nodes] + u.x.array.reshape(-1, 3)[nodes]
+    total, count = comm.allreduce(np.array([np.hypot(x[:, 0], x[:, 1]).sum(), len(x)]))
+    return total / count
+
+
+def studies(quick):
+    return [Study("tubes", tubes, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
+
+
+def report(rows, charts, quick):
+    """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
+    rows, keys, (base, panels) = rows["tubes"], list(BASE), PLANS[quick]
+    work_precision(charts / "tubes.png", rows, base, panels, TITLE, keys, "error of contact pressure or displacement")
+    hard = of_curve(rows, base | {"factor": HARD}, {})[0]["value"]
+    softer = [of_curve(rows, base | {"factor": f}, {})[0] for f in (10.0, 100.0, 1000.0)]
+    slope = hold_slope(
+        "pressure lost to penetration, over 1 / penalty",
+        [1 / row["factor"] for row in softer],
+        [abs(row["value"] / hard - 1) for row in softer],
+        1,
+        0.1,
+    )
+    return [slope, answer(rows, base, panels, keys)]
