@@ -16,7 +16,7 @@ from meshes import tubes as tube_mesh
 INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
 REACH = 120.0  # mm, inner radius under the largest pressure
 
-BASE = {"cells": 48, "points": 3, "factor": 100.0, "element": "displacement", "method": "newton", "steps": 6,
+BASE = {"cells": 24, "points": 3, "factor": 100.0, "element": "displacement", "method": "newton", "steps": 6,
         "linear": "direct", "processes": 1}  # fmt: skip
 PANELS = {
     "mesh (cells around a quarter)": {
@@ -32,14 +32,14 @@ PANELS = {
         "arc length": {"steps": [6], "method": ["arc_length"]},
     },
     "penalty (factor on E/h)": {
-        "on 48 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
-        "on 24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0], "cells": [24]},
+        "on 24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
+        "on 48 cells": {"factor": [1.0, 10.0, 100.0, 1000.0], "cells": [48]},
     },
 }
 HARD = 1e4  # factor whose penetration no longer counts
 QUICK = {"all": {"penalty": {"factor": [10.0, 100.0, 1000.0, HARD]}, "mesh": {"cells": [12, 24]}}}
 PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 24}, QUICK)}  # by quick
-TITLE = "Nested tubes, exact solution; baseline: 48 and 36 cells around, 3 × 3 Gauss points, penalty 100 E/h, 6 Newton steps"
+TITLE = "Nested tubes, exact solution; baseline: 24 and 18 cells around, 3 × 3 Gauss points, penalty 100 E/h, 6 Newton steps"
 
 
 def tubes(cells, points, factor, element, method, steps, linear):
@@ -69,7 +69,10 @@ def tubes(cells, points, factor, element, method, steps, linear):
     found = -result.history[-1]["interface_force_x_N"] / mean_radius(scene, "outer_inside", result.u) / depth
     moved = mean_radius(scene, "inner_inside", result.u) - INNER[0]
     errors = abs(found / outer(interface) - 1), abs(moved / (REACH - INNER[0]) - 1)
-    return metrics(result, error=max(errors), value=found)
+    row = metrics(result, error=max(errors), value=found)
+    if result.converged and found <= 0.0:  # no contact where there must be: not an answer, whatever the solver says
+        row |= {"converged": False, "verdict": "passed through unnoticed", "error": float("nan")}
+    return row
 
 
 def mean_radius(scene, group, u):
