@@ -135,11 +135,23 @@ class DeformableContact(SlavePoints):
         """Depth [length] of the deepest slave point inside the master that is too deep to have a partner, else zero.
 
         A Newton step that carries bodies through each other by more than the search distance ends in such a state, which
-        looks like an open contact. Collective.
+        looks like an open contact. Beyond the first search's distance a point counts if it was in front of the master when
+        the last state was accepted: no point can be deeper than the bodies have moved since. Collective.
         """
         unpaired = self._project(state)[2][1] == NONE
-        gaps = self._first_projection(state)[1][4][unpaired]
-        return -min(comm.allgather(gaps.min(initial=0.0)))
+        gaps = self._first_projection(state)[1][4]
+        moved = max(comm.allgather(sum(np.abs(now - then).max(initial=0.0) for now, then in self._moved(state))))
+        reach = self.search + np.sqrt(3.0) * moved
+        if reach > FIRST_SEARCH * self.search:
+            now, then = self._positions(state), self._places
+            far, before = (self._pairing.far(points, normals, coords, reach) for coords, points, normals in (now, then))
+            gaps = np.where((before[1] != NONE) & (before[4] > -self.touch), np.minimum(gaps, far[4]), gaps)
+        return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+
+    def _moved(self, state):
+        """Positions now and at the last accepted state, of slave nodes and of master nodes."""
+        coords, first = self._project(state)[0], len(self._local)
+        return (coords[:first], self._places[0][:first]), (coords[first:], self._places[0][first:])
 
     def back_share(self, state, comm):
         """Zero: normals of a body's facets point out of it."""
@@ -159,6 +171,8 @@ class DeformableContact(SlavePoints):
     def evaluate(self, state):
         """Evaluate all points: traction, status, gap and excess; returns forces (nx, 3) on slave and master nodes."""
         coords, _, projection = self._project(state)
+        if self._places is None:  # the first state after a restart
+            self._places = self._positions(state)
         forces, shape = np.zeros_like(coords), self.gap.shape
         with self.timers("contact kernel"):
             add_forces(
@@ -275,6 +289,7 @@ class DeformableContact(SlavePoints):
     def initialise(self, state):
         """Anchor every point at its projection in the initial state, so that it can stick in the first step."""
         self._commit(*self._first_projection(state), touch=-np.inf)
+        self._places = self._positions(state)
         self.evaluate(state)
 
     def commit(self, state):
@@ -283,6 +298,7 @@ class DeformableContact(SlavePoints):
         self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
         coords, _, projection = self._project(state)
+        self._places = self._positions(state)
         self._gaps = self.gap.ravel(), self._gaps[0]
         self._commit(coords, projection, self.touch)
 
@@ -307,7 +323,7 @@ class DeformableContact(SlavePoints):
         keys, order = values["anchor"].reshape(-1, 4), np.argsort(self.master.keys)
         nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
         weights = np.ascontiguousarray(values["weight"].reshape(-1, 4))
-        self._anchors = np.where(keys < 0, -1, nodes), weights
+        self._anchors, self._places = (np.where(keys < 0, -1, nodes), weights), None
         self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in ("slip_path", "met"))
 
     # -- output ---------------------------------------------------------------------------------------------------
