@@ -52,9 +52,9 @@ def iron():
         return len(shapes)
 
     press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 81)[1:], np.linspace(2, 3, 11)[1:]
-    result = solve(scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, progress=False, record={"shape": keep})
-    if not result.converged:
-        raise SystemExit(result.verdict.reason)
+    result = solve(
+        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, progress=False, record={"shape": keep}
+    ).require()
     return scene, result, shapes
 
 
