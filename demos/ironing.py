@@ -84,7 +84,7 @@ def main():
     middle.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
     surface = exterior_surface(scene, middle, middle.x.array[2::3])
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
-    V, ratio = vertical[plateau], (horizontal / vertical)[plateau]
+    V, ratio = vertical[plateau], horizontal[plateau] / vertical[plateau]
     ripple = np.ptp(V) / V.mean()
     if MPI.COMM_WORLD.rank == 0:
         figure(time, vertical, horizontal, surface)
