@@ -41,9 +41,7 @@ def slide():
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", down)
     scene.contact(slave="upper_bottom", master="lower_top", friction=FRICTION, name="interface")
-    result = solve(scene, steps=25, out=OUT)
-    if not result.converged:
-        raise SystemExit(result.verdict.reason)
+    result = solve(scene, steps=25, out=OUT).require()
     return scene, result
 
 

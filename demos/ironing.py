@@ -52,9 +52,9 @@ def iron():
         return len(shapes)
 
     press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 81)[1:], np.linspace(2, 3, 11)[1:]
-    result = solve(scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, progress=False, record={"shape": keep})
-    if not result.converged:
-        raise SystemExit(result.verdict.reason)
+    result = solve(
+        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, progress=False, record={"shape": keep}
+    ).require()
     return scene, result, shapes
 
 
@@ -84,7 +84,7 @@ def main():
     middle.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
     surface = exterior_surface(scene, middle, middle.x.array[2::3])
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
-    V, ratio = vertical[plateau], (horizontal / vertical)[plateau]
+    V, ratio = vertical[plateau], horizontal[plateau] / vertical[plateau]
     ripple = np.ptp(V) / V.mean()
     if MPI.COMM_WORLD.rank == 0:
         figure(time, vertical, horizontal, surface)

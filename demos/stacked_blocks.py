@@ -52,9 +52,7 @@ def squeeze(mesh, points, penalty):
     scene.fix("lower_bottom", "z")
     scene.prescribe("upper_top", "z", -2 * 10.0 * SQUEEZE)
     scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="interface")
-    result = solve(scene, steps=2, progress=False)
-    if not result.converged:
-        raise SystemExit(f"{points}, penalty {penalty}: {result.verdict.reason}")
+    result = solve(scene, steps=2, progress=False).require()
     pressure, _ = result.system.contacts[0].split_traction(result.system.state)
     lowest = mesh.comm.allreduce(pressure.min(initial=np.inf), op=MPI.MIN)
     highest = mesh.comm.allreduce(pressure.max(initial=0.0), op=MPI.MAX)

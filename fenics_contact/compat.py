@@ -116,24 +116,46 @@ def petsc_vector(function):
     return function.x.petsc_vec if _HAS_PETSC_VEC else function.vector
 
 
-def mesh_from_gmsh(model, comm, rank):
-    """gmsh model on one rank -> (mesh, cell tags, facet tags) on all."""
-    data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
+def mesh_from_gmsh(model, comm, rank, owners=None):
+    """gmsh model on one rank -> (mesh, cell tags, facet tags) on all.
+
+    owners (cells,) on that rank: the rank of each cell, in the order of the volume groups' tags, where dolfinx is not to
+    choose; whole bodies, for no cell is a ghost then.
+    """
+    if owners is None:
+        data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
+    elif "partitioner" in inspect.signature(gmsh_reader.model_to_mesh).parameters:
+        data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3, partitioner=_partitioner(owners))
+    else:  # 0.5: the reader calls what it knows as create_mesh
+        create = gmsh_reader.create_mesh
+        gmsh_reader.create_mesh = lambda *arguments: create(*arguments, partitioner=_partitioner(owners))
+        try:
+            data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
+        finally:
+            gmsh_reader.create_mesh = create
     if hasattr(data, "cell_tags"):
         return data.mesh, data.cell_tags, data.facet_tags
     return data[0], data[1], data[2]
 
 
+def _partitioner(owners):
+    """What dolfinx calls, with arguments that differ by version, for the ranks of the cells that it read on this rank."""
+    destinations = np.ascontiguousarray(owners, dtype=np.int32).reshape(-1, 1)
+    return lambda *_: dolfinx.cpp.graph.AdjacencyList_int32(destinations)
+
+
 def geometry_dofmap(mesh):
     """(cells, nodes per cell) array of geometry nodes."""
     dofmap = mesh.geometry.dofmaps[0] if _HAS_DOFMAPS else mesh.geometry.dofmap
-    return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(mesh.topology.connectivity(3, 0).num_nodes, -1)
+    if isinstance(dofmap, np.ndarray):
+        return dofmap
+    return dofmap.array.reshape(-1, mesh.geometry.cmap.create_dof_layout().num_dofs)  # a rank may have no cells
 
 
 def cell_dofs(space):
     """(cells, block dofs per cell) array of a space's local block numbers."""
     dofs = space.dofmap.list
-    return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(space.mesh.topology.connectivity(3, 0).num_nodes, -1)
+    return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, space.dofmap.dof_layout.num_dofs)
 
 
 def facet_closure_dofs(space, facet):
@@ -200,7 +222,7 @@ def cells_of_exterior_facets(mesh, facets=None):
     cells = facet_cells.array[offsets[facets]]
     mine = cells < mesh.topology.index_map(3).size_local
     facets, cells = facets[mine], cells[mine]
-    per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
+    per_cell = cell_facets.array.reshape(-1, 6 if cell_name(mesh) == "hexahedron" else 4)
     return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)
 
 

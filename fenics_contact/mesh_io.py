@@ -44,26 +44,30 @@ def _known(name, groups, kind):
     return name
 
 
-def read_gmsh(source, comm=MPI.COMM_WORLD, **parameters):
+def read_gmsh(source, comm=MPI.COMM_WORLD, ranks=None, **parameters):
     """Mesh from a script or a file, the same on any number of ranks.
 
     source: a function that draws and meshes the current gmsh model (called with `parameters`), or a .msh path. Volume and
-    surface groups need names. Raises ValueError, on all ranks, for a failing script, unnamed groups, cells that are not
+    surface groups need names. ranks: {volume: rank that holds all of it}, of bodies that share no node, where dolfinx is not
+    to choose. Raises ValueError, on all ranks, for a failing script, unnamed groups, cells that are not
     hexahedra or tetrahedra, and inverted cells.
     """
     volumes, surfaces, failure = {}, {}, None
+    owners = None if ranks is None else []
     if comm.rank == 0:
         try:
             _draw(source, parameters)
             volumes, surfaces = _group_names(3), _group_names(2)
             _check_model(volumes)
+            if ranks is not None:
+                owners = _owners(volumes, ranks, comm.size)
         except Exception as error:
             failure = _refusal(source, error)
     failure, volumes, surfaces = comm.bcast((failure, volumes, surfaces))
     try:
         if failure:
             raise ValueError(failure)
-        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(gmsh.model, comm, 0)
+        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(gmsh.model, comm, 0, owners)
     finally:
         if comm.rank == 0:
             gmsh.finalize()
@@ -136,6 +140,18 @@ def _group_names(dim):
     if "" in groups:
         raise ValueError(f"physical group {groups['']} of dimension {dim} has no name; call gmsh.model.setPhysicalName")
     return groups
+
+
+def _owners(volumes, ranks, size):
+    """Rank of each cell in the order in which dolfinx reads them: groups by tag, their entities, their cells."""
+    if set(ranks) != set(volumes) or not all(0 <= rank < size for rank in ranks.values()):
+        raise ValueError(f"ranks = {ranks}: give each of the volumes {', '.join(sorted(volumes))} a rank below {size}")
+    owners = []
+    for name, tag in sorted(volumes.items(), key=lambda item: item[1]):
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(3, tag):
+            cells = sum(len(tags) for tags in gmsh.model.mesh.getElements(3, entity)[1])
+            owners.append(np.full(cells, ranks[name]))
+    return np.concatenate(owners)
 
 
 def _check_model(volumes):

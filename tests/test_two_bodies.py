@@ -26,9 +26,12 @@ def blocks(**parameters):
     return mesh, Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
 
 
-def sliding(drag=4.0, steps=12, tolerance=None, **contact):
+def sliding(drag=4.0, steps=12, tolerance=None, ranks=None, **contact):
     """The sliding blocks of demos/block_on_block.py, coarse: pressed until t = 0.25, then dragged by `drag` mm."""
-    _, scene = blocks(**COARSE)
+    mesh, scene = blocks(**COARSE, ranks=ranks)
+    for name, rank in (ranks or {}).items():
+        cells = mesh.cell_tags.values == mesh.volume_tag(name)
+        assert cells.any() == (mesh.comm.rank == rank)
     scene.fix("lower_bottom")
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), drag * max(t - 0.25, 0.0) / 0.75))
     scene.fix("upper_top", "y")
@@ -205,11 +208,11 @@ def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
 # ---- ranks
 
 
-def numbers():
-    """What must not depend on the number of ranks, for both kinds of slave points."""
+def numbers(bodies=None):
+    """What must not depend on the ranks, for both kinds of slave points. bodies: {body: rank that holds all of it}."""
     rows = []
     for points in ("nodes", 2):
-        result = sliding(drag=1.0, steps=4, tolerance=1e-11, points=points, penalty=10.0)
+        result = sliding(drag=1.0, steps=4, tolerance=1e-11, points=points, penalty=10.0, ranks=bodies)
         names = [f"c_force_{a}_N" for a in "xyz"] + ["c_area_mm2", "c_active_points", "c_sticking_points"]
         rows += [row[name] for row in result.history for name in names]
         rows.append(float(result.converged))
@@ -219,13 +222,14 @@ def numbers():
 
 @pytest.mark.serial
 def test_ranks_give_the_same_numbers():
-    code = (
-        "import sys, json; from mpi4py import MPI; sys.path[:0] = ['tests', '.'];"
-        "import test_two_bodies as t; v = t.numbers();"
-        "MPI.COMM_WORLD.rank == 0 and print('NUMBERS', json.dumps(v))"
-    )
+    """On 1, 2 and 3 ranks as dolfinx parts the mesh, and with slave and master on two ranks, the other way round as well."""
     found = []
-    for ranks in (1, 2, 3):
+    for ranks, bodies in ((1, None), (2, None), (3, None), (2, {"lower": 0, "upper": 1}), (3, {"lower": 2, "upper": 0})):
+        code = (
+            "import sys, json; from mpi4py import MPI; sys.path[:0] = ['tests', '.'];"
+            f"import test_two_bodies as t; v = t.numbers({bodies});"
+            "MPI.COMM_WORLD.rank == 0 and print('NUMBERS', json.dumps(v))"
+        )
         command = ["mpirun", "-n", str(ranks), sys.executable, "-c", code]
         path = os.pathsep.join([ROOT, os.environ.get("PYTHONPATH", "")])
         run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
@@ -233,7 +237,7 @@ def test_ranks_give_the_same_numbers():
         assert line, run.stderr
         found.append(np.array(json.loads(line[0][8:])))
     # 1e-9 of forces of 100 N, which are balanced to 1e-11
-    assert np.abs(found[1] - found[0]).max() < 1e-7 and np.abs(found[2] - found[0]).max() < 1e-7
+    assert all(np.abs(other - found[0]).max() < 1e-7 for other in found[1:])
     assert found[0][-1] == 0.0 and found[0][-2] == 1.0
 
 
@@ -263,6 +267,12 @@ def test_surfaces_of_one_body_that_share_nodes_are_refused():
 
 def test_deep_overlap_is_refused():
     refuse("6 inside the body, where a cell is 5 high", upper_origin=(5.0, 10.0, -6.0))
+
+
+@pytest.mark.parametrize("ranks", [{"lower": 0}, {"lower": 0, "upper": 99}])
+def test_wrong_ranks_are_refused(ranks):
+    with pytest.raises(ValueError, match="give each of the volumes lower, upper a rank below"):
+        blocks(**COARSE, ranks=ranks)
 
 
 def test_a_loose_block_is_refused():
