@@ -12,6 +12,7 @@ from fenics_contact.output.history import history_row, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
+from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
@@ -110,7 +111,7 @@ def solve(
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear)
-    stepper = _stepper(method, solver, tolerance)
+    stepper = _stepper(method, solver, tolerance, system)
     keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
     setup = timers.table()["total"]
@@ -171,6 +172,8 @@ class _Record:
         travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
         measures = {contact.name: contact.measures(state, self.system.comm) for contact in self.system.contacts}
         row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
+        if self.system.augmented:
+            row["augmentations"] = report.augmentations
         row |= {name: float(value(state)) for name, value in self.extra.items()}
         return row | ({"limit_point": report.limit_point} if self.continuation else {})
 
@@ -239,9 +242,18 @@ def _refuse_nan(system, times):
     system.set_loads(0.0)
 
 
-def _stepper(method, solver, tolerance):
+def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
-    return STEPPERS[method](solver, **options)
+    stepper = STEPPERS[method](solver, **options)
+    if not system.augmented:
+        return stepper
+    if not hasattr(stepper, "settle"):
+        name = system.augmented[0].name
+        raise SceneError(
+            f"contact '{name}': penetration= needs steps that end in balance at a given t, method 'newton' or 'snes', not "
+            f"'{method}'; leave penetration= out, and the penalty's error is reported"
+        )
+    return Augmented(stepper)
 
 
 def _summary(scene, system, solver, method, verdict, history):
@@ -283,6 +295,7 @@ def _summary(scene, system, solver, method, verdict, history):
         "limit_points": limit_points(history),
         "iterations": verdict.iterations,
         "corrections": verdict.corrections,
+        "augmentations": verdict.augmentations,
         "residuals_per_step": verdict.residuals,
         "last_step": history[-1] if history else {},
         "ranks": system.comm.size,
@@ -311,4 +324,5 @@ def _contact_summary(contact, system):
         "friction": contact.friction,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],
+        f"penetration_allowed_{units.length}": contact.tolerance,
     }

@@ -59,6 +59,7 @@ class _Contact:
     tangential_penalty: float | None
     tangential_share: float
     points: object
+    penetration: float | None
 
 
 def young(material):
@@ -137,6 +138,7 @@ class Scene:
         tangential_share=None,
         points=None,
         name=None,
+        penetration=None,
     ):
         """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
@@ -144,7 +146,9 @@ class Scene:
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given
         (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on an
-        analytic tool, and 3 on a body or a meshed tool, where they alone feel no jump at the master's edges.
+        analytic tool, and 3 on a body or a meshed tool, where they alone feel no jump at the master's edges; penetration:
+        how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
+        multipliers take over from the penalty until that holds (augmented Lagrangian). By default the penalty alone holds the points.
         """
         if not isinstance(master, Tool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
@@ -164,17 +168,28 @@ class Scene:
             raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
-        positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share}
+        positive = {
+            "penalty": penalty,
+            "tangential_penalty": tangential_penalty,
+            "tangential_share": tangential_share,
+            "penetration": penetration,
+        }
         for label, value in positive.items():
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SceneError(f"contact '{name}': {label} = {value} must be positive")
+        if penetration is not None and points == "nodes" and not isinstance(master, RigidTool):
+            raise SceneError(
+                f"contact '{name}': penetration= with points=\"nodes\" needs an analytic tool: a node that touches an edge "
+                "between facets without sinking in has no normal; use Gauss points, e.g. points=3"
+            )
         if points != "nodes" and (not isinstance(points, int) or points < 1):
             raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes' or a count of Gauss points")
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
         share = tangential_share or TANGENTIAL_SHARE
-        self.contacts.append(_Contact(name, _names(slave), master, friction, penalty, tangential_penalty, share, points))
+        statement = (name, _names(slave), master, friction, penalty, tangential_penalty, share, points, penetration)
+        self.contacts.append(_Contact(*statement))
 
     @property
     def tools(self):
@@ -210,6 +225,8 @@ class Scene:
             check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
+        for term, contact in zip(contacts, self.contacts, strict=True):
+            term.tolerance = contact.penetration
         with timers("compile"):  # the first call of a kernel loads or compiles it
             for term in contacts:
                 term.initialise(state)

@@ -31,6 +31,9 @@ class Term(Protocol):
     A term with `foresees` set offers hold(share), foresee(state) and release(), between which its evaluation depends on
     unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
     has no such unknowns and no kinks either.
+
+    A term whose `tolerance` [length] is not None has multipliers that only augment(state) changes and drop() takes back;
+    misfit(state) is its error over the tolerance.
     """
 
     name: str
@@ -190,6 +193,7 @@ class System:
         self._committed = self._snapshot()
         self._accepted = [self._committed]  # the last three
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
+        self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
 
     def _extent(self):
         """Largest side of the box around all bodies [length]."""
@@ -227,6 +231,8 @@ class System:
     def rollback(self):
         """Return to the last committed state."""
         self.release()
+        for term in self.augmented:
+            term.drop()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
@@ -293,6 +299,15 @@ class System:
     def release(self):
         for term in self._foreseeing:
             term.release()
+
+    def misfit(self):
+        """Largest error of the augmented terms over their tolerances. Collective."""
+        return max(self.comm.allgather(max(term.misfit(self.state) for term in self.augmented)))
+
+    def augment(self):
+        """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
+        for term in self.augmented:
+            term.augment(self.state)
 
     @property
     def committed_t(self):

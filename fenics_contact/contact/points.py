@@ -14,10 +14,36 @@ SLID_OFF = 0.5  # of the area that has been in contact: when so much has left th
 class SlavePoints:
     """Mixed into contact terms.
 
-    Needs their name and surface, and per element and point status, gap, cover, traction and met (has been in contact).
+    Needs their name and surface, and per element and point status, gap, cover, traction, met (has been in contact) and
+    shift (multiplier over penalty, [length]); also slips(state) and shift_anchors(state).
+
+    A contact with a tolerance [length] is augmented: the penalty carries only what multipliers do not yet carry. Between
+    accepted steps these grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <- min(lambda
+    + eps_N g, 0) and, where a point sticks, lambda_T <- lambda_T + eps_T times its slip since it came to rest, which is kept
+    in the place of its anchor. A point half out under a sharp edge keeps the body's spring that acts there in series with
+    the penalty (cover = its share of eps_N): lambda <- cover (lambda + eps_N g) leaves that spring alone.
     """
 
-    penalised = True
+    tolerance = None
+
+    @property
+    def penalised(self):
+        """Is the traction proportional to the penalties?"""
+        return self.tolerance is None
+
+    def misfit(self, state):
+        """Largest error of this rank's points over the tolerance: penetration, pressure across a gap, slip in stick."""
+        self.evaluate(state)
+        return max(np.abs(self._grown() - self.shift).max(initial=0.0), self.slips(state).max(initial=0.0)) / self.tolerance
+
+    def _grown(self):
+        return np.minimum(self.cover * (self.gap + self.shift), 0.0)
+
+    def augment(self, state):
+        """Let multipliers take over what the penalty carries. They count as history once the step is accepted."""
+        self.evaluate(state)
+        self.shift_anchors(state)
+        self.shift = self._grown()
 
     def resultants(self, state):
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,). Collective."""
@@ -68,7 +94,7 @@ class SlavePoints:
         largest, place = self._worst(comm, pressure)
         soft = self.surface.stiffness.min(initial=np.inf)
         x = np.abs(self.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
-        low = comm.allgather((soft, self.gap.min(initial=0.0), -x))
+        low = comm.allgather((soft, (self.gap + self.shift).min(initial=0.0), -x))
         soft, depth, size = (-value for value in np.min(low, axis=0))
         # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
         if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):

@@ -36,7 +36,7 @@ class Pair:
             np.array([AREA]),
             np.empty((0, 2, len(slave))),
         )
-        self.law = (np.array([EPS_N]), np.array([EPS_T]), float(mu), float(touch))
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), float(mu), float(touch), np.zeros(1))
         self.anchors = (np.full((1, 4), -1, np.int64), np.zeros((1, 4)))
         self.up = -DOWN
         if anchor is not None:
@@ -313,7 +313,7 @@ def test_a_batch_is_its_pairs_one_by_one():
         np.empty((0, 2, 1)),
     )
     anchors = tuple(np.concatenate([pair.anchors[i] for pair in single]) for i in (0, 1))
-    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0)
+    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0, np.zeros(n_points))
     lists = (4 * np.arange(n_points + 1), np.tile(np.arange(4), n_points))
     ints = [np.zeros(n_points, np.int64) for _ in range(3)]
     projection = (*ints, np.zeros((n_points, 2)), np.zeros(n_points), np.zeros((n_points, 3)))

@@ -33,7 +33,7 @@ class Pair:
         self.surface = (np.array(facets), np.array([len(set(f)) for f in facets]))
         weights, gradients = shapes(*XI)
         self.slaves = (np.arange(6, 10)[None], weights[None], np.array([AREA]), gradients[None])
-        self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0)
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0, np.zeros(1))
         self.anchors = (np.full((1, 4), -1), np.zeros((1, 4)))
         if anchor:
             self.anchors = (np.array([anchor[0]]), np.array([anchor[1]]))
