@@ -148,12 +148,13 @@ class Scene:
         (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss points per direction of each facet; by default nodes on an
         analytic tool, and 3 on a body or a meshed tool, where they alone feel no jump at the master's edges; penetration:
         how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
-        multipliers take over from the penalty until that holds (augmented Lagrangian). By default the penalty alone holds the points.
+        multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with one
+        point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone holds.
         """
         if not isinstance(master, Tool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
         if points is None:
-            points = "nodes" if isinstance(master, RigidTool) else 3
+            points = "nodes" if isinstance(master, RigidTool) else (3 if penetration is None else 1)
         name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
         if not isinstance(master, Tool):
             master = _names(master)

@@ -79,6 +79,19 @@ def test_taylor_remainder_is_of_second_order(name):
 
 
 @pytest.mark.parametrize("name", [n for n in STATES if n != "open"])
+def test_taylor_with_a_multiplier(name):
+    options, status = STATES[name]
+    pair = Pair(**options | {"lift": 0.1})
+    pair.law[4][:] = -0.4
+    R, K, found, gap, *_ = pair.evaluate(pair.coords)
+    assert found == status and gap > 0.0
+    way = np.random.default_rng(3).uniform(-1, 1, pair.coords.shape)
+    steps = 1e-3 / 2.0 ** np.arange(4)
+    remainders = [np.linalg.norm(pair.evaluate(pair.coords + h * way)[0] - R - h * K @ way.ravel()) for h in steps]
+    assert np.log2(np.array(remainders[:-1]) / remainders[1:]).min() > 1.98  # third-order terms shift it by the step
+
+
+@pytest.mark.parametrize("name", [n for n in STATES if n != "open"])
 def test_forces_balance(name):
     pair = Pair(**STATES[name][0])
     R, *_ = pair.evaluate(pair.coords)

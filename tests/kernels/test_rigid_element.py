@@ -196,6 +196,32 @@ def test_taylor_remainder_is_of_second_order(place, law, k, what):
             check_order(remainders, linear, place in FLAT and law in ("closed", "stick"))
 
 
+def with_multiplier(place, law, k):
+    """The same press and elastic slip as `build`'s, but nearly all of it carried by a multiplier, across an open gap."""
+    contact, _ = build(place, law, k)
+    lift = 1.4 * DEPTH
+    contact.shift[:] = -lift
+    contact.u[contact.nodes[0]] += lift * contact.tool.axes @ np.asarray(PLACES[place][3], float)
+    r = contact.evaluate()
+    assert (r["status"] == LAWS[law]).all() and (r["gap"] > 0.0).all()
+    return contact, r
+
+
+@pytest.mark.parametrize(("place", "law", "k"), TOUCHING)
+def test_taylor_with_a_multiplier(place, law, k):
+    contact, r = with_multiplier(place, law, k)
+    rng = np.random.default_rng(CASES.index((place, law, k)))
+    remainders, linear = taylor(contact, r, rng.uniform(-1, 1, (9, 3)), rng.uniform(-1, 1, 3), STEP)
+    check_order(remainders, linear, place in FLAT and law in ("closed", "stick"))
+
+
+@pytest.mark.parametrize(("place", "law", "k"), [c for c in TOUCHING if c[0] in FLAT])
+def test_a_multiplier_presses_like_a_gap(place, law, k):
+    _, plain = build(place, law, k)
+    _, lifted = with_multiplier(place, law, k)
+    np.testing.assert_allclose(lifted["T"], plain["T"], rtol=1e-12)  # round-off of the places
+
+
 @pytest.mark.parametrize(("place", "law", "k"), [c for c in CASES if c[1] == "slip"])
 def test_taylor_when_the_slip_direction_turns(place, law, k):
     contact, r = build(place, law, k)
