@@ -12,6 +12,7 @@ from fenics_contact.output.history import history_row, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
+from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
@@ -49,6 +50,10 @@ class Result:
         if self.converged:
             return self
         raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
+
+    def audit(self):
+        """Audit of every block of the tangent at the final state; print it, or ask its `right`. Collective."""
+        return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
 
     def column(self, name):
         """A history column at all accepted steps; KeyError lists the columns."""

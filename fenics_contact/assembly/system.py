@@ -363,13 +363,13 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self):
-        """Fill the matrix (supports not yet eliminated) and the border."""
+    def assemble_tangent(self, terms=None):
+        """Fill the matrix (supports not yet eliminated) and the border, with some of the terms if so asked."""
         with self.timers("insertion"):
             self._provide_couplings()
         if self.border is not None:
             self.border.clear()
-        for term in self.terms:
+        for term in self.terms if terms is None else terms:
             with self.timers("bulk tangent"):
                 term.add_tangent(self.state, self.matrix, self.border)
         with self.timers("insertion"):

@@ -322,6 +322,15 @@ class DeformableContact(SlavePoints):
     def shift_anchors(self, state):
         self._anchors = self._augmented(state)[0]
 
+    def weigh(self, area):
+        super().weigh(area)
+        self._slaves = (*self._slaves[:2], area.ravel(), self._slaves[3])
+
+    def branches(self, state):
+        self.evaluate(state)
+        facet, kind, feature = self._project(state)[2][:3]
+        return np.column_stack([self.status.ravel(), facet, kind, feature])
+
     def unpaired(self, state):
         return self._project(state)[2][1] == NONE
 

@@ -1,9 +1,11 @@
 """What every contact term says of its slave points: their number in a checkpoint, status, place, and what ails them."""
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
@@ -50,6 +52,31 @@ class SlavePoints:
         self.evaluate(state)
         comm = state.u.function_space.mesh.comm
         return self.measures(state, comm)["force"], self.split_traction(state)[0].ravel()
+
+    @contextmanager
+    def only(self, mask, frictionless=False):
+        """Within it the points (n,) of a mask alone exert forces, without friction if so asked."""
+        area, friction = self.surface.area, self.friction
+        self.friction = 0.0 if frictionless else friction
+        self.weigh(np.where(mask.reshape(area.shape), area, 0.0))
+        try:
+            yield
+        finally:
+            self.friction = friction
+            self.weigh(area)
+
+    def weigh(self, area):
+        """Take other areas (ne, nq) [length^2] for the points."""
+        self.surface.area = area
+
+    def laws(self, frictionless):
+        """{name: status code} of the laws that can hold at a point."""
+        return {"normal": CLOSED} if frictionless else {"stick": STICK, "slip": SLIP}
+
+    def branches(self, state):
+        """Rows of codes (n, ...), the status first: where one changes the traction has a kink. Collective."""
+        self.evaluate(state)
+        return self.status.reshape(-1, 1).copy()
 
     @property
     def key(self):
