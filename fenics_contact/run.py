@@ -78,6 +78,7 @@ def solve(
     until=None,
     back=None,
     record=None,
+    stabilise=False,
 ):
     """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
 
@@ -87,6 +88,8 @@ def solve(
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
     smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
     {name: function of the state -> number}, columns added to the history, called on all ranks.
+
+    stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
     checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
     on from the last checkpoint in `out`, where there is one, on any number of ranks.
@@ -110,7 +113,7 @@ def solve(
         raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
-    system = scene.system(move, push, timers)
+    system = scene.system(move, push, timers, stabilise)
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
@@ -253,10 +256,10 @@ def _stepper(method, solver, tolerance, system):
     if not system.augmented:
         return stepper
     if not hasattr(stepper, "settle"):
-        name = system.augmented[0].name
+        what = "stabilise=" if system.grounding else f"penetration= of contact '{system.augmented[0].name}'"
         raise SceneError(
-            f"contact '{name}': penetration= needs steps that end in balance at a given t, method 'newton' or 'snes', not "
-            f"'{method}'; leave penetration= out, and the penalty's error is reported"
+            f"{what} needs steps that end in balance at a given t, method 'newton' or 'snes', not '{method}'; leave it out, "
+            "or choose one of these"
         )
     return Augmented(stepper)
 
@@ -298,6 +301,7 @@ def _summary(scene, system, solver, method, verdict, history):
             "symmetric": system.symmetric,
         },
         "limit_points": limit_points(history),
+        "stabilisation": _stabilisation(system),
         "iterations": verdict.iterations,
         "corrections": verdict.corrections,
         "augmentations": verdict.augmentations,
@@ -313,6 +317,14 @@ def limit_points(history):
     kinds = {1: "maximum of the load", -1: "minimum of the load"}
     found = [row for row in history if row.get("limit_point")]
     return [{"step": row["step"], "t": row["t"], "kind": kinds[row["limit_point"]]} for row in found]
+
+
+def _stabilisation(system):
+    """Largest energy left in the springs at the end of a step, also over the strain energy; {} without springs."""
+    if system.grounding is None:
+        return {}
+    most, units = system.grounding.most, system.units
+    return {f"energy_{units.force}{units.length}": most["energy"], "energy_share": most["energy_share"]}
 
 
 def _contact_summary(contact, system):

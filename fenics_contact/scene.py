@@ -8,6 +8,8 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.grounding import Grounding
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
 from fenics_contact.checks import (
@@ -208,7 +210,7 @@ class Scene:
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
-    def system(self, move=None, push=None, timers=None):
+    def system(self, move=None, push=None, timers=None, stabilise=False):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
         motion = self._motion(move or {}, push or {})
@@ -223,6 +225,8 @@ class Scene:
             terms = [solid]
             if pressures:
                 terms.append(self._pressure(u, pressures, supports))
+            grounding = self._grounding(u, motion.free) if stabilise else None
+            terms += [grounding] if stabilise else []
             check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
@@ -239,6 +243,9 @@ class Scene:
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bonded_bodies(self), timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
+        system.grounding = grounding
+        if grounding:
+            grounding.bind(system)
         refuse_behind(system)
         system.bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in self.bodies)
         refuse_deep_start(self, system)
@@ -283,6 +290,20 @@ class Scene:
         term = FormTerm("pressure", power, rate)
         term.symmetric = is_symmetric(term.tangent_form, u, supports)
         return term
+
+    def _grounding(self, u, free):
+        """The stabilisation of bodies and free tools that nothing holds yet."""
+        domain, v, du = self.mesh.domain, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        share, reference = compat.Constant(domain, 0.0), compat.Function(self.space)
+        energies = compat.Function(compat.constant_space(domain))
+        w = ufl.TestFunction(energies.function_space)
+        size = bodies_size(self.space)
+        soft = [(share * (young(body.material) / size**2), self.dx(body)) for body in self.bodies]
+        residual = sum(vp.spring_power(k, u - reference, v, dx) for k, dx in soft)
+        tangent = sum(vp.spring_power(k, du, v, dx) for k, dx in soft)
+        energy = sum(vp.strain_energy(body.material, u, w, self.dx(body)) for body in self.bodies)
+        on_tools = size * min(young(body.material) for body in self.bodies)
+        return Grounding(share, reference, residual, tangent, on_tools, free, (energy, energies))
 
     def _support_dofs(self):
         X = self.space.tabulate_dof_coordinates()

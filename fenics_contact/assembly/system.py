@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.pattern import MatrixPattern
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.timing import Timers
 
 
@@ -189,18 +190,11 @@ class System:
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0
-        self.extent = self._extent()
+        self.extent = bodies_size(self.space)
         self._committed = self._snapshot()
         self._accepted = [self._committed]  # the last three
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
         self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
-
-    def _extent(self):
-        """Largest side of the box around all bodies [length]."""
-        X = self.space.tabulate_dof_coordinates()
-        low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)
-        low, high = np.min(self.comm.allgather(low), axis=0), np.max(self.comm.allgather(high), axis=0)
-        return float((high - low).max())
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
@@ -247,6 +241,8 @@ class System:
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self._accepted = [self._committed]
+        for term in self.augmented:
+            term.drop()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
     def extrapolate(self, owed):
