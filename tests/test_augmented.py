@@ -207,3 +207,14 @@ def test_what_cannot_be_augmented_is_refused():
         sphere(penetration=0.0)
     with pytest.raises(SceneError, match="use Gauss points"):
         confined("bodies").contact("upper_bottom", "lower_top", points="nodes", penetration=1e-6)
+
+
+def test_deep_penetration_is_said_once():
+    scene, move = sphere(penalty=1.0)
+    result = solve(scene, **move, steps=4, progress=False).require()
+    depth = result.history[-1]["c_penetration_mm"]
+    assert depth > 0.05 * 1.25  # DEEP of the cells, 1.25 mm high
+    said = [note for note in result.verdict.notes if "penetration= keeps it out" in note]
+    assert len(said) == 1 and "contact 'c' at (" in said[0]
+    scene, move = sphere()
+    assert not [note for note in solve(scene, **move, steps=4, progress=False).verdict.notes if "penetration=" in note]

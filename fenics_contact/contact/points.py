@@ -8,6 +8,7 @@ from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
+DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
@@ -27,6 +28,7 @@ class SlavePoints:
     """
 
     tolerance = None
+    _remarked = False
 
     @property
     def penalised(self):
@@ -108,6 +110,16 @@ class SlavePoints:
             text = f"a point lies {depth:.3g} inside '{self.master_name}', where a cell is {height:.3g} high"
             return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
         return None
+
+    def remark(self, state):
+        """None, or at the first accepted step where it is so, that points lie deep in the master. Collective."""
+        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0).ravel()
+        depth, place = self._worst(state.u.function_space.mesh.comm, held)
+        if self._remarked or depth <= DEEP * self.surface.cell_height:
+            return None
+        self._remarked = True
+        text = f"{place} lies {depth:.3g} inside '{self.master_name}', where a cell is {self.surface.cell_height:.3g} high"
+        return f"{text}: penetration= keeps it out, or raise penalty="
 
     def objection(self, state):
         """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, or

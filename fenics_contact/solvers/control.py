@@ -53,7 +53,9 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             verdict.corrections += report.corrections
             verdict.augmentations += report.augmentations
             verdict.residuals.append(report.residuals)
-            verdict.notes += [f"step {len(verdict.residuals)} to t = {goal:.6g}: {note}" for note in report.notes]
+            remarks = [term.remark(system.state) for term in system.terms if hasattr(term, "remark")]
+            notes = report.notes + [remark for remark in remarks if remark]
+            verdict.notes += [f"step {len(verdict.residuals)} to t = {goal:.6g}: {note}" for note in notes]
             on_step(report, time.perf_counter() - start, goal == target)
     return verdict
 
