@@ -29,7 +29,9 @@ SAME = 1e-10  # resumed against continuous: steps end at 1e-11 or, on one number
 def pushed_punch(degree=1, element="displacement", **options):
     """A rough punch pushed down and aside on a rough floor; its travel is unknown and it slips."""
     scene = Scene(
-        Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER), degree=degree
+        Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER),
+        degree=degree,
+        element=element,
     )
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
