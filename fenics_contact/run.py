@@ -12,6 +12,8 @@ from fenics_contact.output.history import history_row, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
+from fenics_contact.solvers.audit import audit
+from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
@@ -49,6 +51,10 @@ class Result:
             return self
         raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
 
+    def audit(self):
+        """Audit of every block of the tangent at the final state; print it, or ask its `right`. Collective."""
+        return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
+
     def column(self, name):
         """A history column at all accepted steps; KeyError lists the columns."""
         if self.history and name not in self.history[0]:
@@ -72,6 +78,7 @@ def solve(
     until=None,
     back=None,
     record=None,
+    stabilise=False,
 ):
     """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
 
@@ -81,6 +88,8 @@ def solve(
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
     smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
     {name: function of the state -> number}, columns added to the history, called on all ranks.
+
+    stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
     checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
     on from the last checkpoint in `out`, where there is one, on any number of ranks.
@@ -104,13 +113,13 @@ def solve(
         raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
     folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
-    system = scene.system(move, push, timers)
+    system = scene.system(move, push, timers, stabilise)
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
-    stepper = _stepper(method, solver, tolerance)
+    stepper = _stepper(method, solver, tolerance, system)
     keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
     setup = timers.table()["total"]
@@ -171,6 +180,8 @@ class _Record:
         travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
         measures = {contact.name: contact.measures(state, self.system.comm) for contact in self.system.contacts}
         row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
+        if self.system.augmented:
+            row["augmentations"] = report.augmentations
         row |= {name: float(value(state)) for name, value in self.extra.items()}
         return row | ({"limit_point": report.limit_point} if self.continuation else {})
 
@@ -239,9 +250,18 @@ def _refuse_nan(system, times):
     system.set_loads(0.0)
 
 
-def _stepper(method, solver, tolerance):
+def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
-    return STEPPERS[method](solver, **options)
+    stepper = STEPPERS[method](solver, **options)
+    if not system.augmented:
+        return stepper
+    if not hasattr(stepper, "settle"):
+        what = "stabilise=" if system.grounding else f"penetration= of contact '{system.augmented[0].name}'"
+        raise SceneError(
+            f"{what} needs steps that end in balance at a given t, method 'newton' or 'snes', not '{method}'; leave it out, "
+            "or choose one of these"
+        )
+    return Augmented(stepper)
 
 
 def _summary(scene, system, solver, method, verdict, history):
@@ -281,8 +301,10 @@ def _summary(scene, system, solver, method, verdict, history):
             "symmetric": system.symmetric,
         },
         "limit_points": limit_points(history),
+        "stabilisation": _stabilisation(system),
         "iterations": verdict.iterations,
         "corrections": verdict.corrections,
+        "augmentations": verdict.augmentations,
         "residuals_per_step": verdict.residuals,
         "last_step": history[-1] if history else {},
         "ranks": system.comm.size,
@@ -295,6 +317,14 @@ def limit_points(history):
     kinds = {1: "maximum of the load", -1: "minimum of the load"}
     found = [row for row in history if row.get("limit_point")]
     return [{"step": row["step"], "t": row["t"], "kind": kinds[row["limit_point"]]} for row in found]
+
+
+def _stabilisation(system):
+    """Largest energy left in the springs at the end of a step, also over the strain energy; {} without springs."""
+    if system.grounding is None:
+        return {}
+    most, units = system.grounding.most, system.units
+    return {f"energy_{units.force}{units.length}": most["energy"], "energy_share": most["energy_share"]}
 
 
 def _contact_summary(contact, system):
@@ -311,4 +341,5 @@ def _contact_summary(contact, system):
         "friction": contact.friction,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],
+        f"penetration_allowed_{units.length}": contact.tolerance,
     }

@@ -8,6 +8,8 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.grounding import Grounding
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
 from fenics_contact.checks import (
@@ -60,6 +62,7 @@ class _Contact:
     tangential_penalty: float | None
     tangential_share: float
     points: object
+    penetration: float | None
 
 
 def young(material):
@@ -139,6 +142,7 @@ class Scene:
         points=None,
         name=None,
         penalty_factor=None,
+        penetration=None,
     ):
         """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
@@ -147,12 +151,15 @@ class Scene:
         slave point; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
         tangential over normal penalty where no number is given (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss
         points per direction of each facet; by default nodes on an analytic tool, and 3 on a body or a meshed tool, where
-        they alone feel no jump at the master's edges.
+        they alone feel no jump at the master's edges; penetration:
+        how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
+        multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with one
+        point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone holds.
         """
         if not isinstance(master, Tool | str | tuple | list):
             raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
         if points is None:
-            points = "nodes" if isinstance(master, RigidTool) else 3
+            points = "nodes" if isinstance(master, RigidTool) else (3 if penetration is None else 1)
         name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
         if not isinstance(master, Tool):
             master = _names(master)
@@ -167,20 +174,29 @@ class Scene:
             raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
-        positive = {"penalty": penalty, "tangential_penalty": tangential_penalty, "tangential_share": tangential_share,
-                    "penalty_factor": penalty_factor}  # fmt: skip
+        positive = {
+            "penalty": penalty,
+            "tangential_penalty": tangential_penalty,
+            "tangential_share": tangential_share,
+            "penetration": penetration,
+            "penalty_factor": penalty_factor,
+        }
         for label, value in positive.items():
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SceneError(f"contact '{name}': {label} = {value} must be positive")
+        if penetration is not None and points == "nodes" and not isinstance(master, RigidTool):
+            raise SceneError(
+                f"contact '{name}': penetration= with points=\"nodes\" needs an analytic tool: a node that touches an edge "
+                "between facets without sinking in has no normal; use Gauss points, e.g. points=3"
+            )
         if points != "nodes" and (not isinstance(points, int) or points < 1):
             raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes' or a count of Gauss points")
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
         factor, share = penalty_factor or PENALTY_FACTOR, tangential_share or TANGENTIAL_SHARE
-        self.contacts.append(
-            _Contact(name, _names(slave), master, friction, penalty, factor, tangential_penalty, share, points)
-        )
+        statement = (name, _names(slave), master, friction, penalty, factor, tangential_penalty, share, points, penetration)
+        self.contacts.append(_Contact(*statement))
 
     @property
     def tools(self):
@@ -198,7 +214,7 @@ class Scene:
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
-    def system(self, move=None, push=None, timers=None):
+    def system(self, move=None, push=None, timers=None, stabilise=False):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
         motion = self._motion(move or {}, push or {})
@@ -213,9 +229,13 @@ class Scene:
             terms = [solid]
             if pressures:
                 terms.append(self._pressure(u, pressures, supports))
+            grounding = self._grounding(u, motion.free) if stabilise else None
+            terms += [grounding] if stabilise else []
             check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
+        for term, contact in zip(contacts, self.contacts, strict=True):
+            term.tolerance = contact.penetration
         with timers("compile"):  # the first call of a kernel loads or compiles it
             for term in contacts:
                 term.initialise(state)
@@ -227,6 +247,9 @@ class Scene:
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bonded_bodies(self), timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
+        system.grounding = grounding
+        if grounding:
+            grounding.bind(system)
         refuse_behind(system)
         system.bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in self.bodies)
         refuse_deep_start(self, system)
@@ -271,6 +294,20 @@ class Scene:
         term = FormTerm("pressure", power, rate)
         term.symmetric = is_symmetric(term.tangent_form, u, supports)
         return term
+
+    def _grounding(self, u, free):
+        """The stabilisation of bodies and free tools that nothing holds yet."""
+        domain, v, du = self.mesh.domain, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+        share, reference = compat.Constant(domain, 0.0), compat.Function(self.space)
+        energies = compat.Function(compat.constant_space(domain))
+        w = ufl.TestFunction(energies.function_space)
+        size = bodies_size(self.space)
+        soft = [(share * (young(body.material) / size**2), self.dx(body)) for body in self.bodies]
+        residual = sum(vp.spring_power(k, u - reference, v, dx) for k, dx in soft)
+        tangent = sum(vp.spring_power(k, du, v, dx) for k, dx in soft)
+        energy = sum(vp.strain_energy(body.material, u, w, self.dx(body)) for body in self.bodies)
+        on_tools = size * min(young(body.material) for body in self.bodies)
+        return Grounding(share, reference, residual, tangent, on_tools, free, (energy, energies))
 
     def _support_dofs(self):
         X = self.space.tabulate_dof_coordinates()

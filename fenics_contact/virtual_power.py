@@ -118,3 +118,18 @@ def current_area(u, v, mesh, ds):
     """Current area that belongs to each node: int N_a |cof F N| dS."""
     area = _area_vector(deformation_gradient(u), mesh)
     return ufl.sqrt(ufl.inner(area, area)) * v * ds
+
+
+def strain_energy(material, u, w, dx):
+    """Strain energy weighted by w [force length]."""
+    F = deformation_gradient(u)
+    if not isinstance(material, Isotropic):
+        return material.psi(F) * w * dx
+    J = ufl.det(F)
+    B = J ** (-2 / 3) * ufl.dot(F, F.T)
+    return material.psi(ufl.tr(B), ufl.tr(ufl.dot(B, B)), J) * w * dx
+
+
+def spring_power(stiffness, moved, v, dx):
+    """Springs of `stiffness` per reference volume [pressure/length^2] that are stretched by `moved`."""
+    return stiffness * ufl.inner(moved, v) * dx

@@ -26,20 +26,22 @@ ALL = [0.25, 0.5, 0.75, 1.0]
 SAME = 1e-10  # resumed against continuous: steps end at 1e-11 or, on one number of ranks, with the same iterates
 
 
-def pushed_punch(degree=1, element="displacement"):
+def pushed_punch(degree=1, element="displacement", **options):
     """A rough punch pushed down and aside on a rough floor; its travel is unknown and it slips."""
     scene = Scene(
-        Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER), degree=degree
+        Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER),
+        degree=degree,
+        element=element,
     )
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
     punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
-    scene.contact("top", punch, 0.3, name="c")
-    scene.contact("bottom", rigid_plane(name="floor"), 0.2, name="bottom")
+    scene.contact("top", punch, 0.3, name="c", **options)
+    scene.contact("bottom", rigid_plane(name="floor"), 0.2, name="bottom", **options)
     return scene, {"push": {punch: lambda t: (20.0 * max(t - 0.25, 0.0), 0.0, -60.0 * t)}}
 
 
-def sliding_blocks(points):
+def sliding_blocks(points, **options):
     """A block pressed on another and dragged by half a facet of it: anchors on the master, slip."""
     mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 1))
     scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
@@ -47,7 +49,7 @@ def sliding_blocks(points):
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 4.0 * max(t - 0.25, 0.0)))
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -1.0 * min(t / 0.25, 1.0)))
-    scene.contact("upper_bottom", "lower_top", 0.3, penalty=10.0, points=points, name="c")
+    scene.contact("upper_bottom", "lower_top", 0.3, penalty=10.0, points=points, name="c", **options)
     return scene, {}
 
 
@@ -57,6 +59,8 @@ SCENES = {
     "punch, mixed element": lambda: pushed_punch(1, "mixed"),
     "blocks by nodes": lambda: sliding_blocks("nodes"),
     "blocks by Gauss points": lambda: sliding_blocks(2),
+    "punch, augmented": lambda: pushed_punch(penetration=1e-4),
+    "blocks, augmented": lambda: sliding_blocks(1, penetration=1e-3),
 }
 
 

@@ -127,7 +127,6 @@ CATALOGUE = {
     "limit point": (crushed, "limit point", "body 'box'", "arc length"),
     "inverted": (squeezed_through, "element inverted", "body 'box' at (", "mesh the place more finely"),
     "gap": (hanging, "rigid-body motion", "body 'box'", "close the gap"),
-    "pair": (holding_each_other, "rigid-body motion", "body 'lower, upper'", "fix a surface"),
     "ice": (on_ice, "rigid-body motion", "body 'box'", "fix a surface"),
     "tool": (tool_in_the_air, "rigid-body motion", "tool 'ball'", "bring it into contact"),
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
@@ -229,3 +228,10 @@ def test_smallest_step_is_a_share():
     scene, _ = pressed(None)
     with pytest.raises(SceneError, match="smallest_step = 0.0 must be"):
         solve(scene, smallest_step=0.0)
+
+
+@pytest.mark.parallel
+def test_bodies_that_hold_only_each_other_are_refused():
+    scene, drive = holding_each_other()
+    with pytest.raises(SceneError, match="'lower'.*loose together"):
+        solve(scene, **drive, progress=False)

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.pattern import MatrixPattern
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.timing import Timers
 
 
@@ -31,6 +32,9 @@ class Term(Protocol):
     A term with `foresees` set offers hold(share), foresee(state) and release(), between which its evaluation depends on
     unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
     has no such unknowns and no kinks either.
+
+    A term whose `tolerance` [length] is not None has multipliers that only augment(state) changes and drop() takes back;
+    misfit(state) is its error over the tolerance.
     """
 
     name: str
@@ -186,17 +190,11 @@ class System:
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0
-        self.extent = self._extent()
+        self.extent = bodies_size(self.space)
         self._committed = self._snapshot()
         self._accepted = [self._committed]  # the last three
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
-
-    def _extent(self):
-        """Largest side of the box around all bodies [length]."""
-        X = self.space.tabulate_dof_coordinates()
-        low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)
-        low, high = np.min(self.comm.allgather(low), axis=0), np.max(self.comm.allgather(high), axis=0)
-        return float((high - low).max())
+        self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
@@ -227,6 +225,8 @@ class System:
     def rollback(self):
         """Return to the last committed state."""
         self.release()
+        for term in self.augmented:
+            term.drop()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
@@ -241,6 +241,8 @@ class System:
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self._accepted = [self._committed]
+        for term in self.augmented:
+            term.drop()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
     def extrapolate(self, owed):
@@ -293,6 +295,15 @@ class System:
     def release(self):
         for term in self._foreseeing:
             term.release()
+
+    def misfit(self):
+        """Largest error of the augmented terms over their tolerances. Collective."""
+        return max(self.comm.allgather(max(term.misfit(self.state) for term in self.augmented)))
+
+    def augment(self):
+        """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
+        for term in self.augmented:
+            term.augment(self.state)
 
     @property
     def committed_t(self):
@@ -348,13 +359,13 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self):
-        """Fill the matrix (supports not yet eliminated) and the border."""
+    def assemble_tangent(self, terms=None):
+        """Fill the matrix (supports not yet eliminated) and the border, with some of the terms if so asked."""
         with self.timers("insertion"):
             self._provide_couplings()
         if self.border is not None:
             self.border.clear()
-        for term in self.terms:
+        for term in self.terms if terms is None else terms:
             with self.timers("bulk tangent"):
                 term.add_tangent(self.state, self.matrix, self.border)
         with self.timers("insertion"):

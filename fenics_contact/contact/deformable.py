@@ -14,12 +14,13 @@ from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import (
     add_forces,
     add_tangents,
+    augmented_anchors,
     committed_anchors,
     foreseen_gaps,
 )
 from fenics_contact.kernels.couplings import clique_keys
 from fenics_contact.kernels.deformable_element import element_nodes, slave_points
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.timing import Timers
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
@@ -64,15 +65,17 @@ class DeformableContact(SlavePoints):
         self._block_count = space.dofmap.index_map.size_global
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
-        self._law = (*(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty)), friction, self.touch)
+        self._penalties = tuple(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty))
+        self.shift = np.zeros((ne, nq))
         seek = seek_closest if surface.gradients is None else seek_along_normals(nodes, gradients)
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
-        self._anchors = self._no_anchors()
+        self._rests = self._anchors = self._no_anchors()
+        self._kept = self._anchors, self.shift  # those of the last accepted step
         self._provided = np.full((ne * nq, 5), -2)
         self._set_keys(np.empty(0, dtype=np.int64))
-        self._seen = self._projected = self._linearised = None
+        self._seen = self._projected = self._linearised = self._places = None
         self._judged = _NOT_HELD
-        self._gaps = (np.full(ne * nq, self.search),) * 2  # when a step was last accepted, and before
+        self._gaps = (np.full(ne * nq, self.search),) * 2  # with shifts, when a step was last accepted, and before
         self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
         self.status = np.zeros((ne, nq), dtype=np.int32)
@@ -82,6 +85,10 @@ class DeformableContact(SlavePoints):
     def _no_anchors(self):
         n = len(self._slaves[2])
         return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
+
+    @property
+    def _law(self):
+        return (*self._penalties, self.friction, self.touch, self.shift.reshape(-1))
 
     # -- kinematics -----------------------------------------------------------------------------------------------
     def _positions(self, state):
@@ -218,7 +225,7 @@ class DeformableContact(SlavePoints):
         before, pairs = self._linearised
         gaps = np.empty(len(projection[4]))
         foreseen_gaps(before, self._slaves, self._facets, pairs, self._anchors, coords - before, gaps)
-        self._judged = np.where(np.isfinite(gaps), gaps, projection[4])
+        self._judged = np.where(np.isfinite(gaps), gaps, projection[4]) + self.shift.reshape(-1)
 
     def hold(self, share):
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
@@ -256,7 +263,7 @@ class DeformableContact(SlavePoints):
         return self._keys
 
     def _closed(self, projection):
-        gaps = self._judged if len(self._judged) else projection[4]
+        gaps = self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
         return (gaps <= self.touch) & (projection[1] != NONE)
 
     def _set_keys(self, keys):
@@ -288,7 +295,8 @@ class DeformableContact(SlavePoints):
     # -- history --------------------------------------------------------------------------------------------------
     def initialise(self, state):
         """Anchor every point at its projection in the initial state, so that it can stick in the first step."""
-        self._commit(*self._first_projection(state), touch=-np.inf)
+        self._rests = self._anchors = self._new_anchors(*self._first_projection(state), -np.inf)[0]
+        self._kept = self._anchors, self.shift
         self._places = self._positions(state)
         self.evaluate(state)
 
@@ -299,32 +307,73 @@ class DeformableContact(SlavePoints):
         self.met = self.met | (self.status != OPEN)
         coords, _, projection = self._project(state)
         self._places = self._positions(state)
-        self._gaps = self.gap.ravel(), self._gaps[0]
-        self._commit(coords, projection, self.touch)
-
-    def _commit(self, coords, projection, touch):
-        new, sliding = self._no_anchors(), np.empty(self.gap.size)
-        law, old = (*self._law[:3], touch), self._anchors
-        committed_anchors(coords, self._slaves, self._facets, projection, old, law, new, sliding)
-        self._anchors = new
+        self._gaps = (self.gap + self.shift).ravel(), self._gaps[0]
+        resting, feet = (self.status == STICK).reshape(-1, 1), self._new_anchors(coords, projection, -np.inf)[0]
+        self._rests = tuple(np.where(resting, old, new) for old, new in zip(self._rests, feet, strict=True))
+        self._anchors, sliding = self._new_anchors(coords, projection, self.touch)
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
+        self._kept = self._anchors, self.shift
+
+    def _new_anchors(self, coords, projection, touch):
+        """(anchors to keep, slid distance (np,)); with touch = -inf the points' places on the master."""
+        new, sliding = self._no_anchors(), np.empty(self.gap.size)
+        law = (*self._penalties, self.friction, touch, self.shift.reshape(-1))
+        committed_anchors(coords, self._slaves, self._facets, projection, self._anchors, law, new, sliding)
+        return new, sliding
+
+    def drop(self):
+        """Back to the multipliers of the last accepted step."""
+        self._anchors, self.shift = self._kept
+
+    def _augmented(self, state):
+        """(anchors with greater tractions, what the penalty gave way in stick (np,) [length])."""
+        coords, _, projection = self._project(state)
+        new, slips, pairs = self._no_anchors(), np.empty(self.gap.size), (coords, self._slaves, self._facets, projection)
+        augmented_anchors(*pairs, self._anchors, self._rests, self._law, new, slips)
+        return new, slips
+
+    def slips(self, state):
+        return self._augmented(state)[1]
+
+    def shift_anchors(self, state):
+        self._anchors = self._augmented(state)[0]
+
+    def weigh(self, area):
+        super().weigh(area)
+        self._slaves = (*self._slaves[:2], area.ravel(), self._slaves[3])
+
+    def branches(self, state):
+        self.evaluate(state)
+        facet, kind, feature = self._project(state)[2][:3]
+        return np.column_stack([self.status.ravel(), facet, kind, feature])
 
     def unpaired(self, state):
         return self._project(state)[2][1] == NONE
 
     def history(self):
-        """Anchors as keys of the master's nodes (-1: none) and their weights, and the slip paths."""
-        shape, (nodes, weights) = (*self.gap.shape, 4), self._anchors
+        """Anchors as keys of the master's nodes (-1: none) and their weights, the slip paths, multipliers."""
+        out = self._keyed("anchor", "weight", self._anchors) | {"slip_path": self.slip_path, "met": self.met}
+        if self.tolerance is None:
+            return out
+        return out | self._keyed("rest", "rest_weight", self._rests) | {"shift": self.shift}
+
+    def _keyed(self, name, weight, anchors):
+        shape, (nodes, weights) = (*self.gap.shape, 4), anchors
         keys = np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - len(self._local))]
-        anchors = {"anchor": keys.reshape(shape), "weight": weights.reshape(shape)}
-        return anchors | {"slip_path": self.slip_path, "met": self.met}
+        return {name: keys.reshape(shape), weight: weights.reshape(shape)}
 
     def restore(self, values):
-        keys, order = values["anchor"].reshape(-1, 4), np.argsort(self.master.keys)
-        nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
-        weights = np.ascontiguousarray(values["weight"].reshape(-1, 4))
-        self._anchors, self._places = (np.where(keys < 0, -1, nodes), weights), None
+        self._anchors, self._places = self._numbered(values["anchor"], values["weight"]), None
         self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in ("slip_path", "met"))
+        if self.tolerance is not None:
+            self._rests = self._numbered(values["rest"], values["rest_weight"])
+            self.shift = np.ascontiguousarray(values["shift"])
+        self._kept = self._anchors, self.shift
+
+    def _numbered(self, keys, weights):
+        keys, order = keys.reshape(-1, 4), np.argsort(self.master.keys)
+        nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
+        return np.where(keys < 0, -1, nodes), np.ascontiguousarray(weights.reshape(-1, 4))
 
     # -- output ---------------------------------------------------------------------------------------------------
     def split_traction(self, state):

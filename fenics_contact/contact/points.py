@@ -1,11 +1,14 @@
 """What every contact term says of its slave points: their number in a checkpoint, status, place, and what ails them."""
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
+DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
@@ -14,16 +17,68 @@ SLID_OFF = 0.5  # of the area that has been in contact: when so much has left th
 class SlavePoints:
     """Mixed into contact terms.
 
-    Needs their name and surface, and per element and point status, gap, cover, traction and met (has been in contact).
+    Needs their name and surface, and per element and point status, gap, cover, traction, met (has been in contact) and
+    shift (multiplier over penalty, [length]); also slips(state) and shift_anchors(state).
+
+    A contact with a tolerance [length] is augmented: the penalty carries only what multipliers do not yet carry. Between
+    accepted steps these grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <- min(lambda
+    + eps_N g, 0) and, where a point sticks, lambda_T <- lambda_T + eps_T times its slip since it came to rest, which is kept
+    in the place of its anchor. A point half out under a sharp edge keeps the body's spring that acts there in series with
+    the penalty (cover = its share of eps_N): lambda <- cover (lambda + eps_N g) leaves that spring alone.
     """
 
-    penalised = True
+    tolerance = None
+    _remarked = False
+
+    @property
+    def penalised(self):
+        """Is the traction proportional to the penalties?"""
+        return self.tolerance is None
+
+    def misfit(self, state):
+        """Largest error of this rank's points over the tolerance: penetration, pressure across a gap, slip in stick."""
+        self.evaluate(state)
+        return max(np.abs(self._grown() - self.shift).max(initial=0.0), self.slips(state).max(initial=0.0)) / self.tolerance
+
+    def _grown(self):
+        return np.minimum(self.cover * (self.gap + self.shift), 0.0)
+
+    def augment(self, state):
+        """Let multipliers take over what the penalty carries. They count as history once the step is accepted."""
+        self.evaluate(state)
+        self.shift_anchors(state)
+        self.shift = self._grown()
 
     def resultants(self, state):
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,). Collective."""
         self.evaluate(state)
         comm = state.u.function_space.mesh.comm
         return self.measures(state, comm)["force"], self.split_traction(state)[0].ravel()
+
+    @contextmanager
+    def only(self, mask, frictionless=False):
+        """Within it the points (n,) of a mask alone exert forces, without friction if so asked."""
+        area, friction = self.surface.area, self.friction
+        self.friction = 0.0 if frictionless else friction
+        self.weigh(np.where(mask.reshape(area.shape), area, 0.0))
+        try:
+            yield
+        finally:
+            self.friction = friction
+            self.weigh(area)
+
+    def weigh(self, area):
+        """Take other areas (ne, nq) [length^2] for the points."""
+        self.surface.area = area
+
+    def laws(self, frictionless):
+        """{name: status code} of the laws that can hold at a point."""
+        return {"normal": CLOSED} if frictionless else {"stick": STICK, "slip": SLIP}
+
+    def branches(self, state):
+        """Rows of codes (n, ...), the status first: where one changes the traction has a kink. Collective."""
+        self.evaluate(state)
+        return self.status.reshape(-1, 1).copy()
 
     @property
     def key(self):
@@ -56,6 +111,16 @@ class SlavePoints:
             return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
         return None
 
+    def remark(self, state):
+        """None, or at the first accepted step where it is so, that points lie deep in the master. Collective."""
+        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0).ravel()
+        depth, place = self._worst(state.u.function_space.mesh.comm, held)
+        if self._remarked or depth <= DEEP * self.surface.cell_height:
+            return None
+        self._remarked = True
+        text = f"{place} lies {depth:.3g} inside '{self.master_name}', where a cell is {self.surface.cell_height:.3g} high"
+        return f"{text}: penetration= keeps it out, or raise penalty="
+
     def objection(self, state):
         """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, or
         penetrations are too small for a number beside the coordinates. Collective."""
@@ -68,7 +133,7 @@ class SlavePoints:
         largest, place = self._worst(comm, pressure)
         soft = self.surface.stiffness.min(initial=np.inf)
         x = np.abs(self.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
-        low = comm.allgather((soft, self.gap.min(initial=0.0), -x))
+        low = comm.allgather((soft, (self.gap + self.shift).min(initial=0.0), -x))
         soft, depth, size = (-value for value in np.min(low, axis=0))
         # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
         if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):

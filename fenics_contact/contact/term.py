@@ -6,7 +6,7 @@ from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.points import SlavePoints
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
 from fenics_contact.kernels.scatter import scatter_border, scatter_forces
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.timing import Timers
 
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
@@ -38,12 +38,14 @@ class RigidContact(SlavePoints):
         self.cover = np.ones((ne, nq))
         self.slip_path = np.zeros((ne, nq))
         self.met = np.zeros((ne, nq), dtype=bool)
-        self._anchor = np.zeros((ne, nq, 3))
+        self._anchor, self._rest, self.shift = np.zeros((ne, nq, 3)), np.zeros((ne, nq, 3)), np.zeros((ne, nq))
+        self._kept = self._anchor, self.shift  # those of the last accepted step
         self.timers = Timers()  # those of the System it becomes part of
 
     def initialise(self, state):
         """Anchor every point at its projection in the initial state."""
-        self._commit(state, mu=0.0, touch=-np.inf)
+        self._rest = self._anchor = self._anchors(state, 0.0, -np.inf)[0]
+        self._kept = self._anchor, self.shift
         self.evaluate(state, True)
 
     def _tool_arguments(self, state):
@@ -55,7 +57,7 @@ class RigidContact(SlavePoints):
         s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
         with self.timers("contact kernel"):
             contact_elements(
-                s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
+                s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor, self.shift,
                 self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, self.friction, self.touch,
                 want_tangent,
                 self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess, self.cover,
@@ -96,24 +98,50 @@ class RigidContact(SlavePoints):
         """Accept the state: the only place where friction history changes."""
         self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
-        self._commit(state, self.friction, self.touch)
+        resting, foot = (self.status == STICK)[..., None], self._anchors(state, 0.0, -np.inf)[0]
+        self._rest = np.where(resting, self._rest, foot)
+        self._anchor, sliding = self._anchors(state, self.friction, self.touch)
+        self.slip_path = self.slip_path + sliding
+        self._kept = self._anchor, self.shift
 
-    def _commit(self, state, mu, touch):
+    def drop(self):
+        """Back to the multipliers of the last accepted step."""
+        self._anchor, self.shift = self._kept
+
+    def _slip(self, state):
+        """Slip (ne, nq, 3) of sticking points since they came to rest, in the tool's frame [length]; 0 for others."""
+        foot, normal = self._anchors(state, 0.0, -np.inf)[0], self.normals(state) @ self.tool.axes
+        moved = foot - self._rest
+        along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
+        return np.where((self.status == STICK)[..., None], moved - along, 0.0)
+
+    def slips(self, state):
+        """What the penalty gave way in stick (ne, nq) [length], at the state evaluated last."""
+        return np.linalg.norm(self._slip(state), axis=2)
+
+    def shift_anchors(self, state):
+        self._anchor = self._anchor - self._slip(state)
+
+    def _anchors(self, state, mu, touch):
+        """(anchors to keep, slid distance) at a state; with touch = -inf the points' places on the tool."""
         s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
         new = np.empty_like(self._anchor)
         sliding = np.empty_like(self.gap)
         committed_anchors(
-            s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, self._anchor,
+            s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, self._anchor, self.shift,
             self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, mu, touch, new, sliding,
         )  # fmt: skip
-        self._anchor = new
-        self.slip_path = self.slip_path + sliding
+        return new, sliding
 
     def history(self):
-        return {"anchor": self._anchor, "slip_path": self.slip_path, "met": self.met}
+        out = {"anchor": self._anchor, "slip_path": self.slip_path, "met": self.met}
+        return out if self.tolerance is None else out | {"rest": self._rest, "shift": self.shift}
 
     def restore(self, values):
-        self._anchor, self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in self.history())
+        values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
+        self._anchor, self.slip_path, self.met = (values[name] for name in ("anchor", "slip_path", "met"))
+        self._rest, self.shift = values.get("rest", self._rest), values.get("shift", self.shift)
+        self._kept = self._anchor, self.shift
 
     def excessive_overlap(self, state, X, slave, comm):
         """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.

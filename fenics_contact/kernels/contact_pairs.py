@@ -1,7 +1,7 @@
 """All pairs of slave points and master facets in one pass: forces, tangent, foreseen gaps, anchors to keep.
 
-Arrays as in kernels/deformable_element.py.  `judged` (np,) are the gaps that decide the points' status where they are not
-the gaps themselves; (0,) where they are.
+Arrays as in kernels/deformable_element.py.  `judged` (np,) are the gaps, shifts added, that decide the points' status where
+they are not the present ones; (0,) where they are.
 """
 
 import math
@@ -59,8 +59,8 @@ def _rates(q, g, size, surface, projection, ray, work):
 
 
 @njit(cache=True)
-def _judged(q, projection, judged):
-    return judged[q] if len(judged) > 0 else projection[4][q]
+def _judged(q, projection, law, judged):
+    return judged[q] if len(judged) > 0 else projection[4][q] + law[4][q]
 
 
 @njit(cache=True)
@@ -76,11 +76,12 @@ def add_forces(coords, slaves, surface, projection, anchors, law, judged, forces
     for q in range(len(status)):
         status[q], excess[q] = OPEN, 0.0
         traction[q, 0] = traction[q, 1] = traction[q, 2] = 0.0
-        decides = _judged(q, projection, judged)
+        decides = _judged(q, projection, law, judged)
         if projection[1][q] == NONE or not decides <= law[3]:
             continue  # most points of a surface are open: leave before anything is evaluated
         g, _ = _place(q, coords, slaves, surface, projection, anchors, work)
-        state, _, limit = point_traction(q, g, decides if len(judged) > 0 else g, anchors[0][q, 0] >= 0, law, vec)
+        press = g + law[4][q]
+        state, _, limit = point_traction(q, press, decides if len(judged) > 0 else press, anchors[0][q, 0] >= 0, law, vec)
         status[q] = state
         if state == OPEN:
             continue
@@ -142,12 +143,12 @@ def add_tangents(coords, slaves, surface, projection, anchors, law, judged, patt
     Q, B = np.empty((k + 8, 3, 3)), np.empty((k + 8, 2, 3))
     missing = 0
     for q in range(len(projection[0])):
-        decides = _judged(q, projection, judged)
+        decides = _judged(q, projection, law, judged)
         if projection[1][q] == NONE or not decides <= law[3]:
             continue
         g, size = _place(q, coords, slaves, surface, projection, anchors, work)
         if len(judged) == 0:
-            decides = g
+            decides = g + law[4][q]
         state, N, limit = point_traction(q, decides, decides, anchors[0][q, 0] >= 0, law, vec)
         if state == OPEN:
             continue
@@ -223,7 +224,8 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
             weights[q, :] = 0.0
             continue
         g, _ = _place(q, coords, slaves, surface, projection, anchors, work)
-        status, _, _ = point_traction(q, g, g, anchors[0][q, 0] >= 0, law, vec)
+        press = g + law[4][q]
+        status, _, _ = point_traction(q, press, press, anchors[0][q, 0] >= 0, law, vec)
         for i in range(4):
             if status == STICK:
                 nodes[q, i], weights[q, i] = anchors[0][q, i], anchors[1][q, i]
@@ -235,3 +237,37 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
             for p in range(3):
                 moved += (vec[W, p] - vec[TANGENTIAL, p] / law[1][q]) ** 2
             sliding[q] = math.sqrt(moved)
+
+
+@njit(cache=True)
+def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, new_anchors, slips):
+    """Uzawa's update of friction: the anchors (16) that give sticking points a traction greater by eps_T times their slip.
+
+    rests: like anchors, where the points last came to rest.  slips (np,) = |P(n) (x_M - x_rest)| of sticking points, what
+    the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.
+    """
+    nodes, weights = new_anchors
+    work = workspace(slaves[0].shape[1])
+    vec, N, dN = work[0], work[3], work[4]
+    for q in range(len(slips)):
+        slips[q] = 0.0
+        for i in range(4):
+            nodes[q, i], weights[q, i] = anchors[0][q, i], anchors[1][q, i]
+        if projection[1][q] == NONE or anchors[0][q, 0] < 0:
+            continue
+        g, _ = _place(q, coords, slaves, surface, projection, anchors, work)
+        press = g + law[4][q]
+        if point_traction(q, press, press, True, law, vec)[0] != STICK:
+            continue
+        trial0, trial1, trial2 = vec[TRIAL, 0], vec[TRIAL, 1], vec[TRIAL, 2]
+        _place(q, coords, slaves, surface, projection, rests, work)
+        along = vec[NORMAL, 0] * vec[W, 0] + vec[NORMAL, 1] * vec[W, 1] + vec[NORMAL, 2] * vec[W, 2]
+        vec[TANGENTIAL, 0], vec[TANGENTIAL, 1], vec[TANGENTIAL, 2] = trial0, trial1, trial2
+        for p in range(3):
+            slip = vec[W, p] - along * vec[NORMAL, p]
+            slips[q] += slip * slip
+            vec[TANGENTIAL, p] += law[1][q] * slip
+        slips[q] = math.sqrt(slips[q])
+        for i in range(4):
+            nodes[q, i], weights[q, i] = surface[0][projection[0][q], i], N[i]
+        slide_anchor(q, vec, dN, law[1], weights[q])

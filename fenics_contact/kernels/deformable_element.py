@@ -19,7 +19,8 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64):
     projection (facet (np,), kind (np,), feature (np,), xi (np, 2), gap (np,), normal (np, 3)) as filled by
                kernels/closest_point.py or kernels/slave_ray.py at the same coordinates
     anchors    (nodes (np, 4), weights W (np, 4)); nodes[:, 0] = -1: no anchor yet
-    law        (eps_n (np,), eps_t (np,) [pressure/length], mu, touch [length]); touch: gaps up to it count as closed
+    law        (eps_n (np,), eps_t (np,) [pressure/length], mu, touch [length], shift (np,) [length]); shift: multiplier over
+               eps_n, by which a point presses more than its gap does; touch: gap + shift up to it counts as closed
 """
 
 import math
@@ -120,12 +121,12 @@ def place(q, coords, slaves, surface, projection, anchors, work):
 
 @njit(cache=True)
 def point_traction(q, g, judged, has_anchor, law, vec):
-    """Laws (15)-(18) at gap g: fill TRIAL, TANGENTIAL and TRACTION; return (status, N, limit).
+    """Laws (15)-(18) at g, the gap with its shift: fill TRIAL, TANGENTIAL and TRACTION; return (status, N, limit).
 
     judged: the gap that decides between open and closed, stick and slip: g itself, or the one that Newton's last solve
     foresaw (contact/deformable.py).
     """
-    eps_n, eps_t, mu, touch = law
+    eps_n, eps_t, mu, touch, _ = law
     for p in range(3):
         vec[TRIAL, p] = vec[TANGENTIAL, p] = vec[TRACTION, p] = 0.0
     if not judged <= touch:
@@ -226,7 +227,7 @@ def traction_rate(q, status, N, limit, law, lean1, lean2, work):
     lean1, lean2: n . r_alpha, zero where n is the master's own normal.
     """
     vec, beta, dn, dT = work[0], work[6], work[7], work[8]
-    eps_n, eps_t, mu, _ = law
+    eps_n, eps_t, mu, _, _ = law
     along = size = 0.0
     for p in range(3):
         along += vec[NORMAL, p] * vec[W, p]

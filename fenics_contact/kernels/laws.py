@@ -26,27 +26,29 @@ def coulomb_return(trial, limit, traction):
 
 @njit(cache=True)
 def point_traction(
-    gap, n, H, elastic_slip, eps_n, deps, eps_t, mu, touch, want_tangent, trial, traction, tangential, dtrial, dT
+    gap, shift, n, H, elastic_slip, eps_n, deps, eps_t, mu, touch, want_tangent, trial, traction, tangential, dtrial, dT
 ):
     """Contact traction T = N n + T_T of a slave point on a fixed surface, and dT/dx of the slave position.
 
-    gap: signed distance [length]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,): x_M - anchor.
+    gap: signed distance, shift: its multiplier's [lengths]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,):
+    x_M - anchor.
     eps_n, eps_t: penalties [pressure/length]; deps (3,): gradient of eps_n, zero away from a sharp edge;
-    mu: friction coefficient; touch: gaps up to this round-off length count as closed. Fills traction (3,) and
+    mu: friction coefficient; touch: gap + shift up to this round-off length count as closed. Fills traction (3,) and
     its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted; trial (3,)
     and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
     """
     tangential[:] = 0.0
-    if gap > touch:
+    press = gap + shift
+    if press > touch:
         traction[:] = 0.0
         dT[:, :] = 0.0
         return OPEN
-    N = eps_n * gap  # penalty law before (15)
+    N = eps_n * press  # penalty law before (15), the multiplier eps_n shift added
     traction[:] = N * n
     if want_tangent:
         for i in range(3):
             for j in range(3):
-                dT[i, j] = n[i] * (eps_n * n[j] + gap * deps[j]) + N * H[i, j]  # (26) for a surface of normal gradient H
+                dT[i, j] = n[i] * (eps_n * n[j] + press * deps[j]) + N * H[i, j]  # (26) for a surface of normal gradient H
     if mu == 0.0:
         return CLOSED
 
@@ -56,12 +58,12 @@ def point_traction(
     status = coulomb_return(trial, limit, tangential)
     traction[:] += tangential
     if want_tangent:
-        _friction_tangent(gap, n, H, elastic_slip, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT)
+        _friction_tangent(gap, press, n, H, elastic_slip, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT)
     return status
 
 
 @njit(cache=True)
-def _friction_tangent(gap, n, H, z, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT):
+def _friction_tangent(gap, press, n, H, z, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT):
     """Add d(T_T)/dx: (27) in stick, (28) with the d|N| block in slip."""
     for j in range(3):
         Hz = H[0, j] * z[0] + H[1, j] * z[1] + H[2, j] * z[2]
@@ -77,7 +79,7 @@ def _friction_tangent(gap, n, H, z, along, eps_n, deps, eps_t, mu, limit, status
         t_dtrial = (trial[0] * dtrial[0, j] + trial[1] * dtrial[1, j] + trial[2] * dtrial[2, j]) / size
         for i in range(3):
             t = trial[i] / size
-            dT[i, j] += limit / size * (dtrial[i, j] - t * t_dtrial) - mu * t * (eps_n * n[j] + gap * deps[j])
+            dT[i, j] += limit / size * (dtrial[i, j] - t * t_dtrial) - mu * t * (eps_n * n[j] + press * deps[j])
 
 
 @njit(cache=True)

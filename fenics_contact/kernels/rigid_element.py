@@ -42,14 +42,15 @@ def _rotate(axes, local, out):
 
 @njit(cache=True)
 def contact_elements(
-    X, nodes, a, area, u, kind, shape, origin, axes, travel, anchor, eps_n, eps_t, body, spacing,
+    X, nodes, a, area, u, kind, shape, origin, axes, travel, anchor, shift, eps_n, eps_t, body, spacing,
     mu, touch, want_tangent, force, tangent, arm, traction, gap, status, slip, cover,
 ):  # fmt: skip
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
     X (ne, k, 3) reference positions; nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point;
     area (ne, nq) tributary reference areas; u local displacements, three per node; anchor (ne, nq, 3) in the tool's
-    frame; eps_n, eps_t, body (ne,) penalties and stiffness beneath [pressure/length]; spacing (ne,) of the points.
+    frame; shift (ne, nq): multiplier over penalty [length]; eps_n, eps_t, body (ne,) penalties and stiffness beneath
+    [pressure/length]; spacing (ne,) of the points.
     Fills force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative,
     arm (ne, k, 3, 3) its derivative against a motion of all slave nodes at once (minus that against the tool's
     travel); per point traction (ne, nq, 3), gap, status, slip (ne, nq) = trial over Coulomb limit minus one,
@@ -73,16 +74,16 @@ def contact_elements(
             cover[e, q] = eps / eps_n[e]
             traction[e, q] = 0.0
             slip[e, q] = 0.0
-            if g > touch:  # most points of a surface are open: leave before any law is evaluated
+            if g + shift[e, q] > touch:  # most points of a surface are open: leave before any law is evaluated
                 status[e, q] = OPEN
                 continue
             z[:] = y - g * n - anchor[e, q]
             state = point_traction(
-                g, n, H, z, eps, deps, eps_t[e], mu, touch, want_tangent, trial, T, tangential, dtrial, dT
+                g, shift[e, q], n, H, z, eps, deps, eps_t[e], mu, touch, want_tangent, trial, T, tangential, dtrial, dT
             )
             status[e, q] = state
             if mu > 0.0:
-                limit = mu * max(-eps * g, 1e-300)
+                limit = mu * max(-eps * (g + shift[e, q]), 1e-300)
                 slip[e, q] = np.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2) / limit - 1.0
             _rotate(axes, T, world)
             traction[e, q] = world
@@ -129,6 +130,7 @@ def committed_anchors(
     axes,
     travel,
     anchor,
+    shift,
     eps_n,
     eps_t,
     body,
@@ -153,7 +155,9 @@ def committed_anchors(
             _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
             g, eps = _gap_and_penalty(kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, deps)
             z[:] = y - g * n - anchor[e, q]
-            state = point_traction(g, n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT)
+            state = point_traction(
+                g, shift[e, q], n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT
+            )
             sliding[e, q] = 0.0
             if state == OPEN:
                 new_anchor[e, q] = y - g * n

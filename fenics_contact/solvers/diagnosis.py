@@ -83,7 +83,8 @@ def rigid_motion(system, matrix):
     for name, part in moving:
         how = [MOVES[i] for i in range(6) if part[i] > 0.3 * part.max()]
         text.append(f"body '{name}' {', '.join(how)} without resistance")
-    remedy = "fix a surface, use a symmetry plane, close the gap of the contact that should hold it, or move it by prescribe"
+    remedy = "fix a surface, use a symmetry plane, close the gap of the contact that should hold it, or cross it with "
+    remedy += "prescribe or solve(..., stabilise=True)"
     place = f"body '{', '.join(name for name, _ in moving)}'"
     return Finding(RIGID_MOTION, " and ".join(text), place, remedy)
 

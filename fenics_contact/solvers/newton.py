@@ -21,12 +21,15 @@ SETTLING = 3  # first solves that are taken whole where contact pressures are fo
 @dataclass
 class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
-    followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way."""
+    followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
+    augmented contacts the number of augmentations, and before each and at the end the error over the tolerance."""
 
     iterations: int = 0
     residuals: list = field(default_factory=list)
     corrections: int = 0
     notes: list = field(default_factory=list)
+    augmentations: int = 0
+    misfits: list = field(default_factory=list)
 
 
 class Newton:
@@ -55,6 +58,11 @@ class Newton:
                 system.rollback()
                 du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, report)
+
+    def settle(self, system, t):
+        """Into balance at t from the present state, after its multipliers have changed."""
+        du, dq = system.begin_step(t)
+        return self._iterate(system, du, dq, StepReport())
 
     def _iterate(self, system, du, dq, report):
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is

@@ -16,6 +16,10 @@ class Snes:
     def __init__(self, linear, tolerance=1e-8, limit=20):
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
 
+    def settle(self, system, t):
+        """Into balance at t from the present state, after its multipliers have changed: SNES always starts from there."""
+        return self.step(system, t)
+
     def step(self, system, t):
         """Carry the system from its committed state to t; StepFailed if SNES does not converge."""
         du, dq = system.begin_step(t)

@@ -23,10 +23,10 @@ class Verdict:
     """How a run ended.
 
     kind, reason, place, remedy: what stopped it, in words; t: load parameter reached; step: number of the step that failed,
-    0 if none did; cuts, iterations, corrections: cut-backs, tangents, and solves with an old one's factorisation;
-    residuals: per accepted step, the out-of-balance share
-    after each solve; notes: what was resolved on the way; smallest: step [t] below which none is tried; size: largest step
-    [t] to try next, endless while no step failed.
+    0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
+    factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
+    notes: what was resolved on the way; smallest: step [t] below which none is tried; size: largest step [t] to try next,
+    endless while no step failed.
     """
 
     converged: bool = True
@@ -39,6 +39,7 @@ class Verdict:
     cuts: int = 0
     iterations: int = 0
     corrections: int = 0
+    augmentations: int = 0
     residuals: list = field(default_factory=list)
     notes: list = field(default_factory=list)
     smallest: float = 0.0

@@ -36,7 +36,7 @@ class Pair:
             np.array([AREA]),
             np.empty((0, 2, len(slave))),
         )
-        self.law = (np.array([EPS_N]), np.array([EPS_T]), float(mu), float(touch))
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), float(mu), float(touch), np.zeros(1))
         self.anchors = (np.full((1, 4), -1, np.int64), np.zeros((1, 4)))
         self.up = -DOWN
         if anchor is not None:
@@ -204,6 +204,43 @@ def test_taylor_remainder_is_of_second_order(name):
         assert np.linalg.norm(largest * r["K"] @ direction.ravel()) > 5 * remainders[0]
 
 
+@pytest.mark.parametrize("name", [n for n in TOUCHING if STATES[n][2] == INTERIOR and "1e-9" not in n])
+def test_taylor_with_a_multiplier(name):
+    """Lifted to an open gap, the point presses by its multiplier as deep as before."""
+    pair, r = build(name)
+    lift = max(-2.0 * r["gap"], 0.05)
+    pair.law[4][:] = -lift
+    pair.coords[pair.slaves[0][0]] += lift * r["normal"]
+    lifted = pair.evaluate()
+    assert lifted["status"] == r["status"] and lifted["gap"] > 0.0
+    rng = np.random.default_rng(ALL.index(name))
+    # the gap with its multiplier stays below zero, and third-order terms small beside the distance to r's curvature
+    largest = min(2e-3, 0.2 * abs(r["gap"]))
+    remainders = taylor_orders(pair, lifted, rng.uniform(-1, 1, pair.coords.shape), largest)
+    assert remainders[-1] > 1e-12  # rounding is 1e-16 of forces of size 10
+    assert np.log2(remainders[:-1] / remainders[1:]).min() > 1.9
+
+
+@pytest.mark.parametrize("name", [n for n in TOUCHING if STATES[n][1] == STICK and STATES[n][2] == INTERIOR])
+def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
+    """Uzawa: T_T' = T_T + eps_T P(n) (x_M - x_rest), whatever facet the new anchor lies on."""
+    pair, r = build(name)
+    rest = (np.array([[0, 1, 2, 3]]), np.array([[0.3, 0.3, 0.2, 0.2]]))
+    new, slips = (np.zeros((1, 4), np.int64), np.zeros((1, 4))), np.zeros(1)
+    arrays = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords))
+    element.augmented_anchors(*arrays, pair.anchors, rest, pair.law, new, slips)
+    point = pair.slaves[1][0] @ pair.coords[pair.slaves[0][0]]
+    foot = point - r["gap"] * r["normal"]
+    moved = foot - rest[1][0] @ pair.coords[rest[0][0]]
+    slip = moved - (moved @ r["normal"]) * r["normal"]
+    np.testing.assert_allclose(slips[0], np.linalg.norm(slip), rtol=1e-12)
+    assert slips[0] > 1e-3
+    pair.anchors, pair.law = new, (*pair.law[:2], 1e3, *pair.law[3:])  # a cone that holds the greater traction too
+    after = pair.evaluate(want_tangent=False)
+    assert after["status"] == STICK
+    np.testing.assert_allclose(after["T"], r["T"] + EPS_T * slip, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
+
+
 @pytest.mark.parametrize("name", [n for n in ALL if STATES[n][1] == SLIP and "tension" not in n])
 def test_taylor_when_the_slip_direction_turns(name):
     pair, r = build(name)
@@ -313,7 +350,7 @@ def test_a_batch_is_its_pairs_one_by_one():
         np.empty((0, 2, 1)),
     )
     anchors = tuple(np.concatenate([pair.anchors[i] for pair in single]) for i in (0, 1))
-    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0)
+    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0, np.zeros(n_points))
     lists = (4 * np.arange(n_points + 1), np.tile(np.arange(4), n_points))
     ints = [np.zeros(n_points, np.int64) for _ in range(3)]
     projection = (*ints, np.zeros((n_points, 2)), np.zeros(n_points), np.zeros((n_points, 3)))

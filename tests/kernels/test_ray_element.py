@@ -33,7 +33,7 @@ class Pair:
         self.surface = (np.array(facets), np.array([len(set(f)) for f in facets]))
         weights, gradients = shapes(*XI)
         self.slaves = (np.arange(6, 10)[None], weights[None], np.array([AREA]), gradients[None])
-        self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0)
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0, np.zeros(1))
         self.anchors = (np.full((1, 4), -1), np.zeros((1, 4)))
         if anchor:
             self.anchors = (np.array([anchor[0]]), np.array([anchor[1]]))
@@ -75,6 +75,19 @@ def test_taylor_remainder_is_of_second_order(name):
         moved = pair.evaluate(pair.coords + h * way)
         assert moved[2] == status
         remainders.append(np.linalg.norm(moved[0] - R - h * K @ way.ravel()))
+    assert np.log2(np.array(remainders[:-1]) / remainders[1:]).min() > 1.98  # third-order terms shift it by the step
+
+
+@pytest.mark.parametrize("name", [n for n in STATES if n != "open"])
+def test_taylor_with_a_multiplier(name):
+    options, status = STATES[name]
+    pair = Pair(**options | {"lift": 0.1})
+    pair.law[4][:] = -0.4
+    R, K, found, gap, *_ = pair.evaluate(pair.coords)
+    assert found == status and gap > 0.0
+    way = np.random.default_rng(3).uniform(-1, 1, pair.coords.shape)
+    steps = 1e-3 / 2.0 ** np.arange(4)
+    remainders = [np.linalg.norm(pair.evaluate(pair.coords + h * way)[0] - R - h * K @ way.ravel()) for h in steps]
     assert np.log2(np.array(remainders[:-1]) / remainders[1:]).min() > 1.98  # third-order terms shift it by the step
 
 

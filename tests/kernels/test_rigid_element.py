@@ -64,7 +64,7 @@ class Contact:
         self.X = reference[self.nodes]
         self.travel = tool.travel.copy()
         # anchors behind the projections: trial = eps_t * elastic slip
-        self.anchor = np.zeros((1, self.a.shape[1], 3))
+        self.anchor, self.shift = np.zeros((1, self.a.shape[1], 3)), np.zeros((1, self.a.shape[1]))
         self.anchor = self.commit(mu=0.0, touch=-np.inf)[0] - np.asarray(elastic, float)
 
     def _tool(self, travel):
@@ -81,7 +81,7 @@ class Contact:
         T, gap, slip, cover = np.full((1, nq, 3), np.nan), *(np.full((1, nq), np.nan) for _ in range(3))
         status = np.full((1, nq), -7, np.int32)
         element.contact_elements(
-            self.X, self.nodes, self.a, self.area, u.ravel(), *self._tool(travel), self.anchor, *self._law(),
+            self.X, self.nodes, self.a, self.area, u.ravel(), *self._tool(travel), self.anchor, self.shift, *self._law(),
             self.mu, self.touch, want_tangent, force, tangent, arm, T, gap, status, slip, cover,
         )  # fmt: skip
         assert np.array_equal(before, self.anchor)  # evaluation writes no history
@@ -102,7 +102,7 @@ class Contact:
         new, sliding, before = np.full_like(self.anchor, np.nan), np.full(self.area.shape, np.nan), self.anchor.copy()
         mu, touch = (self.mu if mu is None else mu), (self.touch if touch is None else touch)
         element.committed_anchors(
-            self.X, self.nodes, self.a, self.u.ravel(), *self._tool(self.travel), self.anchor, *self._law(),
+            self.X, self.nodes, self.a, self.u.ravel(), *self._tool(self.travel), self.anchor, self.shift, *self._law(),
             mu, touch, new, sliding,
         )  # fmt: skip
         assert np.array_equal(before, self.anchor)
@@ -194,6 +194,32 @@ def test_taylor_remainder_is_of_second_order(place, law, k, what):
             assert (remainders == 0).all() and not r["force"].any() and not r["K"].any() and not r["arm"].any()
         else:
             check_order(remainders, linear, place in FLAT and law in ("closed", "stick"))
+
+
+def with_multiplier(place, law, k):
+    """The same press and elastic slip as `build`'s, but nearly all of it carried by a multiplier, across an open gap."""
+    contact, _ = build(place, law, k)
+    lift = 1.4 * DEPTH
+    contact.shift[:] = -lift
+    contact.u[contact.nodes[0]] += lift * contact.tool.axes @ np.asarray(PLACES[place][3], float)
+    r = contact.evaluate()
+    assert (r["status"] == LAWS[law]).all() and (r["gap"] > 0.0).all()
+    return contact, r
+
+
+@pytest.mark.parametrize(("place", "law", "k"), TOUCHING)
+def test_taylor_with_a_multiplier(place, law, k):
+    contact, r = with_multiplier(place, law, k)
+    rng = np.random.default_rng(CASES.index((place, law, k)))
+    remainders, linear = taylor(contact, r, rng.uniform(-1, 1, (9, 3)), rng.uniform(-1, 1, 3), STEP)
+    check_order(remainders, linear, place in FLAT and law in ("closed", "stick"))
+
+
+@pytest.mark.parametrize(("place", "law", "k"), [c for c in TOUCHING if c[0] in FLAT])
+def test_a_multiplier_presses_like_a_gap(place, law, k):
+    _, plain = build(place, law, k)
+    _, lifted = with_multiplier(place, law, k)
+    np.testing.assert_allclose(lifted["T"], plain["T"], rtol=1e-12)  # round-off of the places
 
 
 @pytest.mark.parametrize(("place", "law", "k"), [c for c in CASES if c[1] == "slip"])
@@ -442,8 +468,8 @@ def test_a_batch_is_its_elements_one_by_one():
     T, gap, slip, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(3))
     status = np.zeros((ne, 1), np.int32)
     element.contact_elements(
-        X, nodes, a, area, u.ravel(), tool.kind, tool.shape, tool.origin, tool.axes, tool.travel, anchor, *law,
-        0.3, 0.0, True, force, tangent, arm, T, gap, status, slip, cover,
+        X, nodes, a, area, u.ravel(), tool.kind, tool.shape, tool.origin, tool.axes, tool.travel, anchor, np.zeros((ne, 1)),
+        *law, 0.3, 0.0, True, force, tangent, arm, T, gap, status, slip, cover,
     )  # fmt: skip
     for e, r in enumerate(alone):
         assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]

@@ -1,0 +1,220 @@
+"""Augmented Lagrangian: no penetration and no slip in stick beyond the tolerance stated, at any penalty that converges."""
+
+import json
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Scene,
+    SceneError,
+    Travel,
+    from_elastic,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    solve,
+)
+from fenics_contact.solvers.augmented import Augmented
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from meshes import box, punch_plate, two_blocks
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+SHEAR, BULK = 0.4, 2.0
+
+
+def confined_pressure(stretch):
+    """Nominal pressure of neo-Hooke under F = diag(1, 1, stretch), from psi = mu/2 (J^-2/3 I1 - 3) + K/2 (J - 1)^2."""
+    J, I1 = stretch, 2.0 + stretch**2
+    return -(SHEAR / 2 * (2 * stretch * J ** (-2 / 3) - 2 / 3 * I1 * J ** (-5 / 3)) + BULK * (J - 1.0))
+
+
+def confined(tops):
+    """A block of 2 x 2 x 2 in a smooth box, or two of half its height, four facets on one: contact in one pass with a point
+    per facet leaves the stress homogeneous there, as it does not on meshes that match nowhere."""
+    if tops == "plane":
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(SHEAR, BULK)))
+        sides, bottom = {side: side[0] for side in ("xmin", "xmax", "ymin", "ymax")}, "zmin"
+    else:
+        shape = {"lower": (2.0, 2.0, 1.0), "upper": (2.0, 2.0, 1.0), "upper_origin": (0.0, 0.0, 0.0)}
+        shape |= {"lower_origin": (0.0, 0.0, -1.0), "lower_cells": (1, 1, 1), "upper_cells": (2, 2, 1)}
+        law = neo_hooke(SHEAR, BULK)
+        mesh = read_gmsh(two_blocks.build, **shape)
+        scene = Scene(Body(mesh, "lower", law), Body(mesh, "upper", law))
+        sides = {f"{b}_{s}": s[0] for b in ("lower", "upper") for s in ("xmin", "xmax", "ymin", "ymax")}
+        bottom = "lower_bottom"
+    for side, axis in sides.items():
+        scene.fix(side, axis)
+    scene.fix(bottom, "z")
+    return scene
+
+
+@pytest.mark.parametrize("penalty", [2.0, 50.0])  # a penetration of half the squeeze, and of a tenth, without multipliers
+@pytest.mark.parametrize("kind", ["plane", "bodies"])
+def test_force_of_a_confined_block_is_the_closed_form(kind, penalty):
+    scene, squeeze = confined(kind), 0.5
+    if kind == "plane":
+        plate = rigid_plane((0, 0, 2.0), (0, 0, -1.0))
+        scene.contact("zmax", plate, penalty=penalty, penetration=1e-8, name="c")
+        drive, sign = {"move": {plate: (0, 0, -squeeze)}}, -1.0
+    else:
+        scene.contact("upper_bottom", "lower_top", penalty=penalty, penetration=1e-8, name="c")
+        scene.prescribe("upper_top", "z", -squeeze)
+        drive, sign = {}, 1.0
+    result = solve(scene, **drive, steps=2, progress=False).require()
+    for row, stretch in zip(result.history, (1.0 - squeeze / 4, 1.0 - squeeze / 2), strict=True):
+        # penetration of 1e-8 against a squeeze of 0.25: 1e-7 of the force at most
+        np.testing.assert_allclose(row["c_force_z_N"], sign * 4.0 * confined_pressure(stretch), rtol=1e-6)
+        assert row["c_penetration_mm"] <= 1e-8
+        assert row["augmentations"] >= 2
+
+
+def sphere(**options):
+    mesh = read_gmsh(box.build, size=(10, 10, 5), cells=(7, 7, 4), origin=(0, 0, -5))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    for group, axis in (("zmin", "xyz"), ("xmin", "x"), ("ymin", "y")):
+        scene.fix(group, axis)
+    tool = rigid_sphere(10.0, (0, 0, 10.0))
+    scene.contact("zmax", tool, 0.3, name="c", **options)
+    return scene, {"move": {tool: (0, 0, -1.0)}}
+
+
+def test_converges_where_the_penalty_of_that_penetration_does_not():
+    element, drive = 1.25, {"steps": 1, "smallest_step": 1.0, "progress": False}  # steps are not cut
+    scene, move = sphere(penalty=1e6)  # what 1e-6 of an element takes at a pressure of 1 MPa
+    assert not solve(scene, **move, **drive).converged
+    scene, move = sphere(penetration=1e-6 * element)
+    result = solve(scene, **move, **drive).require()
+    assert result.history[-1]["c_penetration_mm"] <= 1e-6 * element
+    contact = result.system.contacts[0]
+    assert contact.slips(result.system.state).max(initial=0.0) <= 1e-6 * element
+
+
+def test_the_penalty_does_not_count():
+    forces = []
+    for penalty in (10.0, 100.0):
+        scene, move = sphere(penalty=penalty, penetration=1e-7)
+        scene.contacts[0] = type(scene.contacts[0])(**vars(scene.contacts[0]) | {"friction": 0.0})
+        forces.append(solve(scene, **move, steps=2, progress=False).require().history[-1]["c_force_z_N"])
+    # penetration of 1e-7 over an indentation of 1, times the 1.5 of Hertz: 2e-7
+    np.testing.assert_allclose(*forces, rtol=1e-6)
+
+
+def stuck(kind, mu=0.5):
+    """A block pressed on a plate by 1 N, then drawn aside by 0.2 N < mu N at its sole."""
+    soft = from_elastic(10.0, 0.0)  # no lateral strain: pressing alone moves nothing aside
+    options = {"friction": mu, "penetration": 1e-7, "name": "c"}
+    if kind == "bodies":
+        shape = {"lower": (6.0, 6.0, 2.0), "upper": (2.0, 2.0, 0.5), "upper_origin": (2.0, 2.0, 0.0)}
+        shape |= {"lower_origin": (0.0, 0.0, -2.0), "lower_cells": (5, 5, 1), "upper_cells": (2, 2, 1)}
+        mesh = read_gmsh(two_blocks.build, **shape)
+        scene = Scene(Body(mesh, "lower", from_elastic(1e6, 0.0)), Body(mesh, "upper", soft))
+        scene.fix("lower_bottom")
+        scene.contact("upper_bottom", "lower_top", **options)
+        top = "upper_top"
+    else:
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 0.5), cells=(2, 2, 1)), "box", soft))
+        scene.contact("zmin", rigid_plane(), **options, points=2 if kind == "Gauss points" else "nodes")
+        top = "zmax"
+    scene.traction(top, lambda t: (0.05 * max(2.0 * t - 1.0, 0.0), 0.0, -0.25 * min(2.0 * t, 1.0)))
+    return scene
+
+
+@pytest.mark.parametrize("kind", ["nodes", "Gauss points", "bodies"])
+def test_a_stuck_block_stays_where_it_is(kind):
+    result = solve(stuck(kind), steps=4, progress=False).require()
+    row, system = result.history[-1], result.system
+    assert row["c_sticking_points"] == row["c_active_points"] > 0
+    np.testing.assert_allclose([row["c_force_x_N"], row["c_force_z_N"]], [-0.2, 1.0], rtol=1e-6)  # balance
+    contact = system.contacts[0]
+    assert contact.slips(system.state).max(initial=0.0) <= 1e-7
+    # the sole as a whole: the plate below gives way by 0.2 N / (1e6 MPa 6 mm), and shear of the block tilts no node aside
+    s = contact.surface
+    aside = np.einsum("eqk,ek->eq", s.a, result.u.x.array[0::3][s.nodes])
+    assert np.abs(aside).max(initial=0.0) <= 2e-7
+
+
+def test_sliding_still_obeys_coulomb():
+    """Drawn by more than the cone holds, with the top led: the force is mu N to Newton's tolerance."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1)), "box", from_elastic(1000.0, 0.3)))
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -0.02 * min(5.0 * t, 1.0)))
+    scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), 3.0 * max(t - 0.2, 0.0)))
+    scene.prescribe("zmax", "y", 0.0)
+    scene.contact("zmin", rigid_plane(), 0.3, penetration=1e-6, name="c")
+    row = solve(scene, steps=[0.2, 0.4, 0.6, 0.8, 1.0], progress=False).require().history[-1]
+    np.testing.assert_allclose(row["c_force_x_N"], -0.3 * row["c_force_z_N"], rtol=1e-6)
+    assert row["c_penetration_mm"] <= 1e-6
+
+
+def punch():
+    scene = Scene(Body(read_gmsh(punch_plate.build, inside=3, outside=2, layers=2, ratio=1.0), "plate", RUBBER))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
+    scene.contact("top", tool, 0.3, penetration=1e-5, name="c")
+    scene.contact("bottom", rigid_plane(name="floor"), 0.2, penetration=1e-5, name="bottom")
+    return scene, {"push": {tool: (0.0, 0.0, -60.0)}}
+
+
+def test_snes_and_newton_agree_on_a_pushed_tool(tmp_path):
+    folder, travel = COMM.bcast(tmp_path), []
+    for method in ("newton", "snes"):
+        scene, drive = punch()
+        result = solve(scene, **drive, steps=2, method=method, tolerance=1e-11, out=folder / method, progress=False)
+        travel.append(result.require().history[-1]["punch_travel_z_mm"])
+        assert max(result.history[-1][f"{c}_penetration_mm"] for c in ("c", "bottom")) <= 1e-5
+    # each is free to end anywhere within its tolerance of 1e-5 mm, on two surfaces
+    np.testing.assert_allclose(*travel, atol=4e-5)
+    COMM.Barrier()
+    summary = json.loads((folder / "newton" / "summary.json").read_text())
+    assert summary["augmentations"] > 0 and summary["scene"]["contacts"][0]["penetration_allowed_mm"] == 1e-5
+    assert summary["penalty_error"] == {}  # none is left
+
+
+def test_a_rollback_takes_multipliers_back():
+    scene, _ = sphere(penalty=20.0, penetration=1e-6)
+    system = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
+    stepper = Augmented(Newton(LinearSolver(system)))
+    stepper.step(system, 0.5)
+    system.commit()
+    kept = {name: values.copy() for name, values in system.contacts[0].history().items()}
+    stepper.step(system, 1.0)
+    contact = system.contacts[0]
+    assert COMM.allreduce(int((contact.shift < kept["shift"]).sum())) > 0
+    system.rollback()
+    for name, values in contact.history().items():
+        np.testing.assert_array_equal(values, kept[name])
+    assert system.assemble_residual() <= 1e-8 * system.force_scale  # Newton's tolerance
+
+
+def test_what_cannot_be_augmented_is_refused():
+    scene, drive = sphere(penetration=1e-6)
+    with pytest.raises(SceneError, match="'newton' or 'snes', not 'incremental'"):
+        solve(scene, **drive, method="incremental", progress=False)
+    with pytest.raises(SceneError, match="not 'arc_length'"):
+        until = Travel(scene.tools[0], "z", -0.5)
+        solve(scene, **drive, method="arc_length", until=until, steps=ArcSteps(), progress=False)
+    with pytest.raises(SceneError, match="penetration = 0.0 must be positive"):
+        sphere(penetration=0.0)
+    with pytest.raises(SceneError, match="use Gauss points"):
+        confined("bodies").contact("upper_bottom", "lower_top", points="nodes", penetration=1e-6)
+
+
+def test_deep_penetration_is_said_once():
+    scene, move = sphere(penalty=1.0)
+    result = solve(scene, **move, steps=4, progress=False).require()
+    depth = result.history[-1]["c_penetration_mm"]
+    assert depth > 0.05 * 1.25  # DEEP of the cells, 1.25 mm high
+    said = [note for note in result.verdict.notes if "penetration= keeps it out" in note]
+    assert len(said) == 1 and "contact 'c' at (" in said[0]
+    scene, move = sphere()
+    assert not [note for note in solve(scene, **move, steps=4, progress=False).verdict.notes if "penetration=" in note]

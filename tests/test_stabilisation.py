@@ -1,0 +1,73 @@
+"""Bodies and tools that nothing holds at first find their contact, and the springs that help are gone when they have."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_sphere, solve
+from meshes import box
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+ENERGY = 1e-6  # of the strain energy: the bound asked for
+
+
+def block(gap, friction, force=0.01):
+    """A block of 2 x 2 x 2 that its weight drops on a plane `gap` below."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2), origin=(0.0, 0.0, gap)), "box", RUBBER))
+    if friction == 0.0:
+        scene.fix("xmin", "x")
+        scene.fix("ymin", "y")
+    scene.contact("zmin", rigid_plane(), friction, name="c")
+    scene.body_force((0, 0, -force))
+    return scene
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize(("gap", "force"), [(1.0, 1e-2), (1.0, 1e-4), (1e-2, 1e-2)])
+def test_a_free_block_is_dropped(friction, gap, force):
+    result = solve(block(gap, friction, force), steps=2, stabilise=True, progress=False).require()
+    row = result.history[-1]
+    # its weight; the springs may carry ALLOWED = 1e-7 of it, Newton leaves 1e-8
+    np.testing.assert_allclose(row["c_force_z_N"], 8.0 * force, rtol=2e-7)
+    assert 0.0 <= result.summary["stabilisation"]["energy_share"] < ENERGY
+    assert not solve(block(gap, friction, force), steps=1, progress=False).converged  # it needs the springs
+
+
+def test_it_comes_to_rest_as_if_it_had_stood_there():
+    dropped, stood = (
+        solve(block(gap, 0.0), steps=2, tolerance=1e-11, stabilise=gap > 0.0, progress=False).require() for gap in (0.5, 0.0)
+    )
+    u, other = (r.u.x.array.reshape(-1, 3) for r in (dropped, stood))
+    # 1e-7 of the weight left on the springs compresses by 1e-7 of the compression, which is below 0.1
+    np.testing.assert_allclose(u + [0.0, 0.0, 0.5], other, atol=2e-8)
+    assert stood.summary["stabilisation"] == {}
+
+
+def test_a_pushed_tool_crosses_a_gap():
+    travel = []
+    for gap in (1.0, 0.0):
+        mesh = read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(4, 4, 2), origin=(-2.0, -2.0, -2.0))
+        scene = Scene(Body(mesh, "box", RUBBER))
+        scene.fix("zmin")
+        ball = rigid_sphere(2.0, (0, 0, 2.0 + gap), name="ball")
+        scene.contact("zmax", ball, name="c")
+        drive = {"push": {ball: (0, 0, -0.5)}, "steps": 2, "tolerance": 1e-11}
+        result = solve(scene, **drive, stabilise=True, progress=False).require()
+        np.testing.assert_allclose(result.history[-1]["c_force_z_N"], -0.5, rtol=2e-7)
+        assert result.summary["stabilisation"]["energy_share"] < ENERGY
+        travel.append(result.history[-1]["ball_travel_z_mm"] + gap)
+    np.testing.assert_allclose(*travel, rtol=1e-6)
+
+
+def test_what_meets_nothing_is_said_to_be_loose():
+    scene = block(1.0, 0.3, -0.01)  # lifted away from the plane
+    result = solve(scene, steps=1, smallest_step=0.5, stabilise=True, progress=False)
+    assert not result.converged and result.verdict.kind == "rigid-body motion"
+    assert "no contact has been met" in result.verdict.reason
+
+
+def test_a_step_that_ends_out_of_balance_is_refused():
+    with pytest.raises(SceneError, match="stabilise"):
+        solve(block(1.0, 0.3), steps=1, method="incremental", stabilise=True, progress=False)
