@@ -48,12 +48,13 @@ def hanging():
     return scene, {}
 
 
-def holding_each_other():
-    """Two blocks, each in contact with nothing but the other; the floor that is to hold them is 2 mm away."""
+def holding_each_other(floor=True):
+    """Two blocks, each in contact with nothing but the other; the floor that is to hold them is 2 mm away, if any."""
     mesh = read_gmsh(two_blocks.build, lower_cells=(4, 4, 1), upper_cells=(3, 3, 1))
     scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
     scene.contact("upper_bottom", "lower_top", 0.3)
-    scene.contact("lower_bottom", rigid_plane((0, 0, -12.0)), 0.3)
+    if floor:
+        scene.contact("lower_bottom", rigid_plane((0, 0, -12.0)), 0.3)
     scene.traction("upper_top", (0, 0, -0.1))
     return scene, {}
 
@@ -127,6 +128,7 @@ CATALOGUE = {
     "limit point": (crushed, "limit point", "body 'box'", "arc length"),
     "inverted": (squeezed_through, "element inverted", "body 'box' at (", "mesh the place more finely"),
     "gap": (hanging, "rigid-body motion", "body 'box'", "close the gap"),
+    "pair": (holding_each_other, "rigid-body motion", "body 'lower, upper'", "fix a surface"),
     "ice": (on_ice, "rigid-body motion", "body 'box'", "fix a surface"),
     "tool": (tool_in_the_air, "rigid-body motion", "tool 'ball'", "bring it into contact"),
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
@@ -232,6 +234,6 @@ def test_smallest_step_is_a_share():
 
 @pytest.mark.parallel
 def test_bodies_that_hold_only_each_other_are_refused():
-    scene, drive = holding_each_other()
+    scene, drive = holding_each_other(floor=False)
     with pytest.raises(SceneError, match="'lower'.*loose together"):
         solve(scene, **drive, progress=False)
