@@ -293,9 +293,10 @@ def rigid_elements(system, points):
     law = [many(a) for a in (term.normal_penalty, term.tangential_penalty, s.stiffness, s.spacing)]
     outputs = [many(a) for a in (term._force, term._tangent, term._arm, term.traction, term.gap, term.status)]
     outputs += [many(a) for a in (term.excess, term.cover)]
-    anchor, u, travel = many(term._anchor), system.state.u.x.array, np.zeros(3)
+    anchor, shift = many(term._anchor), many(term.shift)
+    u, travel = system.state.u.x.array, np.zeros(3)
     place = (tool.kind, tool.shape, tool.origin, tool.axes, travel)
-    return lambda: contact_elements(*inputs, u, *place, anchor, *law, 0.3, 0.0, True, *outputs)
+    return lambda: contact_elements(*inputs, u, *place, anchor, shift, *law, 0.3, 0.0, True, *outputs)
 
 
 def master_search(points):
