@@ -145,7 +145,9 @@ class DeformableContact(SlavePoints):
         looks like an open contact. Beyond the first search's distance a point counts if it was in front of the master when
         the last state was accepted: no point can be deeper than the bodies have moved since. Collective.
         """
-        unpaired = self._project(state)[2][1] == NONE
+        unpaired = self.unpaired(state)
+        if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
+            return 0.0
         gaps = self._first_projection(state)[1][4]
         moved = max(comm.allgather(sum(np.abs(now - then).max(initial=0.0) for now, then in self._moved(state))))
         reach = self.search + np.sqrt(3.0) * moved
