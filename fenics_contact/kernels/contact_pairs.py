@@ -42,14 +42,16 @@ def add_forces(coords, slaves, surface, projection, anchors, law, judged, forces
     """
     nodes, weights, area, _ = slaves
     corners, facet = surface[0], projection[0]
+    eps_n, eps_t, mu, touch, shift = law
     for q in range(len(status)):
         status[q], excess[q] = OPEN, 0.0
         traction[q, 0] = traction[q, 1] = traction[q, 2] = 0.0
         if not presses(q, projection, law, judged):
             continue
         pair = place(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + law[4][q]
-        found = point_traction(q, press, judged[q] if len(judged) > 0 else press, anchors[0][q, 0] >= 0, law, pair)
+        press = pair.g + shift[q]
+        decides = judged[q] if len(judged) > 0 else press
+        found = point_traction(press, decides, anchors[0][q, 0] >= 0, eps_n[q], eps_t[q], mu, touch, pair)
         status[q] = found.status
         if found.status == OPEN:
             continue
@@ -106,6 +108,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
     """
     facet, kind = projection[0], projection[1]
     nodes, weights = new_anchors
+    eps_n, eps_t, mu, touch, shift = law
     for q in range(len(sliding)):
         sliding[q] = 0.0
         if kind[q] == NONE:
@@ -113,15 +116,15 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
             weights[q, :] = 0.0
             continue
         pair = place(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + law[4][q]
-        found = point_traction(q, press, press, anchors[0][q, 0] >= 0, law, pair)
+        press = pair.g + shift[q]
+        found = point_traction(press, press, anchors[0][q, 0] >= 0, eps_n[q], eps_t[q], mu, touch, pair)
         if found.status == STICK:
             nodes[q, :], weights[q, :] = anchors[0][q], anchors[1][q]
             continue
         _keep(q, nodes, weights, surface[0], facet[q], pair.N)
         if found.status == SLIP:
-            slide_anchor(q, pair, found.tangential, law[1], weights)
-            sliding[q] = norm(less(pair.w, 1.0 / law[1][q], found.tangential))
+            slide_anchor(q, pair, found.tangential, eps_t[q], weights)
+            sliding[q] = norm(less(pair.w, 1.0 / eps_t[q], found.tangential))
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,18 +135,19 @@ def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, 
     the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.
     """
     nodes, weights = new_anchors
+    eps_n, eps_t, mu, touch, shift = law
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]
     for q in range(len(slips)):
         slips[q] = 0.0
         if projection[1][q] == NONE or anchors[0][q, 0] < 0:
             continue
         pair = place(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + law[4][q]
-        found = point_traction(q, press, press, True, law, pair)
+        press = pair.g + shift[q]
+        found = point_traction(press, press, True, eps_n[q], eps_t[q], mu, touch, pair)
         if found.status != STICK:
             continue
         rested = place(q, coords, slaves, surface, projection, rests)
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
-        slide_anchor(q, pair, plus(found.trial, times(law[1][q], slip)), law[1], weights)
+        slide_anchor(q, pair, plus(found.trial, times(eps_t[q], slip)), eps_t[q], weights)

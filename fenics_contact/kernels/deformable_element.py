@@ -81,24 +81,23 @@ def place(q, coords, slaves, surface, projection, anchors):
 
 
 @njit(cache=True, error_model="numpy")
-def point_traction(q, g, judged, has_anchor, law, pair):
+def point_traction(g, judged, has_anchor, eps_n, eps_t, mu, touch, pair):
     """Laws (15)-(18) at g, the gap with its shift, as a Traction.
 
     judged: the gap that decides between open and closed, stick and slip: g itself, or the one that Newton's last solve
     foresaw (contact/deformable.py).
     """
-    eps_n, eps_t, mu, touch, _ = law
     if not judged <= touch:
         return Traction(OPEN, 0.0, 0.0, ZERO, ZERO, ZERO)
-    N = eps_n[q] * g
+    N = eps_n * g
     if mu == 0.0 or not has_anchor:
         return Traction(CLOSED, N, 0.0, ZERO, ZERO, times(N, pair.n))
     # T_tr = eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k)) of (17)
-    trial = times(eps_t[q], less(pair.w, dot(pair.n, pair.w), pair.n))
-    limit = mu * max(-eps_n[q] * judged, 0.0)  # (16); a gap within touch presses on nothing
+    trial = times(eps_t, less(pair.w, dot(pair.n, pair.w), pair.n))
+    limit = mu * max(-eps_n * judged, 0.0)  # (16); a gap within touch presses on nothing
     size = norm(trial)
     status, share = STICK, 1.0
-    if size > eps_t[q] * touch:  # a way within round-off has no direction to slip in
+    if size > eps_t * touch:  # a way within round-off has no direction to slip in
         status, share = coulomb_return(size, limit)
     if status == SLIP and judged != g:
         share = -mu * N / size
@@ -177,57 +176,67 @@ def normal_rate(kind, pair, beta, dn):
 
 
 @njit(cache=True, error_model="numpy")
-def traction_rate(q, traction, law, lean1, lean2, pair, rates):
-    """Fill dT (4, 3, 3): (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip.
+def traction_rate(traction, eps_n, eps_t, mu, lean1, lean2, pair, beta, dn, rates):
+    """Fill rates (4, 3, 9): T moves by rates[m, 0] d(mode m), 3 x 3; T xi^1 and T xi^2, T held, by rates[m, 1] and [m, 2].
 
-    lean1, lean2: n . r_alpha, zero where n is the master's own normal. rates: beta, dn, dT.
+    (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip. lean1, lean2: n . r_alpha, zero where n
+    is the master's own normal.
     """
-    beta, dn, dT = rates
-    n, trial, N, status = pair.n, traction.trial, traction.N, traction.status
-    eps_n, mu = law[0][q], law[2]
-    rub, along, share, size = (law[1][q] if status != CLOSED else 0.0), dot(n, pair.w), 1.0, norm(trial)
-    if status == SLIP:
-        share = traction.limit / size
-        rub *= share
+    n, trial, N, T = pair.n, traction.trial, traction.N, traction.T
+    rub, along, size, slips = 0.0, dot(n, pair.w), norm(trial), traction.status == SLIP
+    if traction.status != CLOSED:
+        rub = eps_t * (traction.limit / size if slips else 1.0)
     across1, across2 = times(rub, less(pair.r1, dot(n, pair.r1), n)), times(rub, less(pair.r2, dot(n, pair.r2), n))
-    for mode in range(4):
+    swing = N - rub * along
+    for mode in range(DRAG):
         beta1, beta2 = got(beta, 0, mode), got(beta, 1, mode)
         dn0, dn1, dn2 = got(dn, mode, 0), got(dn, mode, 1), got(dn, mode, 2)
         # (8): on the master's own normal the rate of the gap needs no rate of xi
         dg = less(less(n if mode == JUMP else ZERO, lean1, beta1), lean2, beta2)
-        turn = of_four((pair.w[0], pair.w[1], pair.w[2], 0.0), dn0, dn1, dn2, ZERO)
+        turn = plus(plus(times(pair.w[0], dn0), times(pair.w[1], dn1)), times(pair.w[2], dn2))
         # d(P w) = dw - n (n.dw + dn.w) - dn (n.w), dw = r_a dxi^a + drag
         press, push = less(times(eps_n, dg), rub, turn), ZERO
-        if status == SLIP:  # less its part along the trial traction, which Coulomb's limit takes up
-            stay = of_four((trial[0], trial[1], trial[2], 0.0), dn0, dn1, dn2, ZERO)
+        if slips:  # less its part along the trial traction, which Coulomb's limit takes up
+            stay = plus(plus(times(trial[0], dn0), times(trial[1], dn1)), times(trial[2], dn2))
             stay = less(plus(times(dot(trial, across1), beta1), times(dot(trial, across2), beta2)), rub * along, stay)
-            push = times(-1.0 / (size * size), plus(stay, times(rub, trial) if mode == DRAG else ZERO))
-            if N < 0.0:
-                push = less(push, mu * eps_n / size, dg)
-        swing = N - rub * along
-        put(
-            dT,
+            push = less(times(-1.0 / (size * size), stay), mu * eps_n / size if N < 0.0 else 0.0, dg)
+        _put_row(
+            rates,
             mode,
             0,
             plus(of_four((n[0], across1[0], across2[0], trial[0]), press, beta1, beta2, push), times(swing, dn0)),
         )
-        put(
-            dT,
+        _put_row(
+            rates,
             mode,
             1,
             plus(of_four((n[1], across1[1], across2[1], trial[1]), press, beta1, beta2, push), times(swing, dn1)),
         )
-        put(
-            dT,
+        _put_row(
+            rates,
             mode,
             2,
             plus(of_four((n[2], across1[2], across2[2], trial[2]), press, beta1, beta2, push), times(swing, dn2)),
         )
-    for a in range(3):
-        dT[DRAG, a, a] += rub
-    put(dT, DRAG, 0, less(got(dT, DRAG, 0), rub * n[0], n))
-    put(dT, DRAG, 1, less(got(dT, DRAG, 1), rub * n[1], n))
-    put(dT, DRAG, 2, less(got(dT, DRAG, 2), rub * n[2], n))
+        for a in range(2):
+            _put_outer(rates, mode, 1 + a, T, got(beta, a, mode))
+    # the drag itself: P, in slip less its part along the trial traction
+    push = times(rub / (size * size) if slips else 0.0, trial)
+    _put_row(rates, DRAG, 0, less(less((rub, 0.0, 0.0), rub * n[0], n), trial[0], push))
+    _put_row(rates, DRAG, 1, less(less((0.0, rub, 0.0), rub * n[1], n), trial[1], push))
+    _put_row(rates, DRAG, 2, less(less((0.0, 0.0, rub), rub * n[2], n), trial[2], push))
+
+
+@njit(cache=True)
+def _put_row(rates, mode, a, vector):
+    rates[mode, 0, 3 * a], rates[mode, 0, 3 * a + 1], rates[mode, 0, 3 * a + 2] = vector
+
+
+@njit(cache=True)
+def _put_outer(rates, mode, part, a, b):
+    rates[mode, part, 0], rates[mode, part, 1], rates[mode, part, 2] = times(a[0], b)
+    rates[mode, part, 3], rates[mode, part, 4], rates[mode, part, 5] = times(a[1], b)
+    rates[mode, part, 6], rates[mode, part, 7], rates[mode, part, 8] = times(a[2], b)
 
 
 @njit(cache=True, error_model="numpy")
@@ -241,7 +250,7 @@ def slide_anchor(q, pair, tangential, eps_t, weights):
     up = cross(r1, r2)
     # cos of 84 degrees: a normal that lies flatter on its facet than that has no such e'
     tilt = dot(up, tangential) / dot(up, n) if dot(up, n) > 0.1 * norm(up) else 0.0
-    e = times(1.0 / eps_t[q], less(tangential, tilt, n))
+    e = times(1.0 / eps_t, less(tangential, tilt, n))
     a11, a12, a22, e1, e2 = dot(r1, r1), dot(r1, r2), dot(r2, r2), dot(e, r1), dot(e, r2)
     det = a11 * a22 - a12 * a12
     one, two = (a22 * e1 - a12 * e2) / det, (a11 * e2 - a12 * e1) / det  # e^alpha = a^ab e_b
