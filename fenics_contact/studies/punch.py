@@ -55,9 +55,9 @@ def punch(cells, degree, element, friction, points, factor, share, penetration, 
     return metrics(result, value=-result.history[-1]["top_force_z_N"] if result.history else float("nan"))
 
 
-def punched_plate(cells, friction, points="nodes", factor=100.0, share=0.1, fillet=0.0, penetration=0.0, ratio=1.1, **options):
+def punched_plate(cells, friction, points="nodes", factor=100.0, share=0.1, fillet=0.0, penetration=0.0, **options):
     """Scene of the plate, 40 x 40 x 10 mm on a frictionless floor it cannot leave, and the punch above it."""
-    sizes = {"inside": cells, "outside": max(2, round(0.8 * cells)), "layers": max(2, cells // 2), "ratio": ratio}
+    sizes = {"inside": cells, "outside": max(2, round(0.8 * cells)), "layers": max(2, cells // 2), "ratio": 1.1}
     mesh = read_gmsh(punch_plate.build, **sizes)
     scene = Scene(Body(mesh, "plate", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), **options)
     scene.fix("symmetry_x", "x")
