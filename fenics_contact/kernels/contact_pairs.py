@@ -271,3 +271,35 @@ def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, 
         for i in range(4):
             nodes[q, i], weights[q, i] = surface[0][projection[0][q], i], N[i]
         slide_anchor(q, vec, dN, law[1], weights[q])
+
+
+@njit(cache=True)
+def stiffened_anchors(coords, slaves, surface, projection, anchors, rests, law, factor, new_anchors):
+    """The anchors that tangential penalties greater by `factor` need for points that slip on from rest as they do.
+
+    rests: like anchors, places x_rest of the same traction under either penalty.  New anchors lie on the points' present
+    facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
+    """
+    nodes, weights = new_anchors
+    work = workspace(slaves[0].shape[1])
+    vec, N, dN = work[0], work[3], work[4]
+    stiffer = law[1] * factor
+    for q in range(len(nodes)):
+        for i in range(4):
+            nodes[q, i], weights[q, i] = anchors[0][q, i], anchors[1][q, i]
+        if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
+            continue
+        g, _ = _place(q, coords, slaves, surface, projection, anchors, work)
+        press = g + law[4][q]
+        status = point_traction(q, press, press, True, law, vec)[0]
+        if status not in (STICK, SLIP):
+            continue
+        trial0, trial1, trial2 = vec[TRIAL, 0], vec[TRIAL, 1], vec[TRIAL, 2]
+        _place(q, coords, slaves, surface, projection, rests, work)
+        along = vec[NORMAL, 0] * vec[W, 0] + vec[NORMAL, 1] * vec[W, 1] + vec[NORMAL, 2] * vec[W, 2]
+        vec[TANGENTIAL, 0], vec[TANGENTIAL, 1], vec[TANGENTIAL, 2] = trial0, trial1, trial2
+        for p in range(3):
+            vec[TANGENTIAL, p] += (factor - 1.0) * law[1][q] * (vec[W, p] - along * vec[NORMAL, p])
+        for i in range(4):
+            nodes[q, i], weights[q, i] = surface[0][projection[0][q], i], N[i]
+        slide_anchor(q, vec, dN, stiffer, weights[q])
