@@ -269,7 +269,7 @@ def test_a_step_cut_back(scene):
 
 @pytest.mark.serial
 def test_one_two_and_three_ranks():
-    one, two, three = (on_ranks(count, __file__) for count in (1, 2, 3))
+    one, two, three = np.array(numbers()), *(on_ranks(count, __file__) for count in (2, 3))
     size = np.abs(one).max(axis=1, keepdims=True)
     for other in (two, three):  # each kind against its own largest entry
         np.testing.assert_allclose(other / size, one / size, rtol=0, atol=SAME)
@@ -313,14 +313,14 @@ def pressed(kind, cells, swap):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("kind", ["blocks", "ironing"])
-def test_swap_of_slave_and_master(kind):
+@pytest.mark.parametrize(("kind", "cells"), [("blocks", (2, 6)), ("ironing", (2, 4))])
+def test_swap_of_slave_and_master(kind, cells):
     """One pass over one side's points: the sides differ by the discretisation, which goes with the mesh."""
-    found = [[pressed(kind, cells, swap) for swap in (False, True)] for cells in (2, 4)]
+    found = [[pressed(kind, count, swap) for swap in (False, True)] for count in cells]
     coarse, fine = (swapped / as_is - 1.0 for as_is, swapped in found)
     print(f"{kind}: force with slave and master swapped {coarse:+.2%} on the coarse, {fine:+.2%} on the fine mesh")
-    assert abs(fine) < 0.7 * abs(coarse), (coarse, fine)  # order one in the cells would be 0.5
-    assert abs(fine) < 0.05
+    # half as large on cells half as large, were it of first order; single figures scatter
+    assert abs(fine) < 0.6 * abs(coarse) and abs(fine) < 0.01, (coarse, fine)
 
 
 if __name__ == "__main__":
