@@ -1,4 +1,4 @@
-"""The default penalty costs less than a percent of the force on the scenes it is meant for, and what a run says of it holds."""
+"""The default penalty costs less than a percent of the force on the scenes it is meant for; what a run says of it holds."""
 
 import numpy as np
 import pytest

@@ -231,7 +231,7 @@ def test_augmented_contact_in_other_units_and_turned():
 
 
 # -- ways to the same end ---------------------------------------------------------------------------------------------
-@pytest.mark.parallel
+@pytest.mark.serial  # on 2 ranks: test_restart.py
 def test_restart(scene, tmp_path):
     name, plain = scene
     folder, tolerance = COMM.bcast(tmp_path), 1e-11
@@ -259,7 +259,7 @@ def final(name, times, lost=None):
     return system.state.u.x.array.copy(), np.concatenate([path.ravel() for path in slid])
 
 
-@pytest.mark.parallel
+@pytest.mark.serial
 def test_a_step_cut_back(scene):
     name, times = scene[0], [1 / 6, 1 / 3, 0.4, 0.45] if scene[0] != "ironing" else [1 / 6, 1 / 3, 1 / 2, 0.6, 0.7]
     direct, cut = final(name, times), final(name, times, lost=times[-1])

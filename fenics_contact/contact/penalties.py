@@ -65,7 +65,7 @@ class Penalties:
         held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0)
         depth, place = self._worst(comm, (held / self.surface.height[:, None]).ravel())
         room = min(comm.allgather((self.raised[:, 1] / self.raised[:, 0]).min(initial=np.inf)))
-        if depth <= DEEPEST or room <= 1.0:
+        if depth <= DEEPEST or room <= 1.0 + 1e-9:  # round-off of a factor that has reached its bound
             return None
         factor = min(depth / (AIM * DEEPEST), room)
         if self.adapts[1]:
