@@ -59,6 +59,7 @@ def read_gmsh(source, comm=MPI.COMM_WORLD, ranks=None, **parameters):
             _draw(source, parameters)
             volumes, surfaces = _group_names(3), _group_names(2)
             _check_model(volumes)
+            _drop_loose_points()
             if ranks is not None:
                 owners = _owners(volumes, ranks, comm.size)
         except Exception as error:
@@ -170,6 +171,16 @@ def _check_model(volumes):
                     raise ValueError(f"cells of type '{name}' are not supported; use hexahedra or tetrahedra")
                 tags, _ = gmsh.model.mesh.getElementsByType(cell_type, entity)
                 _check_jacobians(cell_type, entity, tags)
+
+
+def _drop_loose_points():
+    """Nodes of points that no cell knows, such as the centres of arcs: dolfinx takes the number of nodes for the mesh's."""
+    used = np.unique(np.concatenate(gmsh.model.mesh.getElements(3)[2]))
+    points = gmsh.model.getEntities(0)
+    loose = [point for point in points if not np.isin(gmsh.model.mesh.getNodes(*point)[0], used).all()]
+    if loose:
+        gmsh.model.mesh.clear(loose)
+        gmsh.model.mesh.renumberNodes()
 
 
 def _check_jacobians(cell_type, entity, tags):

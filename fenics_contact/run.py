@@ -8,12 +8,12 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.checks import SceneError
-from fenics_contact.output.history import history_row, penalty_summary
+from fenics_contact.output.history import history_row, penalty_lines, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import audit
-from fenics_contact.solvers.augmented import Augmented
+from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
@@ -137,7 +137,8 @@ def solve(
     if record.writer:
         record.writer.finish(summary)
     if progress and system.comm.rank == 0:
-        tqdm.write(_stages_line(summary["seconds"]), file=sys.stderr)
+        lines = [*penalty_lines(summary["penalty_error"], scene.units), _stages_line(summary["seconds"])]
+        tqdm.write("\n".join(lines), file=sys.stderr)
     return Result(record.history, verdict, system, summary)
 
 
@@ -172,6 +173,8 @@ class _Record:
         t = self.system.state.t
         words = f"step {len(self.history)}, t = {t:.4g}, {report.iterations} iterations"
         self.bar.set_postfix_str(words, refresh=self.continuation)
+        if not self.bar.disable and report.notes:
+            tqdm.write("\n".join(f"step {len(self.history)}: {note}" for note in report.notes), file=sys.stderr)
         if not self.continuation:
             self.bar.update(t - self.bar.n)
 
@@ -257,15 +260,18 @@ def _refuse_nan(system, times):
 def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     stepper = STEPPERS[method](solver, **options)
-    if not system.augmented:
-        return stepper
+    if isinstance(stepper, ArcLength) and not system.grounding:
+        return stepper  # it minds multipliers and penalties itself
     if not hasattr(stepper, "settle"):
-        what = "stabilise=" if system.grounding else f"penetration= of contact '{system.augmented[0].name}'"
+        if not system.augmented:
+            return stepper
+        what, ways = f"penetration= of contact '{system.augmented[-1].name}'", "'newton', 'snes' or 'arc_length'"
+        if system.grounding:
+            what, ways = "stabilise=", "'newton' or 'snes'"
         raise SceneError(
-            f"{what} needs steps that end in balance at a given t, method 'newton' or 'snes', not '{method}'; leave it out, "
-            "or choose one of these"
+            f"{what} needs steps that end in balance, method {ways}, not '{method}'; leave it out, or choose one of these"
         )
-    return Augmented(stepper)
+    return Adapted(Augmented(stepper) if system.augmented else stepper)
 
 
 def _summary(scene, system, solver, method, verdict, history):
@@ -345,5 +351,6 @@ def _contact_summary(contact, system):
         "friction": contact.friction,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],
+        "penalty_raised": contact.raise_factor(comm),
         f"penetration_allowed_{units.length}": contact.tolerance,
     }

@@ -25,6 +25,7 @@ from fenics_contact.checks import (
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolContact
+from fenics_contact.contact.penalties import penalties
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
@@ -34,12 +35,6 @@ from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
 from fenics_contact.timing import Timers
 from fenics_contact.volume_ratio import VolumeRatio
-
-# Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
-PENALTY_FACTOR = 100.0
-# Default tangential over normal penalty: ten times more elastic slip, for far fewer iterations; its price in force is
-# a fraction of a percent (README, tangential penalty).
-TANGENTIAL_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,9 +53,9 @@ class _Contact:
     master: Tool | tuple
     friction: float
     penalty: float | None
-    penalty_factor: float
+    penalty_factor: float | None
     tangential_penalty: float | None
-    tangential_share: float
+    tangential_share: float | None
     points: object
     penetration: float | None
 
@@ -148,8 +143,9 @@ class Scene:
 
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
-        slave point; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
-        tangential over normal penalty where no number is given (TANGENTIAL_SHARE); points: "nodes" (the paper), or Gauss
+        slave point, raised where points sink in too far; penalty_factor: on that stiffness where no number is given
+        (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given (TANGENTIAL_SHARE), see
+        `contact.penalties`, where both are; points: "nodes" (the paper), or Gauss
         points per direction of each facet; by default nodes on an analytic tool, and 3 on a body or a meshed tool, where
         they alone feel no jump at the master's edges; penetration:
         how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
@@ -194,9 +190,8 @@ class Scene:
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
-        factor, share = penalty_factor or PENALTY_FACTOR, tangential_share or TANGENTIAL_SHARE
-        statement = (name, _names(slave), master, friction, penalty, factor, tangential_penalty, share, points, penetration)
-        self.contacts.append(_Contact(*statement))
+        numbers = penalty, penalty_factor, tangential_penalty, tangential_share
+        self.contacts.append(_Contact(name, _names(slave), master, friction, *numbers, points, penetration))
 
     @property
     def tools(self):
@@ -235,7 +230,7 @@ class Scene:
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
         for term, contact in zip(contacts, self.contacts, strict=True):
-            term.tolerance = contact.penetration
+            term.tolerance, term.adapts = contact.penetration, penalties(contact, term.surface)[2]
         with timers("compile"):  # the first call of a kernel loads or compiles it
             for term in contacts:
                 term.initialise(state)
@@ -349,13 +344,7 @@ class Scene:
 
     def _contact_term(self, contact, modulus):
         surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, contact.points)
-        default = contact.penalty_factor * surface.stiffness
-        normal = np.full_like(default, contact.penalty) if contact.penalty else default
-        tangential = (
-            np.full_like(default, contact.tangential_penalty)
-            if contact.tangential_penalty
-            else contact.tangential_share * normal
-        )
+        normal, tangential, _ = penalties(contact, surface)
         if isinstance(contact.master, RigidTool):
             index = self.tools.index(contact.master)
             return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)

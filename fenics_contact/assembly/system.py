@@ -34,13 +34,14 @@ class Term(Protocol):
     unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
     has no such unknowns and no kinks either.
 
-    A term whose `tolerance` [length] is not None has multipliers that only augment(state) changes and drop() takes back;
-    misfit(state) is its error over the tolerance.
+    A term whose `tolerance` [length] is not None has multipliers that only augment(state) changes; misfit(state) is its
+    error over the tolerance. One with raise_penalty(state), collective, changes penalties and says so, or gives None.
+    drop(), where there is one, takes all of this back to the last commit.
     """
 
     name: str
     symmetric: bool
-    penalised: bool  # is it proportional to penalties, with resultants(state) -> forces (n,) and values at its points (m,)?
+    penalised: bool  # has it penalties: stiffen(state, factor), relax(), resultants(state) -> (forces (n,), pressures (m,))
 
     def add_residual(self, state, residual, tool_residual): ...
 
@@ -227,8 +228,9 @@ class System:
     def rollback(self):
         """Return to the last committed state."""
         self.release()
-        for term in self.augmented:
-            term.drop()
+        for term in self.terms:
+            if hasattr(term, "drop"):
+                term.drop()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u

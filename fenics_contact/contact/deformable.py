@@ -8,6 +8,7 @@ from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pair_pattern import PairPattern
+from fenics_contact.contact.pair_penalties import PairPenalties
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.points import SlavePoints
 from fenics_contact.contact.term import TOUCH
@@ -30,7 +31,7 @@ MARGIN = 0.5
 _NOT_HELD = np.empty(0)
 
 
-class DeformableContact(SlavePoints):
+class DeformableContact(PairPenalties, SlavePoints):
     """Penalty contact with Coulomb friction between slave points and the facets of another body.
 
     Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the
@@ -66,8 +67,9 @@ class DeformableContact(SlavePoints):
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
         self._watched = np.unique(np.concatenate([self._local, master.owned, self._ring.ravel()]))  # what positions rest on
-        self._penalties = tuple(np.repeat(eps, nq) for eps in (normal_penalty, tangential_penalty))
         self.shift = np.zeros((ne, nq))
+        self.put_penalties(normal_penalty, tangential_penalty)
+        self.set_up_penalties()
         seek = seek_closest if surface.gradients is None else seek_along_normals(nodes, gradients)
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._rests = self._anchors = self._no_anchors()
@@ -255,7 +257,7 @@ class DeformableContact(SlavePoints):
     # -- history --------------------------------------------------------------------------------------------------
     def initialise(self, state):
         """Anchor every point at its projection in the initial state, so that it can stick in the first step."""
-        self._rests = self._anchors = self._new_anchors(*self._first_projection(state), -np.inf)[0]
+        self._rests = self._anchors = self.before = self._new_anchors(*self._first_projection(state), -np.inf)[0]
         self._kept = self._anchors, self.shift
         self._places = self._positions(state)
         self.evaluate(state)
@@ -268,12 +270,14 @@ class DeformableContact(SlavePoints):
         coords, _, projection = self._project(state)
         self._places = self._placed
         self._gaps = (self.gap + self.shift).ravel(), self._gaps[0]
-        if self.tolerance is not None:
+        if self.friction > 0.0 or self.tolerance is not None:
             resting, feet = (self.status == STICK).reshape(-1, 1), self._new_anchors(coords, projection, -np.inf)[0]
             self._rests = tuple(np.where(resting, old, new) for old, new in zip(self._rests, feet, strict=True))
+        self.before = self._anchors
         self._anchors, sliding = self._new_anchors(coords, projection, self.touch)
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)
         self._kept = self._anchors, self.shift
+        self.keep_penalties()
 
     def _new_anchors(self, coords, projection, touch):
         """(anchors to keep, slid distance (np,)); with touch = -inf the points' places on the master."""
@@ -283,8 +287,9 @@ class DeformableContact(SlavePoints):
         return new, sliding
 
     def drop(self):
-        """Back to the multipliers of the last accepted step."""
+        """Back to the multipliers and penalties of the last accepted step."""
         self._anchors, self.shift = self._kept
+        self.drop_penalties()
 
     def _augmented(self, state):
         """(anchors with greater tractions, what the penalty gave way in stick (np,) [length])."""
@@ -313,10 +318,9 @@ class DeformableContact(SlavePoints):
 
     def history(self):
         """Anchors as keys of the master's nodes (-1: none) and their weights, the slip paths, multipliers."""
-        out = self._keyed("anchor", "weight", self._anchors) | {"slip_path": self.slip_path, "met": self.met}
-        if self.tolerance is None:
-            return out
-        return out | self._keyed("rest", "rest_weight", self._rests) | {"shift": self.shift}
+        out = self._keyed("anchor", "weight", self._anchors) | self._keyed("rest", "rest_weight", self._rests)
+        out |= {"slip_path": self.slip_path, "met": self.met, "raised": self.raised}
+        return out if self.tolerance is None else out | {"shift": self.shift}
 
     def _keyed(self, name, weight, anchors):
         shape, (nodes, weights) = (*self.gap.shape, 4), anchors
@@ -325,9 +329,11 @@ class DeformableContact(SlavePoints):
 
     def restore(self, values):
         self._anchors, self._places = self._numbered(values["anchor"], values["weight"]), None
+        self._rests = self._numbered(values["rest"], values["rest_weight"])
         self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in ("slip_path", "met"))
+        self.before = self._anchors
+        self.restore_penalties(np.ascontiguousarray(values["raised"]))
         if self.tolerance is not None:
-            self._rests = self._numbered(values["rest"], values["rest_weight"])
             self.shift = np.ascontiguousarray(values["shift"])
         self._kept = self._anchors, self.shift
 

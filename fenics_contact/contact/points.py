@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
+from fenics_contact.contact.penalties import Penalties
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
@@ -14,7 +15,7 @@ CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body benea
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
-class SlavePoints:
+class SlavePoints(Penalties):
     """Mixed into contact terms.
 
     Needs their name and surface, and per element and point status, gap, cover, traction, met (has been in contact) and
@@ -28,12 +29,8 @@ class SlavePoints:
     """
 
     tolerance = None
+    penalised = True
     _remarked = False
-
-    @property
-    def penalised(self):
-        """Is the traction proportional to the penalties?"""
-        return self.tolerance is None
 
     def misfit(self, state):
         """Largest error of this rank's points over the tolerance: penetration, pressure across a gap, slip in stick."""

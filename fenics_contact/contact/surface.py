@@ -17,8 +17,9 @@ class SlaveSurface:
 
     nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point; area (ne, nq) tributary reference
     area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the height of
-    the cell beneath [pressure/length]; spacing (ne,): shortest side of its facets over the points along it [length];
-    cell_height: largest such height [length] over all ranks; key (ne,): the element's number on any number of ranks.
+    the cell beneath [pressure/length]; height (ne,): that height [length]; spacing (ne,): shortest side of its facets over
+    the points along it [length]; cell_height: largest height [length] over all ranks; key (ne,): the element's number on
+    any number of ranks.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
     the body; None for points that are nodes.
     """
@@ -28,6 +29,7 @@ class SlaveSurface:
     area: np.ndarray
     X: np.ndarray
     stiffness: np.ndarray
+    height: np.ndarray
     spacing: np.ndarray
     cell_height: float
     key: np.ndarray
@@ -66,10 +68,11 @@ def slave_surface(space, facets, modulus, points="nodes"):
     gradients = np.concatenate([np.broadcast_to(slope, (len(area), *slope.shape)) for _, slope, area in geometry])
     if points == "nodes":
         gradients = None
-        nodes, a, area, (stiffness, spacing) = _gather_to_nodes(space, nodes, a, area, (stiffness, spacing))
+        means = (stiffness, height, spacing)
+        nodes, a, area, (stiffness, height, spacing) = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
-    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, spacing, tallest, key, gradients)
+    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, height, spacing, tallest, key, gradients)
 
 
 def _shortest_sides(mesh, cell, cells, local):

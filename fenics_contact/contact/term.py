@@ -40,11 +40,13 @@ class RigidContact(SlavePoints):
         self.met = np.zeros((ne, nq), dtype=bool)
         self._anchor, self._rest, self.shift = np.zeros((ne, nq, 3)), np.zeros((ne, nq, 3)), np.zeros((ne, nq))
         self._kept = self._anchor, self.shift  # those of the last accepted step
+        self._feet = None  # where the points were on the tool then, in its frame
+        self.set_up_penalties()
         self.timers = Timers()  # those of the System it becomes part of
 
     def initialise(self, state):
         """Anchor every point at its projection in the initial state."""
-        self._rest = self._anchor = self._anchors(state, 0.0, -np.inf)[0]
+        self._feet = self._rest = self._anchor = self.before = self._anchors(state, 0.0, -np.inf)[0]
         self._kept = self._anchor, self.shift
         self.evaluate(state, True)
 
@@ -55,6 +57,8 @@ class RigidContact(SlavePoints):
     def evaluate(self, state, want_tangent=False):
         """Evaluate all points; returns the numbers of the elements in contact."""
         s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
+        if self._feet is None:  # the first state after a restart
+            self._feet = self._anchors(state, 0.0, -np.inf)[0]
         with self.timers("contact kernel"):
             contact_elements(
                 s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor, self.shift,
@@ -98,15 +102,29 @@ class RigidContact(SlavePoints):
         """Accept the state: the only place where friction history changes."""
         self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
-        resting, foot = (self.status == STICK)[..., None], self._anchors(state, 0.0, -np.inf)[0]
-        self._rest = np.where(resting, self._rest, foot)
+        resting, self._feet = (self.status == STICK)[..., None], self._anchors(state, 0.0, -np.inf)[0]
+        self._rest, self.before = np.where(resting, self._rest, self._feet), self._anchor
         self._anchor, sliding = self._anchors(state, self.friction, self.touch)
         self.slip_path = self.slip_path + sliding
         self._kept = self._anchor, self.shift
+        self.keep_penalties()
 
     def drop(self):
-        """Back to the multipliers of the last accepted step."""
+        """Back to the multipliers and penalties of the last accepted step."""
         self._anchor, self.shift = self._kept
+        self.drop_penalties()
+
+    def swap_anchors(self, anchors):
+        old, self._anchor = self._anchor, anchors
+        return old
+
+    def hold_friction(self, factor):
+        self._anchor = self._feet - (self._feet - self._anchor) / factor
+
+    def rest_anchors(self, state, factor):
+        self.evaluate(state)
+        foot, sticks = self._anchors(state, 0.0, -np.inf)[0], (self.status == STICK)[..., None]
+        return np.where(sticks, foot - (foot - self._anchor + (factor - 1.0) * self._slip(state)) / factor, self._anchor)
 
     def _slip(self, state):
         """Slip (ne, nq, 3) of sticking points since they came to rest, in the tool's frame [length]; 0 for others."""
@@ -134,14 +152,23 @@ class RigidContact(SlavePoints):
         return new, sliding
 
     def history(self):
-        out = {"anchor": self._anchor, "slip_path": self.slip_path, "met": self.met}
-        return out if self.tolerance is None else out | {"rest": self._rest, "shift": self.shift}
+        out = {
+            "anchor": self._anchor,
+            "rest": self._rest,
+            "slip_path": self.slip_path,
+            "met": self.met,
+            "raised": self.raised,
+        }
+        return out if self.tolerance is None else out | {"shift": self.shift}
 
     def restore(self, values):
         values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
-        self._anchor, self.slip_path, self.met = (values[name] for name in ("anchor", "slip_path", "met"))
-        self._rest, self.shift = values.get("rest", self._rest), values.get("shift", self.shift)
-        self._kept = self._anchor, self.shift
+        self._anchor, self._rest, self.slip_path, self.met, raised = (
+            values[name] for name in ("anchor", "rest", "slip_path", "met", "raised")
+        )
+        self.shift = values.get("shift", self.shift)
+        self._kept, self.before, self._feet = (self._anchor, self.shift), self._anchor, None
+        self.restore_penalties(raised)
 
     def excessive_overlap(self, state, X, slave, comm):
         """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.

@@ -151,3 +151,27 @@ def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, 
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
         slide_anchor(q, pair, plus(found.trial, times(eps_t[q], slip)), eps_t[q], weights)
+
+
+@njit(cache=True, error_model="numpy")
+def stiffened_anchors(coords, slaves, surface, projection, anchors, rests, law, factor, new_anchors):
+    """The anchors that tangential penalties greater by `factor` need for points that slip on from rest as they do.
+
+    rests: like anchors, places x_rest of the same traction under either penalty.  New anchors lie on the points' present
+    facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
+    """
+    nodes, weights = new_anchors
+    eps_n, eps_t, mu, touch, shift = law
+    nodes[:, :], weights[:, :] = anchors[0], anchors[1]
+    for q in range(len(nodes)):
+        if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
+            continue
+        pair = place(q, coords, slaves, surface, projection, anchors)
+        press = pair.g + shift[q]
+        found = point_traction(press, press, True, eps_n[q], eps_t[q], mu, touch, pair)
+        if found.status != STICK and found.status != SLIP:
+            continue
+        rested = place(q, coords, slaves, surface, projection, rests)
+        slip = less(rested.w, dot(pair.n, rested.w), pair.n)
+        _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
+        slide_anchor(q, pair, plus(found.trial, times((factor - 1.0) * eps_t[q], slip)), factor * eps_t[q], weights)

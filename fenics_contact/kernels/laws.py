@@ -52,7 +52,11 @@ def point_traction(
     along = n[0] * elastic_slip[0] + n[1] * elastic_slip[1] + n[2] * elastic_slip[2]
     trial[:] = eps_t * (elastic_slip - along * n)  # P(n) (x_M - x_anchor) replaces xi(k+1) - xi(k), theory section 2
     limit = mu * max(-N, 0.0)
-    status, share = coulomb_return(math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2), limit)
+    size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
+    if size <= eps_t * touch:  # no way beyond round-off: it has no direction to slip in
+        status, share = STICK, 1.0
+    else:
+        status, share = coulomb_return(size, limit)
     tangential[:] = share * trial
     traction[:] += tangential
     if want_tangent:

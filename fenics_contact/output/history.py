@@ -29,7 +29,10 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
 
 
 def penalty_summary(error, tools, units):
-    """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known."""
+    """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known.
+
+    A share of None: more than a first order in 1/penalty can tell.
+    """
     if error is None:
         return {}
     out = {}
@@ -39,10 +42,30 @@ def penalty_summary(error, tools, units):
             f"force_change_{units.force}": list(e["force_change"]),
             "force_change_share": float(np.linalg.norm(e["force_change"])) / size if size else 0.0,
             f"peak_pressure_{units.pressure}": peak,
-            "peak_pressure_change_share": e["peak_change"] / peak if peak else 0.0,
+            f"peak_pressure_at_{units.length}": e["peak_at"],
+            "peak_pressure_change_share": e["peak_change"] / peak
+            if peak and e["peak_change"] is not None
+            else e["peak_change"],
         }
     travel = {f"{tool}_{units.length}": list(change) for tool, change in zip(tools, error["travel_change"], strict=True)}
     return {"contacts": out, "travel_change": travel}
+
+
+def penalty_lines(summary, units):
+    """The same in a line per contact."""
+    lines = []
+    for name, e in summary.get("contacts", {}).items():
+        text = (
+            f"contact '{name}': with endless penalties the force would change by {e['force_change_share']:.2g} of itself, "
+        )
+        peak, change = e[f"peak_pressure_{units.pressure}"], e["peak_pressure_change_share"]
+        if peak > 0.0:
+            where = ", ".join(f"{x:.4g}" for x in e[f"peak_pressure_at_{units.length}"])
+            how = (
+                f"by {change:+.2g} of itself" if change is not None else "by more than a third: this mesh does not settle it"
+            )
+            lines.append(f"{text}the peak pressure, {peak:.4g} {units.pressure} at ({where}), {how}")
+    return lines
 
 
 class HistoryFile:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fenics_contact.solvers.augmented import AUGMENTATIONS, augment, raise_penalties
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
 from fenics_contact.solvers.newton import SHORTEST, StepFailed, StepReport, _finite_residual, _forcing, relative_residual
 
@@ -126,18 +127,40 @@ class ArcLength:
 
     # -- one step -------------------------------------------------------------------------------------------------
     def step(self, system, length, rate):
-        """Carry the system from its committed state along an arc of `length`, first along the unit `rate`."""
+        """Carry the system from its committed state along an arc of `length`, first along the unit `rate`.
+
+        Multipliers and penalties change with the arc held, so that there is a balance also where a given load has none.
+        """
+        report, raised = ArcReport(), []
+        try:
+            return self._arrive(system, length, rate, report, raised)
+        except StepFailed as failure:
+            if not raised:
+                raise
+            report.notes.append(f"not solved with them ({failure}): penalties stay")
+            system.rollback()
+            for term in raised:
+                term.forgo_raise()
+            return self._arrive(system, length, rate, report, [])
+
+    def _arrive(self, system, length, rate, report, raised):
         total = _advance(system, rate.times(length))
-        report = ArcReport()
-        before = relative_residual(system, followed=True)
+        before, allowed = relative_residual(system, followed=True), report.iterations + self.limit
         while True:
             side, size = self._load_side(system)
             report.iterations += 1
             report.residuals.append(size)
             try:
                 if size <= self.tolerance:
-                    return Arrival(length, total, self._rate_along(system, side, total), report)
-                if report.iterations >= self.limit:
+                    changed = system.augmented and augment(system, report, AUGMENTATIONS)
+                    if not changed:
+                        changed = raise_penalties(system, report)
+                        raised += changed
+                    if not changed:
+                        return Arrival(length, total, self._rate_along(system, side, total), report)
+                    before, allowed = relative_residual(system, followed=True), report.iterations + self.limit
+                    continue
+                if report.iterations >= allowed:
                     raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
                 correction = self._correction(system, side, total, length, _forcing(size))
             except LinearFailure as failure:

@@ -65,7 +65,7 @@ class Path:
                 return reached
             turned = np.arccos(np.clip(self.arc.dot(rate, arrival.rate), -1.0, 1.0))
             rate = arrival.rate
-            length = min(length * self._growth(len(arrival.report.residuals), turned), self.steps.largest)
+            length = min(length * self._growth(arrival.report, turned), self.steps.largest)
             self.arc.weigh(self.furthest, self.highest)
             size = self.arc.norm(rate)  # 1 in the lengths before
             length, rate = length * size, rate.times(1.0 / size)
@@ -119,9 +119,7 @@ class Path:
         self.taken += 1
         self.last = arrival.increment
         self._measure()
-        self.verdict.t = self.system.state.t
-        self.verdict.iterations += arrival.report.iterations
-        self.verdict.residuals.append(arrival.report.residuals)
+        self.verdict.accept(arrival.report, self.system)
 
     def _measure(self):
         self.gaps = {name: gap() for name, gap in self.targets.items()}
@@ -133,8 +131,9 @@ class Path:
             raise StepFailed.of(wrong)
         return arrival
 
-    def _growth(self, solves, turned):
+    def _growth(self, report, turned):
         """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
+        solves = len(report.residuals) / (1 + report.augmentations + report.raises)
         ratio = min(self.steps.iterations / solves, self.steps.turn / max(turned, 1e-12))
         return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
 

@@ -46,16 +46,9 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
                 verdict.size = size / 2
                 continue
             system.commit()
-            if report.iterations <= EASY * (1 + report.augmentations):
+            if report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.size *= 2.0
-            verdict.t = goal
-            verdict.iterations += report.iterations
-            verdict.corrections += report.corrections
-            verdict.augmentations += report.augmentations
-            verdict.residuals.append(report.residuals)
-            remarks = [term.remark(system.state) for term in system.terms if hasattr(term, "remark")]
-            notes = report.notes + [remark for remark in remarks if remark]
-            verdict.notes += [f"step {len(verdict.residuals)} to t = {goal:.6g}: {note}" for note in notes]
+            verdict.accept(report, system)
             on_step(report, time.perf_counter() - start, goal == target)
     return verdict
 

@@ -22,7 +22,8 @@ SETTLING = 3  # first solves that are taken whole where contact pressures are fo
 class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
-    augmented contacts the number of augmentations, and before each and at the end the error over the tolerance."""
+    augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
+    often penalties were raised."""
 
     iterations: int = 0
     residuals: list = field(default_factory=list)
@@ -30,6 +31,12 @@ class StepReport:
     notes: list = field(default_factory=list)
     augmentations: int = 0
     misfits: list = field(default_factory=list)
+    raises: int = 0
+
+    def add(self, more):
+        """What solving the step once more took."""
+        for name in ("iterations", "residuals", "corrections", "notes", "augmentations", "misfits", "raises"):
+            setattr(self, name, getattr(self, name) + getattr(more, name))
 
 
 class Newton:

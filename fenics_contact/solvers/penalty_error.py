@@ -1,20 +1,25 @@
-"""What the penalties cost: how forces and pressures would change if they grew without bound, to first order."""
+"""What the penalties cost: how forces and pressures would change if they grew without bound."""
 
 import numpy as np
 
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.solvers.linear import LinearFailure
 
-NUDGE = 1e-4  # of the change of displacement: small enough to leave statuses alone, far above round-off of the gaps
+NUDGE = 1e-4  # of the penalties, over which forces are differenced: few statuses change, far above round-off of the gaps
+# Of the peak pressure: a greater change is no small one, and the peak (at a corner, an edge) is the penalty's as much as the
+# bodies'. With springs in series a third of the present value is half of it in truth.
+UNSETTLED = 1 / 3
 LINEAR = 1e-4  # relative residual of an iterative solve: the extrapolation itself is good to some percent
 
 
 def penalty_error(system, linear):
     """Changes as all penalties grow without bound: {"contacts": {name: {...}}, "travel": (tools, 3)}; None if not to be had.
 
-    With every penalty divided by theta, contact forces at a fixed displacement are proportional to 1/theta, in stick as in
-    slip. So K du/dtheta = R_C at theta = 1, and dF/dtheta = -F + DF.du; a step to theta = 0 is the first-order
-    extrapolation of F. Changes of the contact area and of the path before are left out. Collective.
+    With s the logarithm of all penalties, K du/ds = -dR_C/ds and dF/ds is the change of F that is left, to first order in
+    1/penalty. Terms say what their forces would be with other penalties, see their `stiffen`: multipliers stay, and what
+    sticks has come to rest under the same traction. Changes of the contact area and of the path before are left out. Of a
+    contact: force (3,), force_change (3,), peak pressure, peak_at, its reference position, and peak_change, None where it is
+    too great for a first order. Collective.
     """
     terms = [term for term in system.terms if term.penalised]
     if not terms or not (rates := _rates(system, terms, linear)):
@@ -22,35 +27,68 @@ def penalty_error(system, linear):
     du, dq = rates
     u, travel = system.state.u.x.array.copy(), system.state.travel.copy()
     values = {}
-    for side in (1.0, -1.0, 0.0):  # the state itself last: that is what the terms remember
-        system.state.u.x.array[:] = u + side * NUDGE * du
-        system.state.travel[:] = travel + side * NUDGE * dq
-        values[side] = [term.resultants(system.state) for term in terms]
+    for side in (1.0, 0.0, -1.0):
+        nudged = u + side * NUDGE * du, travel + side * NUDGE * dq
+        values[side] = _at(system, terms, 1.0 + side * NUDGE, *nudged)
+    system.assemble_residual()  # the state itself is what the terms remember
     found = {}
     for term, ahead, behind, here in zip(terms, values[1.0], values[-1.0], values[0.0], strict=True):
         force, pressure = here
-        to_force = force - (ahead[0] - behind[0]) / (2.0 * NUDGE)
-        limit = pressure + pressure - (ahead[1] - behind[1]) / (2.0 * NUDGE)
-        peak, at_limit = (max(system.comm.allgather(p.max(initial=0.0))) for p in (pressure, limit))
-        found[term.name] = {"force": force, "force_change": to_force, "peak": peak, "peak_change": at_limit - peak}
-    return {"contacts": found, "travel_change": -dq}
+        to_force, to_pressure = ((a - b) / (2.0 * NUDGE) for a, b in zip(ahead, behind, strict=True))
+        peak, place = max(system.comm.allgather(_highest(pressure, term.spots())))
+        change = max(system.comm.allgather((pressure + to_pressure).max(initial=0.0))) - peak
+        found[term.name] = {"force": force, "force_change": to_force, "peak": peak, "peak_at": list(place)}
+        found[term.name]["peak_change"] = change if abs(change) <= UNSETTLED * peak else None
+    return {"contacts": found, "travel_change": dq}
+
+
+def _highest(pressure, spots):
+    """(peak, its place) of this rank's points."""
+    point = int(pressure.argmax()) if len(pressure) else -1
+    return (float(pressure[point]), tuple(spots[point])) if point >= 0 else (0.0, ())
+
+
+def _at(system, terms, factor, u, travel):
+    """Resultants of the terms with penalties greater by `factor` at a displacement and a travel. Collective."""
+    state, place = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
+    for term in terms:
+        term.stiffen(state, factor)
+    state.u.x.array[:], state.travel[:] = u, travel
+    found = [term.resultants(state) for term in terms]
+    state.u.x.array[:], state.travel[:] = place
+    for term in terms:
+        term.relax()
+    return found
+
+
+def _contact_force(system, terms, factor):
+    """R_C (local array, not yet summed over ranks) and the force on the tools with penalties greater by `factor`."""
+    force, tools = system.residual_vector.duplicate(), np.zeros_like(system.tool_residual)
+    with force.localForm() as local:
+        local.set(0.0)
+        for term in terms:
+            term.stiffen(system.state, factor)
+            term.add_residual(system.state, local.array_w, tools)
+            term.relax()
+    sum_to_owners(force)
+    return force, system.comm.allreduce(tools)
 
 
 def _rates(system, terms, linear):
-    """du/dtheta, a local array, and dq/dtheta of the tools' travel; None where the tangent is singular."""
+    """du/ds, a local array, and dq/ds of the tools' travel; None where the tangent is singular."""
+    (ahead, tools_ahead), (behind, tools_behind) = (_contact_force(system, terms, 1.0 + side) for side in (NUDGE, -NUDGE))
     system.assemble_residual()
+    for term in terms:
+        term.stiffen(system.state, 1.0)
     system.assemble_tangent()
-    residual, tools = system.residual_vector.duplicate(), np.zeros_like(system.tool_residual)
-    with residual.localForm() as local:
-        local.set(0.0)
-        for term in terms:
-            term.add_residual(system.state, local.array_w, tools)
-    sum_to_owners(residual)
-    residual.scale(-1.0)
-    with residual.localForm() as local:
+    for term in terms:
+        term.relax()
+    ahead.axpy(-1.0, behind)
+    ahead.scale(0.5 / NUDGE)
+    with ahead.localForm() as local:
         local.array_w[system.supports.dofs] = 0.0
-    residual.copy(system.residual_vector)
-    system.tool_residual = -system.comm.allreduce(tools)
+    ahead.copy(system.residual_vector)
+    system.tool_residual = (tools_ahead - tools_behind) / (2.0 * NUDGE)
     try:
         du, dq = linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.travel), LINEAR)
     except LinearFailure:

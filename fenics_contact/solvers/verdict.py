@@ -45,6 +45,17 @@ class Verdict:
     smallest: float = 0.0
     size: float = math.inf
 
+    def accept(self, report, system):
+        """A step has been accepted, which took what its report says; terms may remark on the state. Collective."""
+        self.t = system.state.t
+        self.iterations += report.iterations
+        self.corrections += report.corrections
+        self.augmentations += report.augmentations
+        self.residuals.append(report.residuals)
+        remarks = [term.remark(system.state) for term in system.terms if hasattr(term, "remark")]
+        notes = report.notes + [remark for remark in remarks if remark]
+        self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
+
     def stop(self, finding, t):
         """Not converged: the step to t failed for good."""
         self.converged, self.step = False, len(self.residuals) + 1

@@ -1,0 +1,219 @@
+"""Default penalties are raised where points sink in too far; friction goes on as it was, and nothing else depends on it."""
+
+import json
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Load,
+    Scene,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_sphere,
+    rigid_surface,
+    solve,
+)
+from fenics_contact.contact import penalties
+from fenics_contact.solvers.augmented import Adapted
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.verdict import StepFailed, Verdict
+from meshes import box, tool_surfaces, two_blocks
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+SHEAR, BULK = 0.4, 40.0  # squeezed in a box it resists with 33 times Young's modulus
+SAME = 1e-10
+
+
+def confined(**options):
+    """A block of 2 x 2 x 2 in a smooth box, its top pressed by a plane."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(SHEAR, BULK)))
+    for side in ("xmin", "xmax", "ymin", "ymax", "zmin"):
+        scene.fix(side, side[0])
+    plate = rigid_plane((0, 0, 2.0), (0, 0, -1.0))
+    scene.contact("zmax", plate, name="c", **options)
+    return scene, {"move": {plate: (0, 0, -0.2)}}
+
+
+def confined_force(squeeze):
+    """Nominal force of neo-Hooke under F = diag(1, 1, J), from psi = mu/2 (J^-2/3 I1 - 3) + K/2 (J - 1)^2."""
+    J = 1.0 - squeeze / 2.0
+    I1 = 2.0 + J**2
+    return -4.0 * (SHEAR / 2 * (2 * J ** (1 / 3) - 2 / 3 * I1 * J ** (-5 / 3)) + BULK * (J - 1.0))
+
+
+def test_a_confined_block_is_held_where_it_should_be(tmp_path):
+    folder = COMM.bcast(tmp_path)
+    scene, drive = confined()
+    result = solve(scene, **drive, steps=2, out=folder, progress=False).require()
+    depth = result.history[-1]["c_penetration_mm"]
+    assert 0.0 < depth <= penalties.DEEPEST * 1.0  # cells of 1 mm
+    notes = [note for note in result.verdict.notes if "penalties raised to" in note]
+    assert notes and "contact 'c' at (" in notes[0]
+    COMM.Barrier()
+    said = json.loads((folder / "summary.json").read_text())["scene"]["contacts"][0]
+    raised, young = said["penalty_raised"], 9 * BULK * SHEAR / (3 * BULK + SHEAR)
+    assert 1.0 < raised <= penalties.LARGEST
+    np.testing.assert_allclose(said["penalty_MPa_per_mm"], 100.0 * young * raised, rtol=1e-9)
+    # the penalty is a spring in series: what it does not give way the block must, in closed form
+    force = -result.history[-1]["c_force_z_N"]
+    np.testing.assert_allclose(force, confined_force(0.2 - depth), rtol=1e-7)
+    np.testing.assert_allclose(depth, force / 4.0 / (100.0 * young * raised), rtol=1e-7)
+
+
+@pytest.mark.parametrize("typed", [{"penalty": 119.5}, {"penalty_factor": 100.0}])
+def test_a_number_typed_is_not_changed(typed):
+    scene, drive = confined(**typed)
+    result = solve(scene, **drive, steps=2, progress=False).require()
+    assert result.history[-1]["c_penetration_mm"] > penalties.DEEPEST
+    assert result.summary["scene"]["contacts"][0]["penalty_raised"] == 1.0
+    assert not [note for note in result.verdict.notes if "raised" in note]
+
+
+def test_the_largest_factor_is_kept():
+    scene, drive = confined()
+    drive = {"move": {tool: (0, 0, -1.2) for tool in drive["move"]}}
+    result = solve(scene, **drive, steps=3, progress=False).require()
+    assert result.summary["scene"]["contacts"][0]["penalty_raised"] == penalties.LARGEST
+    assert result.history[-1]["c_penetration_mm"] > penalties.DEEPEST
+
+
+# -- friction ---------------------------------------------------------------------------------------------------------
+def dragged(kind):
+    """A block pressed on something by 0.3 and dragged by 0.3 mm: points stick, and points slip."""
+    if kind == "bodies":
+        mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 2))
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        scene.fix("lower_bottom")
+        led, slave, master, way = "upper_top", "upper_bottom", "lower_top", -0.3
+    else:
+        scene = Scene(Body(read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(4, 4, 2), origin=(0, 0, -2)), "box", RUBBER))
+        led, slave, way = "zmin", "zmax", 0.3
+        ball = {"radius": 10.0, "centre": (2.0, 2.0, 10.0)}
+        master = rigid_sphere(**ball, name="ball")
+        if kind == "meshed":
+            master = rigid_surface(tool_surfaces.ball, "ball", size=1.5, **ball)
+    scene.prescribe(led, "z", lambda X, t: np.full(len(X), way * min(2.0 * t, 1.0)))
+    scene.prescribe(led, "x", lambda X, t: np.full(len(X), 0.3 * max(2.0 * t - 1.0, 0.0)))
+    scene.fix(led, "y")
+    scene.contact(slave, master, 0.4, name="c")
+    return scene
+
+
+KINDS = ["analytic", "meshed", "bodies"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_friction_is_felt_unchanged(kind):
+    """At the accepted state greater penalties give the same friction traction, in stick as in slip."""
+    scene = dragged(kind)
+    system = solve(scene, steps=4, progress=False).require().system
+    contact = system.contacts[0]
+    before = contact.traction.copy()
+    counts = COMM.allreduce(np.bincount(contact.status.ravel(), minlength=4))
+    assert counts[2] > 0 and counts[3] > 0  # some stick, some slip
+    contact.evaluate(system.state)
+    held = contact.split_traction(system.state)[1].copy()
+    contact.hold_friction(4.0)
+    contact.put_penalties(contact.normal_penalty, 4.0 * contact.tangential_penalty)
+    contact.evaluate(system.state)
+    friction = contact.split_traction(system.state)[1]
+    size = max(COMM.allgather(np.abs(before).max(initial=0.0)))
+    np.testing.assert_allclose(friction, held, rtol=0, atol=1e-9 * size)  # round-off of anchors over an elastic slip
+
+
+def carried(kind, times, folder=None, resume=False, steps=None, **options):
+    kept = {} if folder is None else {"out": folder, "checkpoint": True, "resume": resume}
+    return solve(dragged(kind), steps=times, tolerance=1e-11, progress=False, **kept, **options).require()
+
+
+def numbers(result):
+    forces = np.array([result.column(f"c_force_{axis}_N") for axis in "xyz"])
+    return np.append(forces.ravel(), result.system.vector.norm())
+
+
+@pytest.mark.parametrize("kind", ["analytic", "bodies"])  # a meshed tool is a pair of bodies, too
+def test_resumed_is_continuous(kind, monkeypatch, tmp_path):
+    monkeypatch.setattr(penalties, "DEEPEST", {"analytic": 1e-3, "bodies": 2e-4}[kind])  # raised twice
+    folder, times = COMM.bcast(tmp_path), [0.25, 0.5, 0.75, 1.0]
+    whole = carried(kind, times)
+    raised = [note.split()[1] for note in whole.verdict.notes if "penalties raised" in note]
+    assert len(set(raised)) >= 2 and whole.history[-1]["c_sticking_points"] < whole.history[-1]["c_active_points"]
+    carried(kind, times[:2], folder)
+    resumed = carried(kind, times, folder, resume=True)
+    np.testing.assert_allclose(numbers(resumed), numbers(whole), rtol=0, atol=SAME * np.abs(numbers(whole)).max())
+    said = [[(note.split()[1], note.split(" lies ")[1]) for note in r.verdict.notes] for r in (resumed, whole)]
+    assert said[0] == said[1]  # steps and factors; of several points equally deep round-off chooses one
+
+
+class Stumbling(Newton):
+    """Newton that fails in every other solve of a kind: the `name`d method."""
+
+    def __init__(self, linear, name, tolerance=1e-11):
+        super().__init__(linear, tolerance)
+        self.name = name
+
+    def step(self, system, t):
+        return self._fail_after(super().step, system, t, "step")
+
+    def settle(self, system, t):
+        return self._fail_after(super().settle, system, t, "settle")
+
+    def _fail_after(self, solve_it, system, t, name):
+        report = solve_it(system, t)
+        if name == self.name:
+            self.name = None
+            raise StepFailed("stumbled")
+        return report
+
+
+def final(times, fails=None, lost=None):
+    """(displacement, penalties) at the end; fails: what stumbles once in the second step; lost: a step tried and dropped."""
+    system = dragged("bodies").system()
+    linear = LinearSolver(system)
+    for i, t in enumerate(times):
+        stepper = Adapted(Stumbling(linear, fails if i == 1 else None))
+        if lost and i == 1:
+            stepper.step(system, lost)
+            system.rollback()
+        report = stepper.step(system, t)
+        Verdict().accept(report, system)
+        system.commit()
+    return system.state.u.x.array.copy(), system.contacts[0].normal_penalty.copy(), report, system
+
+
+def test_a_dropped_step_leaves_no_trace(monkeypatch):
+    monkeypatch.setattr(penalties, "DEEPEST", 1e-4)
+    direct, cut = final([0.4, 0.7, 1.0]), final([0.4, 0.7, 1.0], lost=1.0)
+    np.testing.assert_allclose(cut[0], direct[0], rtol=0, atol=SAME)
+    np.testing.assert_allclose(cut[1], direct[1], rtol=SAME)
+    assert direct[3].contacts[0].raise_factor(COMM) > 1.0
+
+
+def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
+    monkeypatch.setattr(penalties, "DEEPEST", 1e-4)
+    system = final([0.4, 0.7], fails="settle")[3]
+    contact = system.contacts[0]
+    first = final([0.4])[3].contacts[0].raise_factor(COMM)
+    assert contact.raise_factor(COMM) == first  # those of the step before
+    assert contact.raise_penalty(system.state) is None  # and nothing tries again
+    monkeypatch.setattr(penalties, "DEEPEST", 1.0)
+    spared = final([0.4, 0.7])  # never raised: same law but for the first step
+    assert spared[3].contacts[0].raise_factor(COMM) == 1.0
+
+
+def test_on_an_arc():
+    scene, drive = confined()
+    arc = solve(scene, **drive, method="arc_length", steps=ArcSteps(first=0.5), until=Load(1.0), progress=False).require()
+    assert [note for note in arc.verdict.notes if "penalties raised" in note]
+    squeeze, depth = 0.2 * arc.column("t"), arc.column("c_penetration_mm")
+    assert depth.max() < penalties.DEEPEST
+    np.testing.assert_allclose(-arc.column("c_force_z_N"), confined_force(squeeze - depth), rtol=1e-7)
