@@ -6,7 +6,7 @@ from numba import njit
 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
-ON_CONE = 1e-10  # round-off of a traction rebuilt from its anchor, relative
+ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative, where slips are a millionth of the coordinates
 
 
 @njit(cache=True)
