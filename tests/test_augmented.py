@@ -7,9 +7,12 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import (
+    ArcSteps,
     Body,
+    Load,
     Scene,
     SceneError,
+    Travel,
     from_elastic,
     mooney_rivlin,
     neo_hooke,
@@ -22,7 +25,7 @@ from fenics_contact import (
 from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
-from meshes import box, punch_plate, two_blocks
+from meshes import box, dome, punch_plate, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
@@ -177,6 +180,44 @@ def test_snes_and_newton_agree_on_a_pushed_tool(tmp_path):
     assert summary["augmentations"] > 0 and summary["scene"]["contacts"][0]["penetration_allowed_mm"] == 1e-5
     left = summary["penalty_error"]["contacts"]
     assert all(contact["force_change_share"] < 1e-5 for contact in left.values())  # travel is fixed to 1e-5 mm of 1 mm
+
+
+def test_on_an_arc_as_at_given_loads():
+    """A ball pressed in and drawn aside by continuation: the states that Newton finds at the loads of its steps."""
+    columns, loads = [], None
+    for arc in (True, False):
+        scene = Scene(Body(read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2)), "box", RUBBER))
+        scene.fix("zmin")
+        ball = rigid_sphere(5.0, (4.0, 4.0, 9.0))
+        scene.contact("zmax", ball, 0.4, penetration=1e-6, name="c")
+        way = {"move": {ball: (0.3, 0.0, -1.0)}, "tolerance": 1e-11, "progress": False}
+        if arc:
+            way |= {"method": "arc_length", "until": Load(1.0)}
+        result = solve(scene, **way, steps=2 if arc else [*loads[:-1], 1.0]).require()
+        loads = result.column("t")
+        columns.append([result.column(name) for name in ("c_force_x_N", "c_force_z_N")])
+        assert result.column("c_penetration_mm").max() <= 1e-6 and result.verdict.augmentations > 0
+    # each ends anywhere within 1e-6 mm of an indentation of 0.5 mm and more, and the load to 1e-6 of its target
+    np.testing.assert_allclose(*columns, rtol=0, atol=6e-6 * np.abs(columns).max())
+
+
+@pytest.mark.serial
+def test_past_a_limit_point():
+    """Where no load holds the balance, multipliers grow with the arc held: the limit load is that of endless penalties."""
+    limits = []
+    for options in ({"penalty_factor": 100.0}, {"penalty_factor": 1000.0}, {"penetration": 1e-4}):
+        mesh = read_gmsh(dome.build, thickness=2.0, boss=5.0, cells=2)
+        scene = Scene(Body(mesh, "dome", RUBBER), degree=2)
+        for group, axis in (("symmetry_x", "x"), ("symmetry_y", "y"), ("rim", "xyz")):
+            scene.fix(group, axis)
+        ball = rigid_sphere(8.0, (0, 0, 49.0), name="ball")
+        scene.contact("outer", ball, 0.3, name="top", **options)
+        follow = {"method": "arc_length", "steps": ArcSteps(first=0.2, largest=3.0), "until": Travel(ball, "z", -15.0)}
+        result = solve(scene, push={ball: (0, 0, -1.0)}, **follow, progress=False).require()
+        limits.append(next(p["t"] for p in result.summary["limit_points"] if p["kind"].startswith("max")))
+    soft, stiff, augmented = limits
+    endless = stiff + (stiff - soft) / 9.0  # errors as 1/penalty
+    assert abs(augmented - endless) < 0.3 * abs(stiff - soft), limits  # 1e-4 against penetrations of 3e-2 and 3e-3 mm
 
 
 def test_a_rollback_takes_multipliers_back():
