@@ -1,7 +1,8 @@
 """Speed as ratios taken in one run, with FElupe from PyPI beside it where it is installed (felupe, pypardiso).
 
     python3 demos/speed.py                   # the table of ratios (`make bench`, a few minutes)
-    python3 demos/speed.py growth 1000000    # cost per iteration up to that many unknowns, on 1 and 2 processes
+    python3 demos/speed.py growth 1000000    # cost per iteration up to that many unknowns, on 1 and 2 processes: runs what
+                                             # results/speed/growth.csv lacks (delete it to start anew) and draws its chart
     python3 demos/speed.py kernels           # search and contact kernel alone, 1e3 to 1e6 points
 
 Everything is written to results/speed/*.csv; growth and kernels draw a chart. Times are CPU seconds of one thread where one
@@ -18,6 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import numba
 import numpy as np
 import ufl
 from matplotlib.figure import Figure
@@ -31,7 +33,7 @@ from fenics_contact.contact.term import contact_elements
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.timing import Timers
-from meshes import punch_plate
+from meshes import punch_plate, two_blocks
 
 try:
     import felupe
@@ -43,6 +45,8 @@ OUT = Path("results/speed")
 ENVIRONMENT = os.environ.copy()  # from before MPI's start in here: mpirun does not nest
 RUBBER = {"a1": 0.1863, "a2": 0.0098, "K": 5.0}
 SMALL, LARGE = (10, 5), (20, 10)  # cells to the punch's edge and over the height: 20x20x5 and 40x40x10
+LARGE_BLOCKS, SMALL_BLOCKS = ((40, 40, 10), (20, 20, 10)), ((16, 16, 4), (10, 10, 4))  # lower and upper: 3600, 900 points
+PRESSED, SLIDING = 5, 3  # steps of the two blocks: 0.4 mm down each, then 0.5 mm sideways
 GROWTH = [(20, 10), (32, 13), (50, 15), (70, 16)]  # 5.5e4, 1.8e5, 4.9e5, 1.0e6 unknowns
 CONTACT = ("search", "projection", "contact kernel")
 
@@ -89,6 +93,18 @@ def punch(cells, steps, friction, travel=0.2):
     tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
     scene.contact("top", tool, friction, name="top")
     return carried(scene.system({tool: (0, 0, -travel * steps)}, timers=timers), timers, steps)
+
+
+def blocks(lower, upper):
+    """A block pressed on a larger one and dragged over it, friction 0.3, points as by default; cells per edge of both."""
+    mesh, timers = read_gmsh(two_blocks.build, lower_cells=lower, upper_cells=upper), Timers()
+    scene, steps = Scene(*(Body(mesh, name, mooney_rivlin(**RUBBER)) for name in ("lower", "upper"))), PRESSED + SLIDING
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.4 * min(t * steps, PRESSED)))
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 0.5 * max(t * steps - PRESSED, 0.0)))
+    scene.contact(slave="upper_bottom", master="lower_top", friction=0.3, name="interface")
+    return carried(scene.system(timers=timers), timers, steps)
 
 
 def felupe_parity(cells, steps):
@@ -141,7 +157,21 @@ def tangent_forms():
 
     work = {name: (lambda form=form: assemble(form)) for name, form in forms.items()}
     work["twice through the matrix"] = lambda: (matrix.mult(x, y), matrix.mult(x, y))
-    return interleaved(work, repeats=5)
+    streams = [np.ones(2 * 10**7) for _ in range(3)]
+    work["triad"] = lambda: triad(*streams, 3.0)
+    seconds = interleaved(work, repeats=5)
+    blocks = matrix.getInfo()["nz_used"] / 9
+    cells, nodes = compat.cell_dofs(scene.space).shape
+    # blocks of 9 numbers read and written, their columns; per cell the places and displacements of its nodes
+    moved = {"assembly": blocks * (2 * 72 + 4) + cells * nodes * (3 + 3) * 8, "triad": 3 * 8 * len(streams[0])}
+    return seconds, {name: 1e-9 * moved[name] / seconds[of] for name, of in (("assembly", "rate"), ("triad", "triad"))}
+
+
+@numba.njit(cache=True)
+def triad(a, b, c, factor):
+    """McCalpin's STREAM triad."""
+    for i in range(len(a)):
+        a[i] = b[i] + factor * c[i]
 
 
 def interleaved(work, repeats=3):
@@ -190,10 +220,13 @@ def ratios():
         table.append({"what": what, "value": round(value, 4), "target": target})
         print(f"{what:62} {value:8.3f}   target {target}", flush=True)
 
-    forms = tangent_forms()
+    forms, bandwidth = tangent_forms()
     row("rate-form tangent / energy's second derivative", forms["rate"] / forms["energy"], "<= 0.6")
     row("tangent's assembly / twice through the matrix", forms["rate"] / forms["twice through the matrix"], "")
     row("share of the insertion in the tangent's assembly", forms["insertion"] / forms["rate"], "")
+    row("memory bandwidth of a thread, triad [GB/s]", bandwidth["triad"], "")
+    row("tangent's assembly: matrix and geometry [GB/s]", bandwidth["assembly"], "")
+    row("tangent's assembly / memory bandwidth", bandwidth["assembly"] / bandwidth["triad"], "")
     for name, cells, steps in (("20x20x5", SMALL, 10), ("40x40x10", LARGE, 2)):
         ours, peers = [], []
         for _ in range(3 if felupe else 1):
@@ -213,6 +246,14 @@ def ratios():
         median(1, LARGE, lambda r: share(r, *CONTACT) / r["bulk tangent"]),
         "<= 0.05",
     )
+    for name, target, cells in (
+        ("40x40x10 under 20x20x10", "<= 0.15", LARGE_BLOCKS),
+        ("16x16x4 under 10x10x4", "", SMALL_BLOCKS),
+    ):
+        slides = [apart(1, "blocks", *cells) for _ in range(3)]
+        write(f"blocks_{cells[0][0]}", slides)
+        ratio = np.median([share(run, *CONTACT, "insertion") / run["bulk tangent"] for run in slides])
+        row(f"contact / bulk tangent, {name}, friction", float(ratio), target)
     known = ("bulk tangent", "factorisation", "solve")
     row(
         "neither linear solve nor bulk tangent / run",
@@ -238,19 +279,43 @@ def share(run, *stages):
     return sum(run.get(stage, 0.0) for stage in stages)
 
 
+def known_rows(name):
+    """Rows of a CSV file written before, numbers as numbers; none where there is no file."""
+    path = OUT / f"{name}.csv"
+    if not path.exists():
+        return []
+    with open(path, newline="") as file:
+        return [{k: _number(v) for k, v in row.items() if v != ""} for row in csv.DictReader(file)]
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def growth(largest):
-    rows = []
+    rows = known_rows("growth")
     for cells in GROWTH:
         unknowns = 3 * (2 * cells[0] + 1) ** 2 * (cells[1] + 1)
-        for processes in (1, 2) if unknowns <= largest else ():
+        known = {row["processes"] for row in rows if row["unknowns"] == unknowns}
+        for processes in {1, 2} - known if unknowns <= largest else ():
             run = apart(processes, "punch", cells, 2, 0.3, 0.1)
             rows.append(run | {"wall_per_iteration": run["wall"] / run["iterations"]})
             print({k: round(v, 3) if isinstance(v, float) else v for k, v in rows[-1].items()}, flush=True)
-            write("growth", rows)
+            write("growth", sorted(rows, key=lambda row: (row["unknowns"], row["processes"])))
+    draw_growth(known_rows("growth"))
+
+
+def draw_growth(rows):
+    """The chart of all rows, wherever they were gathered, and the exponents between the smallest and largest of each."""
     figure = Figure(figsize=(6, 4), layout="tight")
     axes = figure.add_subplot(xlabel="unknowns", ylabel="wall seconds per Newton iteration", xscale="log", yscale="log")
     for processes in (1, 2):
         of = [(r["unknowns"], r["wall_per_iteration"]) for r in rows if r["processes"] == processes]
+        if not of:
+            continue
         axes.plot(*np.transpose(of), marker="o", label=f"{processes} process{'es' * (processes > 1)}")
         if len(of) > 1:
             slope = np.log(of[-1][1] / of[0][1]) / np.log(of[-1][0] / of[0][0])
@@ -316,7 +381,7 @@ def master_search(points):
     }
 
 
-MEASUREMENTS = {"punch": punch, "parity": parity, "before_first_step": before_first_step}
+MEASUREMENTS = {"punch": punch, "blocks": blocks, "parity": parity, "before_first_step": before_first_step}
 
 if __name__ == "__main__":
     program = sys.argv[1] if len(sys.argv) > 1 else "ratios"

@@ -67,6 +67,22 @@ def compile_form(form):
         return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": _C_FLAGS}})
 
 
+def parts_of_form(form, inside):
+    """A UFL form as two, on the cells where inside (owned cells,) is true and on the others; None unless on tagged cells."""
+    integrals = form.integrals()
+    tags = integrals[0].subdomain_data()
+    if not hasattr(tags, "indices") or any(i.integral_type() != "cell" or i.subdomain_data() is not tags for i in integrals):
+        return None
+    owned = tags.indices < len(inside)
+    cells, values, mesh = tags.indices[owned], tags.values[owned], form.arguments()[0].ufl_function_space().mesh
+    parts = []
+    for chosen in (inside[cells], ~inside[cells]):
+        # the kernels know numbers of tags only: they are those of the whole form
+        part = dolfinx_mesh.meshtags(mesh, 3, cells[chosen], values[chosen])
+        parts.append(type(form)([integral.reconstruct(subdomain_data=part) for integral in integrals]))
+    return parts
+
+
 @contextmanager
 def _quiet():
     """Keep the compiler's command lines out of the user's terminal."""

@@ -191,7 +191,11 @@ class _Record:
 
 def _stages_line(seconds):
     """Where the time went, in one line."""
-    stages = ", ".join(f"{stage} {t:.2g}" for stage, t in seconds.items() if stage != "total" and t >= 0.005)
+    stages = ", ".join(
+        f"{stage} {t:.0f}" if t >= 10 else f"{stage} {t:.2g}"
+        for stage, t in seconds.items()
+        if stage != "total" and t >= 0.005
+    )
     return f"{seconds['total']:.3g} s: {stages}"
 
 

@@ -40,5 +40,5 @@ def squeezed_cylinder(cells):
 
 def test_rubber_cylinder_between_plates():
     coarse, fine = squeezed_cylinder(6), squeezed_cylinder(16)
-    assert abs(fine / 4.5622 - 1) < 0.01, (coarse, fine)  # the bound; targets.md
+    assert abs(fine / 4.5622 - 1) < 0.01, (coarse, fine)  # the reference of an independent code
     assert abs(fine - 4.5622) < abs(coarse - 4.5622), (coarse, fine)

@@ -177,7 +177,7 @@ def uniaxial(stretch):
 
 def test_oracle_against_the_table():
     _, stress, side = uniaxial(0.9)
-    np.testing.assert_allclose(stress * side**2, -0.1288051, atol=6e-8)  # targets.md, section 1: seven digits
+    np.testing.assert_allclose(stress * side**2, -0.1288051, atol=6e-8)  # seven digits of the closed form
 
 
 def test_homogeneous_compression(tmp_path):

@@ -11,9 +11,9 @@ from fenics_contact.solvers.newton import Newton
 from meshes import punch_plate
 
 MOONEY = {"a1": 0.1863, "a2": 0.0098, "K": 5.0}  # MPa
-# targets.md, section 3: five codes on the 20 x 20 x 5 mesh with a fixed list of nodes
+# Five codes on the 20 x 20 x 5 mesh with a fixed list of nodes
 PARITY = [13.682973, 27.925831, 42.772727, 58.273222, 74.483030, 91.464841, 109.289233, 128.035718, 147.793924, 168.664975]
-# targets.md: graded second-order references of a real, sharp punch, 145 +- 1.5 N
+# Graded second-order references of a real, sharp punch, 145 +- 1.5 N
 SHARP = np.array([12.95, 26.1, 39.5, 53.2, 67.5, 82.3, 97.0, 112.5, 128.2, 145.0])
 UNIFORM = {"inside": 10, "outside": 10, "layers": 5, "ratio": 1.0}
 GRADED = {"inside": 12, "outside": 10, "layers": 6, "ratio": 1.1}
@@ -121,14 +121,14 @@ def test_refinement_approaches_the_reference(graded, uniform):
 
 def test_fillet_lowers_the_first_force_and_is_named(graded):
     rounded = punched(GRADED, fillet=1.0, depth=0.2, steps=1)
-    assert 0.05 < 1.0 - forces(rounded)[0] / forces(graded)[0] < 0.13  # targets.md: 8 to 10 %, here on a coarse mesh
+    assert 0.05 < 1.0 - forces(rounded)[0] / forces(graded)[0] < 0.13  # two codes: 8 to 10 %, here on a coarse mesh
     edges = [result.summary["scene"]["contacts"][0]["tool_edge"] for result in (graded, rounded)]
     assert edges[0] == "sharp" and edges[1].startswith("filleted")
 
 
 def test_corner_lifts_off_a_frictionless_floor():
     result = punched(GRADED, floor=0.0)
-    assert 2.4 <= rise_at(result.system, (40, 40, 0)) <= 2.9  # targets.md
+    assert 2.4 <= rise_at(result.system, (40, 40, 0)) <= 2.9  # two codes
 
 
 @pytest.mark.parallel

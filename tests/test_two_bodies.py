@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from fenics_contact import Body, Scene, SceneError, compat, mooney_rivlin, read_gmsh, solve
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from fenics_contact.studies.tubes import BASE as TUBES
 from fenics_contact.studies.tubes import tubes
 from meshes import two_blocks
 
@@ -337,5 +338,6 @@ def test_foreseen_gaps_are_linear_in_the_motion(points):
 @pytest.mark.parametrize("steps", [3, 6])
 def test_long_steps_do_not_carry_bodies_through_each_other(steps):
     """Nested tubes whose steps are several cells long: a start beyond the outer tube must not pass for an open contact."""
-    found = tubes(48, 3, 100.0, "displacement", "newton", steps, "direct")
+    scene = {name: value for name, value in TUBES.items() if name != "processes"} | {"cells": 48, "steps": steps}
+    found = tubes(**scene)
     assert found["converged"] and found["error"] < 1e-2  # the mesh's own error is 8e-4, bodies passed through err by 3

@@ -4,6 +4,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.cell_forms import number_own_block
 
 
 class MatrixPattern:
@@ -35,6 +36,7 @@ class MatrixPattern:
         matrix = PETSc.Mat().createBAIJ((size, size), 3, nnz=tuple(nnz), comm=self.comm)
         local = PETSc.LGMap().create(self._blocks.astype(PETSc.IntType), bsize=3, comm=self.comm)
         matrix.setLGMap(local, local)
+        number_own_block(matrix, end - first)
         if len(keys):
             zeros = np.zeros((len(keys), 3, 3))
             pair = [part[:, None].astype(PETSc.IntType) for part in (rows, columns)]

@@ -7,6 +7,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
@@ -100,8 +101,9 @@ class FormTerm:
 
     def __init__(self, name, residual, tangent=None, symmetric=True):
         self.name, self.symmetric = name, symmetric
-        self._residuals, self._tangents = _compiled(residual), _compiled(tangent)
-        self.tangent_form = self._tangents[0] if self._tangents else None  # its cells' couplings are the matrix pattern
+        self._residuals = [compat.compile_form(form) for form in _listed(residual)]
+        self._tangents = [CellForm(form) for form in _listed(tangent)]
+        self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
     def add_residual(self, state, residual, tool_residual):
         for form in self._residuals:
@@ -112,7 +114,7 @@ class FormTerm:
 
     def add_tangent(self, state, matrix, border):
         for form in self._tangents:
-            compat.assemble_matrix(matrix, form)
+            form.add(matrix)
 
     def commit(self, state):
         """Forms keep no history."""
@@ -137,10 +139,10 @@ class FormTerm:
         """None: what forms suffer from is found in the tangent."""
 
 
-def _compiled(forms):
+def _listed(forms):
     if forms is None:
         return []
-    return [compat.compile_form(form) for form in (forms if isinstance(forms, list) else [forms])]
+    return forms if isinstance(forms, list) else [forms]
 
 
 def is_symmetric(tangent_form, u, supports):

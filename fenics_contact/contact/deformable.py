@@ -7,6 +7,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
+from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.pair_penalties import PairPenalties
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.points import SlavePoints
@@ -14,13 +15,12 @@ from fenics_contact.contact.term import TOUCH
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import (
     add_forces,
-    add_tangents,
     augmented_anchors,
     committed_anchors,
     foreseen_gaps,
 )
-from fenics_contact.kernels.couplings import clique_keys
-from fenics_contact.kernels.deformable_element import element_nodes, slave_points
+from fenics_contact.kernels.contact_tangent import add_tangents
+from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.timing import Timers
 
@@ -61,11 +61,12 @@ class DeformableContact(PairPenalties, SlavePoints):
         self._slaves = (nodes, surface.a.reshape(-1, k), surface.area.ravel(), gradients)
         first = len(self._local)
         self._facets = (master.facets[0] + first, master.facets[1])
-        self._blocks = np.concatenate([compat.global_blocks(space)[self._local], master.blocks]).astype(np.int64)
+        blocks = np.concatenate([compat.global_blocks(space)[self._local], master.blocks]).astype(np.int64)
+        self._pattern = PairPattern(nodes, self._facets[0], blocks, space.dofmap.index_map.size_global)
         self._comm = space.mesh.comm
-        self._block_count = space.dofmap.index_map.size_global
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
+        self._watched = np.unique(np.concatenate([self._local, master.owned, self._ring.ravel()]))  # what positions rest on
         self.shift = np.zeros((ne, nq))
         self.put_penalties(normal_penalty, tangential_penalty)
         self.set_up_penalties()
@@ -73,8 +74,6 @@ class DeformableContact(PairPenalties, SlavePoints):
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._rests = self._anchors = self._no_anchors()
         self._kept = self._anchors, self.shift  # those of the last accepted step
-        self._provided = np.full((ne * nq, 5), -2)
-        self._set_keys(np.empty(0, dtype=np.int64))
         self._seen = self._projected = self._linearised = self._places = None
         self._judged = _NOT_HELD
         self._gaps = (np.full(ne * nq, self.search),) * 2  # with shifts, when a step was last accepted, and before
@@ -121,13 +120,15 @@ class DeformableContact(PairPenalties, SlavePoints):
 
     def _project(self, state):
         """(coords, points, projection) at the state, kept until it changes on some rank. Collective."""
-        now = state.u.x.array, state.travel
+        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
         same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
-        if not self._comm.allreduce(same, op=MPI.LAND):
+        moved = np.array([not same], dtype=np.int32)
+        self._comm.Allreduce(MPI.IN_PLACE, moved)
+        if moved[0]:
             with self.timers("projection"):
-                coords, points, normals = self._positions(state)
+                self._placed = coords, points, normals = self._positions(state)
                 self._projected = coords, points, self._pairing.project(points, normals, coords, self.timers)
-            self._seen = tuple(part.copy() for part in now)
+            self._seen = now
         return self._projected
 
     def _first_projection(self, state):
@@ -154,7 +155,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         moved = max(comm.allgather(sum(np.abs(now - then).max(initial=0.0) for now, then in self._moved(state))))
         reach = self.search + np.sqrt(3.0) * moved
         if reach > FIRST_SEARCH * self.search:
-            now, then = self._positions(state), self._places
+            now, then = self._placed, self._places
             far, before = (self._pairing.far(points, normals, coords, reach) for coords, points, normals in (now, then))
             gaps = np.where((before[1] != NONE) & (before[4] > -self.touch), np.minimum(gaps, far[4]), gaps)
         return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
@@ -183,7 +184,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         """Evaluate all points: traction, status, gap and excess; returns forces (nx, 3) on slave and master nodes."""
         coords, _, projection = self._project(state)
         if self._places is None:  # the first state after a restart
-            self._places = self._positions(state)
+            self._places = self._placed
         forces, shape = np.zeros_like(coords), self.gap.shape
         with self.timers("contact kernel"):
             add_forces(
@@ -211,16 +212,12 @@ class DeformableContact(PairPenalties, SlavePoints):
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
         coords, _, projection = self._project(state)
         self._linearised = coords, projection
-        values, used = np.zeros((len(self._keys), 3, 3)), np.zeros(len(self._keys), dtype=bool)
+        pairs = coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged
         with self.timers("contact kernel"):
-            missing = add_tangents(
-                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
-                self._pattern, values, used,
-            )  # fmt: skip
+            *blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
         if missing:
             raise RuntimeError(f"contact '{self.name}': {missing} couplings are not in the pattern")
-        places = np.flatnonzero(used)
-        return self._rows[places], self._pattern[3][places], values[places]
+        return blocks
 
     # -- Newton's own unknowns ------------------------------------------------------------------------------------
     def foresee(self, state):
@@ -248,53 +245,14 @@ class DeformableContact(PairPenalties, SlavePoints):
         Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
         """
         coords, points, projection = self._project(state)
-        closed = self._closed(projection)
-        now = np.column_stack([projection[0], self._anchors[0]])
-        new = np.flatnonzero(closed & (now != self._provided).any(axis=1))
-        if not len(new):
-            return None
-        k = self._slaves[0].shape[1]
-        nodes = np.empty((len(new), k + 8), dtype=np.int64)
-        element_nodes(self._slaves[0][new], self._facets[0], projection[0][new], self._anchors[0][new], nodes)
-        blocks = self._blocks[nodes]
-        wanted = np.unique(blocks[:, : k + 4, None] * self._block_count + blocks[:, None, :])
-        self._provided[new] = now[new]
-        if len(self._keys) and np.isin(wanted, self._keys).all():
-            return None
-        self._provided[:] = -2  # pairs of points that are open now may be in the old pattern only
-        self._provided[closed] = now[closed]
-        self._set_keys(np.union1d(wanted, self._near(coords, points, closed, projection)))
-        return self._keys
-
-    def _closed(self, projection):
         gaps = self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
-        return (gaps <= self.touch) & (projection[1] != NONE)
-
-    def _set_keys(self, keys):
-        """Rising keys of the pattern, and where the row of each of our nodes begins and ends in them."""
-        self._keys = keys
-        self._rows, columns = np.divmod(keys, self._block_count)
-        ends = (np.searchsorted(keys, (self._blocks + more) * self._block_count) for more in (0, 1))
-        self._pattern = (self._blocks, *ends, columns)
-
-    def _near(self, coords, points, closed, projection):
-        """Keys of all couplings that the points may need before they have moved by MARGIN of an edge."""
+        now = (gaps <= self.touch) & (projection[1] != NONE), projection[0], self._anchors[0]
+        if self._pattern.suffices(*now):
+            return None
         with self.timers("search"):
-            offsets, facets = self._pairing.within(points, coords, MARGIN * self.master.edge)
-        point = np.repeat(np.arange(len(points)), np.diff(offsets))
-        deep = np.flatnonzero(closed)
-        point, facets = np.concatenate([point, deep]), np.concatenate([facets, projection[0][deep]])
-        near = np.unique(point)
-        held = near[self._anchors[0][near, 0] >= 0]
-        k = self._slaves[0].shape[1]
-        parts = [
-            (np.repeat(near, k), self._slaves[0][near].ravel()),
-            (np.repeat(point, 4), self._facets[0][facets].ravel()),
-            (np.repeat(held, 4), self._anchors[0][held].ravel()),
-        ]
-        pairs = np.unique(np.concatenate([np.column_stack(part) for part in parts]), axis=0)
-        offsets = np.searchsorted(pairs[:, 0], np.append(near, len(points)))
-        return np.unique(clique_keys(offsets, self._blocks[pairs[:, 1]], self._block_count))
+            near = self._pairing.within(points, coords, MARGIN * self.master.edge)
+        self._pattern.provide(*near, *now)
+        return self._pattern.keys
 
     # -- history --------------------------------------------------------------------------------------------------
     def initialise(self, state):
@@ -310,10 +268,11 @@ class DeformableContact(PairPenalties, SlavePoints):
         self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
         coords, _, projection = self._project(state)
-        self._places = self._positions(state)
+        self._places = self._placed
         self._gaps = (self.gap + self.shift).ravel(), self._gaps[0]
-        resting, feet = (self.status == STICK).reshape(-1, 1), self._new_anchors(coords, projection, -np.inf)[0]
-        self._rests = tuple(np.where(resting, old, new) for old, new in zip(self._rests, feet, strict=True))
+        if self.friction > 0.0 or self.tolerance is not None:
+            resting, feet = (self.status == STICK).reshape(-1, 1), self._new_anchors(coords, projection, -np.inf)[0]
+            self._rests = tuple(np.where(resting, old, new) for old, new in zip(self._rests, feet, strict=True))
         self.before = self._anchors
         self._anchors, sliding = self._new_anchors(coords, projection, self.touch)
         self.slip_path = self.slip_path + sliding.reshape(self.gap.shape)

@@ -4,6 +4,7 @@ import numpy as np
 
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import ToolSurface, area_vectors
+from fenics_contact.contact.pair_pattern import PairPattern
 
 # A slave point and the facet nearest to it say on which side of the tool the body is if their normals are this parallel.
 DECISIVE = 0.5
@@ -20,10 +21,10 @@ class MeshedToolContact(DeformableContact):
 
         # the tool's nodes travel as one: behind this rank's slave nodes they are one node of the pattern
         tool = len(self._local)
-        self._blocks = np.concatenate([np.arange(tool), np.full(len(master.X), tool)])
-        self._block_count = tool + 1
+        blocks = np.concatenate([np.arange(tool), np.full(len(master.X), tool)])
+        self._pattern = PairPattern(self._slaves[0], self._facets[0], blocks, tool + 1)
         nodes = np.column_stack([self._slaves[0], np.full(len(self._slaves[0]), tool)])
-        self._set_keys(np.unique(nodes[:, :, None] * self._block_count + nodes[:, None, :]))
+        self._pattern.set(np.unique(nodes[:, :, None] * (tool + 1) + nodes[:, None, :]))
 
     def add_tangent(self, state, matrix, border):
         rows, columns, values = self._tangent_blocks(state)

@@ -1,20 +1,154 @@
-"""Pairs of nodes that a list of contact pairs may couple."""
+"""Pairs of nodes that contact pairs couple: those of one pair, all that points may need soon, and their places in a pattern.
+
+Arrays as in kernels/deformable_element.py.  A pattern is (blocks (nx,): global number of each node, first (nx,), end (nx,):
+where its row begins and ends in columns (nb,), rising global numbers).
+"""
 
 import numpy as np
 from numba import njit
 
 
 @njit(cache=True)
-def clique_keys(offsets, nodes, count):
-    """Key row * count + column of every ordered pair of nodes within each list; CSR lists offsets (n + 1,), nodes."""
-    total = 0
-    for q in range(len(offsets) - 1):
-        total += (offsets[q + 1] - offsets[q]) ** 2
-    keys = np.empty(total, np.int64)
-    at = 0
-    for q in range(len(offsets) - 1):
-        for i in range(offsets[q], offsets[q + 1]):
-            for j in range(offsets[q], offsets[q + 1]):
-                keys[at] = nodes[i] * count + nodes[j]
-                at += 1
-    return keys
+def equal_rows(table, i, j):
+    same = True
+    for column in range(table.shape[1]):
+        same = same and table[i, column] == table[j, column]
+    return same
+
+
+@njit(cache=True)
+def felt_nodes(q, slave_nodes, corners, facet, anchor_nodes, nodes):
+    """Fill nodes (k + 8,) of pair q; returns how many of them T depends on: on its own facet an anchor adds none."""
+    k = slave_nodes.shape[1]
+    at_home, has_anchor = True, anchor_nodes[q, 0] >= 0
+    for i in range(k):
+        nodes[i] = slave_nodes[q, i]
+    for i in range(4):
+        nodes[k + i] = corners[facet[q], i]
+        nodes[k + 4 + i] = anchor_nodes[q, i] if has_anchor else nodes[k + i]
+        at_home = at_home and nodes[k + 4 + i] == nodes[k + i]
+    return k + 4 if at_home else k + 8
+
+
+@njit(cache=True)
+def find(columns, low, high, wanted):
+    """Place of `wanted` in the rising columns[low:high], or -1."""
+    n = high - low
+    while n > 1:  # without branches, which nothing could foresee
+        half = n // 2
+        low += half * (columns[low + half - 1] < wanted)
+        n -= half
+    return low if n == 1 and columns[low] == wanted else -1
+
+
+@njit(cache=True)
+def newly_met(closed, facet, anchor_nodes, met, met_anchors):
+    """True for each closed point (np,) whose facet or anchor is not the one taken down in met (np,), met_anchors (np, 4)."""
+    new = np.zeros(len(closed), np.bool_)
+    for q in range(len(closed)):
+        if closed[q]:
+            new[q] = facet[q] != met[q]
+            for i in range(4):
+                new[q] = new[q] or anchor_nodes[q, i] != met_anchors[q, i]
+    return new
+
+
+@njit(cache=True)
+def lacks(asked, slave_nodes, corners, facet, anchor_nodes, pattern):
+    """True if the pattern has not all couplings of the pairs of the points that are asked for (np,)."""
+    blocks, first, end, columns = pattern
+    k = slave_nodes.shape[1]
+    nodes = np.empty(k + 8, np.int64)
+    for q in range(len(asked)):
+        if not asked[q]:
+            continue
+        felt = felt_nodes(q, slave_nodes, corners, facet, anchor_nodes, nodes)
+        for i in range(k + 4):
+            for j in range(felt):
+                if find(columns, first[nodes[i]], end[nodes[i]], blocks[nodes[j]]) < 0:
+                    return True
+    return False
+
+
+@njit(cache=True)
+def coupled_pairs(offsets, listed, slave_nodes, corners, anchor_nodes, rows, columns):
+    """Write all pairs among the nodes of each slave point, its anchor and the facets listed for it (CSR); returns how many.
+
+    Points without a facet count for nothing. Each pair comes once per slave element, whose points follow one another.
+    Called twice: with no place in rows (n,), columns (n,) it only counts.
+    """
+    points = len(slave_nodes)
+    count = 1 + max(slave_nodes.max(), corners.max())
+    number, known, local, at = np.empty(count, np.int64), np.full(count, -1), np.empty(count, np.int64), 0
+    here, seen = np.empty(count, np.int64), np.full(count, -1)
+    first = 0
+    while first < points:
+        end, n = first, 0
+        while end < points and equal_rows(slave_nodes, first, end):
+            for i in here[: _nodes_of(end, offsets, listed, slave_nodes, corners, anchor_nodes, here, seen, 2 * end)]:
+                if known[i] != first:
+                    known[i], number[i], local[n] = first, n, i
+                    n += 1
+            end += 1
+        together = np.zeros((n, n), np.bool_)
+        for q in range(first, end):
+            m = _nodes_of(q, offsets, listed, slave_nodes, corners, anchor_nodes, here, seen, 2 * q + 1)
+            for i in range(m):
+                here[i] = number[here[i]]
+            for i in here[:m]:
+                for j in here[:m]:
+                    together[i, j] = True
+        for i in range(n):
+            for j in range(n):
+                if together[i, j]:
+                    if len(rows) > 0:
+                        rows[at], columns[at] = local[i], local[j]
+                    at += 1
+        first = end
+    return at
+
+
+@njit(cache=True)
+def _nodes_of(q, offsets, listed, slave_nodes, corners, anchor_nodes, nodes, seen, stamp):
+    """Write the nodes of point q, each once, none if no facet is listed; returns how many. seen (count,) is scratch."""
+    n = 0
+    for at in range(offsets[q], offsets[q + 1]):
+        n = _join(corners, listed[at], nodes, n, seen, stamp)
+    if n > 0:
+        n = _join(slave_nodes, q, nodes, n, seen, stamp)
+        if anchor_nodes[q, 0] >= 0:
+            n = _join(anchor_nodes, q, nodes, n, seen, stamp)
+    return n
+
+
+@njit(cache=True)
+def _join(table, row, nodes, n, seen, stamp):
+    for i in range(table.shape[1]):
+        node = table[row, i]
+        if seen[node] != stamp:
+            seen[node], nodes[n] = stamp, node
+            n += 1
+    return n
+
+
+@njit(cache=True)
+def unique_pairs(rows, columns, count):
+    """The pairs (rows (n,), columns (n,)) of nodes below count, each once, rows rising."""
+    start, order = np.zeros(count + 1, np.int64), np.empty(len(rows), np.int64)
+    for i in rows:
+        start[i + 1] += 1
+    for i in range(count):
+        start[i + 1] += start[i]
+    place = start[:-1].copy()
+    for n in range(len(rows)):
+        order[place[rows[n]]] = columns[n]
+        place[rows[n]] += 1
+    seen, kept, row_of = np.full(count, -1), 0, np.empty(len(rows), np.int64)
+    for i in range(count):
+        for n in range(start[i], start[i + 1]):
+            column = order[n]
+            if seen[column] != i:
+                seen[column] = i
+                order[kept], row_of[kept] = column, i
+                kept += 1
+    return row_of[:kept], order[:kept]

@@ -24,143 +24,93 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64):
 """
 
 import math
+from collections import namedtuple
 
-import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import EDGE, INTERIOR
-from fenics_contact.kernels.facets import corner, gather, patch, patch_normal, shape, shape_gradient
+from fenics_contact.kernels.facets import corner, shape, shape_gradient, shape_mixed
 from fenics_contact.kernels.laws import coulomb_return
+from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.kernels.vectors import ZERO, cross, dot, less, minus, norm, of_four, of_nodes, plus, row, times
 
-# Rows of the vector workspace.
-D = 0  # x_S - x_M
-R1, R2, R12 = 1, 2, 3  # r_1, r_2, r_12
-NORMAL = 4
-W = 5  # x_M - x_a, the elastic slip before projection
-TRIAL = 6  # T_T^tr
-TANGENTIAL = 7  # T_T
-TRACTION = 8  # T
-T1, T2 = 9, 10  # tangents of the slave's facet
 # Modes.
 JUMP, FIRST, SECOND, DRAG = 0, 1, 2, 3
+
+# Kinematics (1) of a slave point and its facet: gap, normal, x_S - x_M, r_1, r_2, r_12, the elastic slip x_M - x_a before
+# projection, shape functions of the facet with their gradients; tangents of the slave's facet and |t1 x t2|, 0 without.
+Pair = namedtuple("Pair", "g n d r1 r2 r12 w N N1 N2 t1 t2 size")
+# status; N and Coulomb's limit [pressure]; T_T^tr, T_T and T.
+Traction = namedtuple("Traction", "status N limit trial tangential T")
 
 
 @njit(cache=True)
 def slave_points(coords, nodes, weights, points):
     """Fill points (np, 3) with x_S = sum a_i x_i of nodes (np, k) and weights (np, k)."""
     for q in range(nodes.shape[0]):
-        for p in range(3):
-            points[q, p] = 0.0
-            for i in range(nodes.shape[1]):
-                points[q, p] += weights[q, i] * coords[nodes[q, i], p]
+        points[q, 0], points[q, 1], points[q, 2] = of_nodes(weights, q, nodes, coords)
 
 
-@njit(cache=True)
-def element_nodes(slave_nodes, facet_nodes, facet, anchor_nodes, nodes):
-    """Fill nodes (np, k + 8) with valid node numbers: where a part is missing its rows and columns are zero."""
-    k = slave_nodes.shape[1]
-    for q in range(slave_nodes.shape[0]):
-        nodes[q, :k] = slave_nodes[q]
-        for i in range(4):
-            nodes[q, k + i] = facet_nodes[facet[q], i] if facet[q] >= 0 else slave_nodes[q, 0]
-            nodes[q, k + 4 + i] = anchor_nodes[q, i] if anchor_nodes[q, 0] >= 0 else nodes[q, k + i]
-
-
-@njit(cache=True)
-def workspace(k):
-    """vec, xf, c, N, dN, share (4, k + 8), and per mode beta (2, 4, 3) = d(xi), dn (4, 3, 3), dT (4, 3, 3)."""
-    return (
-        np.zeros((11, 3)), np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4), np.zeros((2, 4)), np.zeros((4, k + 8)),
-        np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 3)),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def place(q, coords, slaves, surface, projection, anchors, work):
-    """Kinematics (1) of pair q: fill D, R1, R2, R12, NORMAL, W, the shape functions and share; return the gap."""
-    slave_nodes, slave_weights = slaves[0], slaves[1]
-    facet_nodes, size = surface
+@njit(cache=True, error_model="numpy", inline="always")
+def place(q, coords, slaves, surface, projection, anchors):
+    """The Pair of slave point q."""
+    slave_nodes, slave_weights, _, gradients = slaves
+    nodes, size = surface
     facet, kind, _, xi, gap, _ = projection
-    anchor_nodes, anchor_weights = anchors
-    vec, xf, c, N, dN, share = work[0], work[1], work[2], work[3], work[4], work[5]
-    k = slave_nodes.shape[1]
-    m, s, t = size[facet[q]], xi[q, 0], xi[q, 1]
-    gather(coords, facet_nodes[facet[q]], m, xf)
-    patch(m, xf, c)
-    shape(m, s, t, N)
-    shape_gradient(m, s, t, dN)
-    has_anchor = anchor_nodes[q, 0] >= 0
-    share[:, :] = 0.0
-    for i in range(k):
-        share[JUMP, i] = slave_weights[q, i]
-    for i in range(4):
-        share[JUMP, k + i], share[FIRST, k + i], share[SECOND, k + i] = -N[i], dN[0, i], dN[1, i]
-        share[DRAG, k + i], share[DRAG, k + 4 + i] = N[i], -anchor_weights[q, i] if has_anchor else 0.0
-    g = 0.0
-    for p in range(3):
-        x_s = x_a = 0.0
-        for i in range(k):
-            x_s += slave_weights[q, i] * coords[slave_nodes[q, i], p]
-        x_m = c[0, p] + c[1, p] * s + c[2, p] * t + c[3, p] * s * t
-        if has_anchor:
-            for i in range(4):
-                x_a += anchor_weights[q, i] * coords[anchor_nodes[q, i], p]
-        vec[D, p] = x_s - x_m
-        vec[W, p] = x_m - x_a if has_anchor else 0.0
-        vec[R1, p], vec[R2, p], vec[R12, p] = c[1, p] + c[3, p] * t, c[2, p] + c[3, p] * s, c[3, p]
-        g += vec[D, p] * vec[D, p]
+    f, s, t = facet[q], xi[q, 0], xi[q, 1]
+    N = shape(size[f], s, t)
+    N1, N2 = shape_gradient(size[f], s, t)
+    x0, x1, x2, x3 = row(coords, nodes[f, 0]), row(coords, nodes[f, 1]), row(coords, nodes[f, 2]), row(coords, nodes[f, 3])
+    x_m = of_four(N, x0, x1, x2, x3)
+    r1, r2, r12 = of_four(N1, x0, x1, x2, x3), of_four(N2, x0, x1, x2, x3), of_four(shape_mixed(size[f]), x0, x1, x2, x3)
+    d = minus(of_nodes(slave_weights, q, slave_nodes, coords), x_m)
+    w = minus(x_m, of_nodes(anchors[1], q, anchors[0], coords)) if anchors[0][q, 0] >= 0 else ZERO
+    if len(gradients) > 0:  # the slave's normal seeks the master: kernels/slave_ray.py
+        t1, t2 = slave_tangents(q, coords, slave_nodes, gradients)
+        n = cross(t2, t1)
+        area = norm(n)
+        n = times(1.0 / area, n)
+        return Pair(dot(d, n), n, d, r1, r2, r12, w, N, N1, N2, t1, t2, area)
     if kind[q] == INTERIOR:
-        patch_normal(c, s, t, vec[NORMAL])
-        return vec[D, 0] * vec[NORMAL, 0] + vec[D, 1] * vec[NORMAL, 1] + vec[D, 2] * vec[NORMAL, 2]
-    g = math.copysign(math.sqrt(g), gap[q])
-    for p in range(3):
-        vec[NORMAL, p] = vec[D, p] / g
-    return g
+        n = cross(r1, r2)
+        n = times(1.0 / norm(n), n)
+        return Pair(dot(d, n), n, d, r1, r2, r12, w, N, N1, N2, ZERO, ZERO, 0.0)
+    g = math.copysign(norm(d), gap[q])
+    return Pair(g, times(1.0 / g, d), d, r1, r2, r12, w, N, N1, N2, ZERO, ZERO, 0.0)
 
 
-@njit(cache=True)
-def point_traction(q, g, judged, has_anchor, law, vec):
-    """Laws (15)-(18) at g, the gap with its shift: fill TRIAL, TANGENTIAL and TRACTION; return (status, N, limit).
+@njit(cache=True, error_model="numpy")
+def point_traction(g, judged, has_anchor, eps_n, eps_t, mu, touch, pair):
+    """Laws (15)-(18) at g, the gap with its shift, as a Traction.
 
     judged: the gap that decides between open and closed, stick and slip: g itself, or the one that Newton's last solve
     foresaw (contact/deformable.py).
     """
-    eps_n, eps_t, mu, touch, _ = law
-    for p in range(3):
-        vec[TRIAL, p] = vec[TANGENTIAL, p] = vec[TRACTION, p] = 0.0
     if not judged <= touch:
-        return OPEN, 0.0, 0.0
-    N = eps_n[q] * g
-    status, limit = CLOSED, 0.0
-    if mu > 0.0 and has_anchor:
-        along = vec[NORMAL, 0] * vec[W, 0] + vec[NORMAL, 1] * vec[W, 1] + vec[NORMAL, 2] * vec[W, 2]
-        for p in range(3):  # T_tr = eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k)) of (17)
-            vec[TRIAL, p] = eps_t[q] * (vec[W, p] - along * vec[NORMAL, p])
-        limit = mu * max(-eps_n[q] * judged, 0.0)  # (16); a gap within touch presses on nothing
-        size = math.sqrt(vec[TRIAL, 0] ** 2 + vec[TRIAL, 1] ** 2 + vec[TRIAL, 2] ** 2)
-        if size <= eps_t[q] * touch:  # no way beyond round-off: it has no direction to slip in
-            status = STICK
-            vec[TANGENTIAL, :] = vec[TRIAL]
-        else:
-            status = coulomb_return(vec[TRIAL], limit, vec[TANGENTIAL])
-        if status == SLIP and judged != g:
-            for p in range(3):
-                vec[TANGENTIAL, p] = -mu * N * vec[TRIAL, p] / size
-    for p in range(3):
-        vec[TRACTION, p] = N * vec[NORMAL, p] + vec[TANGENTIAL, p]
-    return status, N, limit
+        return Traction(OPEN, 0.0, 0.0, ZERO, ZERO, ZERO)
+    N = eps_n * g
+    if mu == 0.0 or not has_anchor:
+        return Traction(CLOSED, N, 0.0, ZERO, ZERO, times(N, pair.n))
+    # T_tr = eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k)) of (17)
+    trial = times(eps_t, less(pair.w, dot(pair.n, pair.w), pair.n))
+    limit = mu * max(-eps_n * judged, 0.0)  # (16); a gap within touch presses on nothing
+    size = norm(trial)
+    status, share = STICK, 1.0
+    if size > eps_t * touch:  # a way within round-off has no direction to slip in
+        status, share = coulomb_return(size, limit)
+    if status == SLIP and judged != g:
+        share = -mu * N / size
+    tangential = times(share, trial)
+    return Traction(status, N, limit, trial, tangential, plus(times(N, pair.n), tangential))
 
 
-@njit(cache=True)
-def _foot_metric(kind, m, feature, vec):
+@njit(cache=True, error_model="numpy")
+def _foot_metric(kind, m, feature, pair):
     """G in d(xi)^a = G^ab (jump r_b + d N_,b) du: H^-1 of (8) inside, its like along an edge, 0 at a vertex."""
+    r1, r2 = pair.r1, pair.r2
     if kind == INTERIOR:
-        a11 = a12 = a22 = 0.0
-        for p in range(3):
-            a11 += vec[R1, p] * vec[R1, p]
-            a12 += vec[R1, p] * vec[R2, p] - vec[D, p] * vec[R12, p]  # H_ab = a_ab - g n.r_ab
-            a22 += vec[R2, p] * vec[R2, p]
+        a11, a12, a22 = dot(r1, r1), dot(r1, r2) - dot(pair.d, pair.r12), dot(r2, r2)  # H_ab = a_ab - g n.r_ab
         det = a11 * a22 - a12 * a12
         if det == 0.0:  # x_S in the centre of curvature: the foot has no rate there
             return 0.0, 0.0, 0.0
@@ -169,123 +119,143 @@ def _foot_metric(kind, m, feature, vec):
         s0, t0 = corner(m, feature)
         s1, t1 = corner(m, (feature + 1) % m)
         ds, dt = s1 - s0, t1 - t0
-        ee = 0.0
-        for p in range(3):
-            ee += (ds * vec[R1, p] + dt * vec[R2, p]) ** 2
+        edge = plus(times(ds, r1), times(dt, r2))
+        ee = dot(edge, edge)
         return ds * ds / ee, ds * dt / ee, dt * dt / ee
     return 0.0, 0.0, 0.0
 
 
 @njit(cache=True)
-def foot_rate(kind, m, feature, work):
+def foot_rate(kind, m, feature, pair, beta):
     """Fill beta (2, 4, 3): xi^alpha moves by sum_m beta[alpha, m] . d(mode m), (8)."""
-    vec, beta = work[0], work[6]
-    g11, g12, g22 = _foot_metric(kind, m, feature, vec)
-    for p in range(3):
-        # (v_S - v_M).r_b + g n.v_M,b of (8)
-        beta[0, JUMP, p] = g11 * vec[R1, p] + g12 * vec[R2, p]
-        beta[1, JUMP, p] = g12 * vec[R1, p] + g22 * vec[R2, p]
-        beta[0, FIRST, p], beta[1, FIRST, p] = g11 * vec[D, p], g12 * vec[D, p]
-        beta[0, SECOND, p], beta[1, SECOND, p] = g12 * vec[D, p], g22 * vec[D, p]
+    g11, g12, g22 = _foot_metric(kind, m, feature, pair)
+    # (v_S - v_M).r_b + g n.v_M,b of (8)
+    put(beta, 0, JUMP, plus(times(g11, pair.r1), times(g12, pair.r2)))
+    put(beta, 1, JUMP, plus(times(g12, pair.r1), times(g22, pair.r2)))
+    put(beta, 0, FIRST, times(g11, pair.d))
+    put(beta, 1, FIRST, times(g12, pair.d))
+    put(beta, 0, SECOND, times(g12, pair.d))
+    put(beta, 1, SECOND, times(g22, pair.d))
 
 
 @njit(cache=True)
-def normal_rate(kind, g, work):
+def put(array, i, j, vector):
+    array[i, j, 0], array[i, j, 1], array[i, j, 2] = vector
+
+
+@njit(cache=True)
+def got(array, i, j):
+    return array[i, j, 0], array[i, j, 1], array[i, j, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def normal_rate(kind, pair, beta, dn):
     """Fill dn (4, 3, 3): n moves by sum_m dn[m] d(mode m), from (6) inside and from n = d/g at edges and vertices."""
-    vec, beta, dn = work[0], work[6], work[7]
-    a11 = a12 = a22 = twist = 0.0
-    for p in range(3):
-        a11 += vec[R1, p] * vec[R1, p]
-        a12 += vec[R1, p] * vec[R2, p]
-        a22 += vec[R2, p] * vec[R2, p]
-        twist += vec[NORMAL, p] * vec[R12, p]
+    n, r1, r2 = pair.n, pair.r1, pair.r2
+    a11, a12, a22, twist = dot(r1, r1), dot(r1, r2), dot(r2, r2), dot(n, pair.r12)
     det = a11 * a22 - a12 * a12
+    across1, across2 = less(r1, dot(n, r1), n), less(r2, dot(n, r2), n)
     for mode in range(DRAG):
-        for b in range(3):
-            if kind == INTERIOR:
-                # n.(v_M,a + r_ab xi^b) with r_12 the only second derivative of the patch
-                w1 = twist * beta[1, mode, b] + (vec[NORMAL, b] if mode == FIRST else 0.0)
-                w2 = twist * beta[0, mode, b] + (vec[NORMAL, b] if mode == SECOND else 0.0)
-                u1, u2 = (a22 * w1 - a12 * w2) / det, (a11 * w2 - a12 * w1) / det
-                for a in range(3):
-                    dn[mode, a, b] = -vec[R1, a] * u1 - vec[R2, a] * u2
-                continue
-            along = 0.0
-            for a in range(3):
-                dn[mode, a, b] = -vec[R1, a] * beta[0, mode, b] - vec[R2, a] * beta[1, mode, b]
-                if a == b and mode == JUMP:
-                    dn[mode, a, b] += 1.0
-                along += vec[NORMAL, a] * dn[mode, a, b]
-            for a in range(3):
-                dn[mode, a, b] = (dn[mode, a, b] - vec[NORMAL, a] * along) / g
+        beta1, beta2 = got(beta, 0, mode), got(beta, 1, mode)
+        if kind == INTERIOR:
+            # n.(v_M,a + r_ab xi^b) with r_12 the only second derivative of the patch
+            w1 = plus(times(twist, beta2), n if mode == FIRST else ZERO)
+            w2 = plus(times(twist, beta1), n if mode == SECOND else ZERO)
+            u1, u2 = times(-1.0 / det, less(times(a22, w1), a12, w2)), times(-1.0 / det, less(times(a11, w2), a12, w1))
+            put(dn, mode, 0, plus(times(r1[0], u1), times(r2[0], u2)))
+            put(dn, mode, 1, plus(times(r1[1], u1), times(r2[1], u2)))
+            put(dn, mode, 2, plus(times(r1[2], u1), times(r2[2], u2)))
+            continue
+        one, k = (1.0 if mode == JUMP else 0.0), -1.0 / pair.g
+        along = times(one / pair.g, n)
+        put(dn, mode, 0, less(times(k, plus(times(across1[0], beta1), times(across2[0], beta2))), n[0], along))
+        put(dn, mode, 1, less(times(k, plus(times(across1[1], beta1), times(across2[1], beta2))), n[1], along))
+        put(dn, mode, 2, less(times(k, plus(times(across1[2], beta1), times(across2[2], beta2))), n[2], along))
+        for a in range(3):
+            dn[mode, a, a] -= k * one
 
 
-@njit(cache=True)
-def traction_rate(q, status, N, limit, law, lean1, lean2, work):
-    """Fill dT (4, 3, 3): (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip.
+@njit(cache=True, error_model="numpy")
+def traction_rate(traction, eps_n, eps_t, mu, lean1, lean2, pair, beta, dn, rates):
+    """Fill rates (4, 3, 9): T moves by rates[m, 0] d(mode m), 3 x 3; T xi^1 and T xi^2, T held, by rates[m, 1] and [m, 2].
 
-    lean1, lean2: n . r_alpha, zero where n is the master's own normal.
+    (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip. lean1, lean2: n . r_alpha, zero where n
+    is the master's own normal.
     """
-    vec, beta, dn, dT = work[0], work[6], work[7], work[8]
-    eps_n, eps_t, mu, _, _ = law
-    along = size = 0.0
-    for p in range(3):
-        along += vec[NORMAL, p] * vec[W, p]
-        size += vec[TRIAL, p] * vec[TRIAL, p]
-    size = math.sqrt(size)
-    for mode in range(4):
-        jump, drag = 1.0 if mode == JUMP else 0.0, 1.0 if mode == DRAG else 0.0
-        for b in range(3):
-            # (8): on the master's own normal the rate of the gap needs no rate of xi
-            dg = jump * vec[NORMAL, b] - lean1 * beta[0, mode, b] - lean2 * beta[1, mode, b]
-            for a in range(3):
-                dT[mode, a, b] = eps_n[q] * dg * vec[NORMAL, a] + N * dn[mode, a, b]
-            if status == CLOSED:
-                continue
-            dw0 = vec[R1, 0] * beta[0, mode, b] + vec[R2, 0] * beta[1, mode, b] + (drag if b == 0 else 0.0)
-            dw1 = vec[R1, 1] * beta[0, mode, b] + vec[R2, 1] * beta[1, mode, b] + (drag if b == 1 else 0.0)
-            dw2 = vec[R1, 2] * beta[0, mode, b] + vec[R2, 2] * beta[1, mode, b] + (drag if b == 2 else 0.0)
-            turn = vec[NORMAL, 0] * dw0 + vec[NORMAL, 1] * dw1 + vec[NORMAL, 2] * dw2
-            for a in range(3):
-                turn += dn[mode, a, b] * vec[W, a]
-            # d(P w) = dw - n (n.dw + dn.w) - dn (n.w)
-            dt0 = eps_t[q] * (dw0 - vec[NORMAL, 0] * turn - dn[mode, 0, b] * along)
-            dt1 = eps_t[q] * (dw1 - vec[NORMAL, 1] * turn - dn[mode, 1, b] * along)
-            dt2 = eps_t[q] * (dw2 - vec[NORMAL, 2] * turn - dn[mode, 2, b] * along)
-            scale, push = 1.0, 0.0
-            if status == SLIP:
-                scale = limit / size
-                push = -scale * (vec[TRIAL, 0] * dt0 + vec[TRIAL, 1] * dt1 + vec[TRIAL, 2] * dt2) / (size * size)
-                if N < 0.0:
-                    push -= mu * eps_n[q] * dg / size
-            dT[mode, 0, b] += scale * dt0 + push * vec[TRIAL, 0]
-            dT[mode, 1, b] += scale * dt1 + push * vec[TRIAL, 1]
-            dT[mode, 2, b] += scale * dt2 + push * vec[TRIAL, 2]
+    n, trial, N, T = pair.n, traction.trial, traction.N, traction.T
+    rub, along, size, slips = 0.0, dot(n, pair.w), norm(trial), traction.status == SLIP
+    if traction.status != CLOSED:
+        rub = eps_t * (traction.limit / size if slips else 1.0)
+    across1, across2 = times(rub, less(pair.r1, dot(n, pair.r1), n)), times(rub, less(pair.r2, dot(n, pair.r2), n))
+    swing = N - rub * along
+    for mode in range(DRAG):
+        beta1, beta2 = got(beta, 0, mode), got(beta, 1, mode)
+        dn0, dn1, dn2 = got(dn, mode, 0), got(dn, mode, 1), got(dn, mode, 2)
+        # (8): on the master's own normal the rate of the gap needs no rate of xi
+        dg = less(less(n if mode == JUMP else ZERO, lean1, beta1), lean2, beta2)
+        turn = plus(plus(times(pair.w[0], dn0), times(pair.w[1], dn1)), times(pair.w[2], dn2))
+        # d(P w) = dw - n (n.dw + dn.w) - dn (n.w), dw = r_a dxi^a + drag
+        press, push = less(times(eps_n, dg), rub, turn), ZERO
+        if slips:  # less its part along the trial traction, which Coulomb's limit takes up
+            stay = plus(plus(times(trial[0], dn0), times(trial[1], dn1)), times(trial[2], dn2))
+            stay = less(plus(times(dot(trial, across1), beta1), times(dot(trial, across2), beta2)), rub * along, stay)
+            push = less(times(-1.0 / (size * size), stay), mu * eps_n / size if N < 0.0 else 0.0, dg)
+        _put_row(
+            rates,
+            mode,
+            0,
+            plus(of_four((n[0], across1[0], across2[0], trial[0]), press, beta1, beta2, push), times(swing, dn0)),
+        )
+        _put_row(
+            rates,
+            mode,
+            1,
+            plus(of_four((n[1], across1[1], across2[1], trial[1]), press, beta1, beta2, push), times(swing, dn1)),
+        )
+        _put_row(
+            rates,
+            mode,
+            2,
+            plus(of_four((n[2], across1[2], across2[2], trial[2]), press, beta1, beta2, push), times(swing, dn2)),
+        )
+        for a in range(2):
+            _put_outer(rates, mode, 1 + a, T, got(beta, a, mode))
+    # the drag itself: P, in slip less its part along the trial traction
+    push = times(rub / (size * size) if slips else 0.0, trial)
+    _put_row(rates, DRAG, 0, less(less((rub, 0.0, 0.0), rub * n[0], n), trial[0], push))
+    _put_row(rates, DRAG, 1, less(less((0.0, rub, 0.0), rub * n[1], n), trial[1], push))
+    _put_row(rates, DRAG, 2, less(less((0.0, 0.0, rub), rub * n[2], n), trial[2], push))
 
 
 @njit(cache=True)
-def slide_anchor(q, vec, dN, eps_t, weights):
-    """Take e^alpha N_i,alpha off weights: the anchor trails x_M by the elastic slip e = T_T/eps_T.
+def _put_row(rates, mode, a, vector):
+    rates[mode, 0, 3 * a], rates[mode, 0, 3 * a + 1], rates[mode, 0, 3 * a + 2] = vector
+
+
+@njit(cache=True)
+def _put_outer(rates, mode, part, a, b):
+    rates[mode, part, 0], rates[mode, part, 1], rates[mode, part, 2] = times(a[0], b)
+    rates[mode, part, 3], rates[mode, part, 4], rates[mode, part, 5] = times(a[1], b)
+    rates[mode, part, 6], rates[mode, part, 7], rates[mode, part, 8] = times(a[2], b)
+
+
+@njit(cache=True, error_model="numpy")
+def slide_anchor(q, pair, tangential, eps_t, weights):
+    """Take e^alpha N_i,alpha off weights[q]: the anchor trails x_M by the elastic slip e = T_T/eps_T.
 
     At an edge or vertex e is normal to n but may leave the facet's plane; there the vector e' of the plane with
     P(n) e' = e stands for it, so that the committed traction is felt again unchanged.
     """
-    cross0 = vec[R1, 1] * vec[R2, 2] - vec[R1, 2] * vec[R2, 1]
-    cross1 = vec[R1, 2] * vec[R2, 0] - vec[R1, 0] * vec[R2, 2]
-    cross2 = vec[R1, 0] * vec[R2, 1] - vec[R1, 1] * vec[R2, 0]
-    up = cross0 * vec[NORMAL, 0] + cross1 * vec[NORMAL, 1] + cross2 * vec[NORMAL, 2]
-    out = cross0 * vec[TANGENTIAL, 0] + cross1 * vec[TANGENTIAL, 1] + cross2 * vec[TANGENTIAL, 2]
-    area2 = cross0 * cross0 + cross1 * cross1 + cross2 * cross2
+    r1, r2, n = pair.r1, pair.r2, pair.n
+    up = cross(r1, r2)
     # cos of 84 degrees: a normal that lies flatter on its facet than that has no such e'
-    tilt = out / up if up > 0.1 * math.sqrt(area2) else 0.0
-    a11 = a12 = a22 = e1 = e2 = 0.0
-    for p in range(3):
-        e = (vec[TANGENTIAL, p] - tilt * vec[NORMAL, p]) / eps_t[q]
-        a11 += vec[R1, p] * vec[R1, p]
-        a12 += vec[R1, p] * vec[R2, p]
-        a22 += vec[R2, p] * vec[R2, p]
-        e1 += e * vec[R1, p]
-        e2 += e * vec[R2, p]
+    tilt = dot(up, tangential) / dot(up, n) if dot(up, n) > 0.1 * norm(up) else 0.0
+    e = times(1.0 / eps_t, less(tangential, tilt, n))
+    a11, a12, a22, e1, e2 = dot(r1, r1), dot(r1, r2), dot(r2, r2), dot(e, r1), dot(e, r2)
     det = a11 * a22 - a12 * a12
-    for i in range(4):  # e^alpha = a^ab e_b
-        weights[i] -= ((a22 * e1 - a12 * e2) * dN[0, i] + (a11 * e2 - a12 * e1) * dN[1, i]) / det
+    one, two = (a22 * e1 - a12 * e2) / det, (a11 * e2 - a12 * e1) / det  # e^alpha = a^ab e_b
+    N1, N2 = pair.N1, pair.N2
+    weights[q, 0] -= one * N1[0] + two * N2[0]
+    weights[q, 1] -= one * N1[1] + two * N2[1]
+    weights[q, 2] -= one * N1[2] + two * N2[2]
+    weights[q, 3] -= one * N1[3] + two * N2[3]

@@ -22,35 +22,32 @@ def corner(m, i):
 
 
 @njit(cache=True)
-def shape(m, s, t, N):
-    """Fill N (4,) with N_i(s, t); a tri3 gets N[3] = 0."""
+def shape(m, s, t):
+    """N_i(s, t); a tri3 has N_3 = 0."""
     if m == 3:
-        N[0], N[1], N[2], N[3] = 1.0 - s - t, s, t, 0.0
-    else:
-        N[0] = 0.25 * (1.0 - s) * (1.0 - t)
-        N[1] = 0.25 * (1.0 + s) * (1.0 - t)
-        N[2] = 0.25 * (1.0 + s) * (1.0 + t)
-        N[3] = 0.25 * (1.0 - s) * (1.0 + t)
+        return 1.0 - s - t, s, t, 0.0
+    return (
+        0.25 * (1.0 - s) * (1.0 - t),
+        0.25 * (1.0 + s) * (1.0 - t),
+        0.25 * (1.0 + s) * (1.0 + t),
+        0.25 * (1.0 - s) * (1.0 + t),
+    )
 
 
 @njit(cache=True)
-def shape_gradient(m, s, t, dN):
-    """Fill dN (2, 4) with N_i,alpha(s, t)."""
+def shape_gradient(m, s, t):
+    """(N_i,1, N_i,2) at (s, t)."""
     if m == 3:
-        dN[0, 0], dN[0, 1], dN[0, 2], dN[0, 3] = -1.0, 1.0, 0.0, 0.0
-        dN[1, 0], dN[1, 1], dN[1, 2], dN[1, 3] = -1.0, 0.0, 1.0, 0.0
-    else:
-        dN[0, 0], dN[0, 1] = -0.25 * (1.0 - t), 0.25 * (1.0 - t)
-        dN[0, 2], dN[0, 3] = 0.25 * (1.0 + t), -0.25 * (1.0 + t)
-        dN[1, 0], dN[1, 1] = -0.25 * (1.0 - s), -0.25 * (1.0 + s)
-        dN[1, 2], dN[1, 3] = 0.25 * (1.0 + s), 0.25 * (1.0 - s)
+        return (-1.0, 1.0, 0.0, 0.0), (-1.0, 0.0, 1.0, 0.0)
+    low1, high1, low2, high2 = 0.25 * (1.0 - t), 0.25 * (1.0 + t), 0.25 * (1.0 - s), 0.25 * (1.0 + s)
+    return (-low1, low1, high1, -high1), (-low2, -high2, high2, low2)
 
 
 @njit(cache=True)
-def shape_mixed(m, d2N):
-    """Fill d2N (4,) with N_i,12, the only second derivative that is not zero; it is constant."""
+def shape_mixed(m):
+    """N_i,12, the only second derivative that is not zero; it is constant."""
     sign = 0.0 if m == 3 else 0.25
-    d2N[0], d2N[1], d2N[2], d2N[3] = sign, -sign, sign, -sign
+    return sign, -sign, sign, -sign
 
 
 @njit(cache=True)

@@ -10,18 +10,15 @@ ON_CONE = 1e-10  # round-off of a traction rebuilt from its anchor, relative
 
 
 @njit(cache=True)
-def coulomb_return(trial, limit, traction):
-    """Return the trial traction (3,) radially to the cone |T_T| <= limit (16); fills traction (3,), gives the status.
+def coulomb_return(size, limit):
+    """(status, share of the trial traction of a size that stays): its radial return to the cone |T_T| <= limit (16).
 
     A point that slipped when the last step was accepted starts the next one on the cone to round-off. It counts as
     slipping, so that the next step's first tangent lets it go on; the traction is the same either way.
     """
-    size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
     if size == 0.0 or size <= limit * (1.0 - ON_CONE):
-        traction[:] = trial
-        return STICK
-    traction[:] = trial * (limit / size)
-    return SLIP
+        return STICK, 1.0
+    return SLIP, limit / size
 
 
 @njit(cache=True)
@@ -57,10 +54,10 @@ def point_traction(
     limit = mu * max(-N, 0.0)
     size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
     if size <= eps_t * touch:  # no way beyond round-off: it has no direction to slip in
-        status = STICK
-        tangential[:] = trial
+        status, share = STICK, 1.0
     else:
-        status = coulomb_return(trial, limit, tangential)
+        status, share = coulomb_return(size, limit)
+    tangential[:] = share * trial
     traction[:] += tangential
     if want_tangent:
         _friction_tangent(gap, press, n, H, elastic_slip, along, eps_n, deps, eps_t, mu, limit, status, trial, dtrial, dT)

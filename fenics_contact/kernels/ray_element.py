@@ -1,55 +1,56 @@
 """What differs where a slave facet's own normal finds the master, against kernels/deformable_element.py.
 
 The normal is n = -n_S of the slave's facet, its modes FIRST and SECOND are the tangents t_1, t_2 of that facet, and
-x_S - x_M = g n gives, with m = r_1 x r_2,
+x_S - x_M = g n gives, with r_1, r_2 of the master's facet,
 
-    dxi^a from the two components of  d(x_S - x_M) - r_a dxi^a - g dn  normal to n,   dg = n . d(x_S - x_M) - n . r_a dxi^a.
+    dxi^a = c_a . (d(x_S - x_M) - g dn),  c_1 = r_2 x n / det,  c_2 = n x r_1 / det,  det = n . (r_1 x r_2),
+    dn = P(n) (t_2 x dt_1 + dt_2 x t_1) / |t_1 x t_2|,   dg = n . d(x_S - x_M) - n . r_a dxi^a.
 """
 
 from numba import njit
 
-from fenics_contact.kernels.deformable_element import FIRST, JUMP, NORMAL, R1, R2, SECOND, T1, T2, D
-from fenics_contact.kernels.slave_ray import slave_normal
+from fenics_contact.kernels.deformable_element import FIRST, JUMP, SECOND, put
+from fenics_contact.kernels.vectors import cross, dot, less, minus, times
 
 
-@njit(cache=True)
-def place_along_normal(q, coords, slaves, work):
-    """After place(): put the slave's tangents and normal in their places; returns (gap, |t1 x t2|)."""
-    vec, share = work[0], work[5]
-    size = slave_normal(coords, slaves[0][q], slaves[3][q], vec[T1], vec[T2], vec[NORMAL])
-    share[FIRST, :] = share[SECOND, :] = 0.0
-    for i in range(slaves[0].shape[1]):
-        share[FIRST, i], share[SECOND, i] = slaves[3][q, 0, i], slaves[3][q, 1, i]
-    return vec[D, 0] * vec[NORMAL, 0] + vec[D, 1] * vec[NORMAL, 1] + vec[D, 2] * vec[NORMAL, 2], size
+@njit(cache=True, error_model="numpy")
+def foot_covectors(pair):
+    """c_1 and c_2."""
+    one, two = cross(pair.r2, pair.n), cross(pair.n, pair.r1)
+    det = dot(pair.r1, one)
+    return times(1.0 / det, one), times(1.0 / det, two)
 
 
-@njit(cache=True)
-def ray_rates(g, size, work):
+@njit(cache=True, error_model="numpy")
+def ray_rates(pair, beta, dn):
     """Fill dn (4, 3, 3) from the slave's facet and beta (2, 4, 3), the rates of xi."""
-    vec, beta, dn = work[0], work[6], work[7]
-    det = 0.0
-    for p in range(3):
-        a, b = (p + 1) % 3, (p + 2) % 3
-        det += vec[NORMAL, p] * (vec[R1, a] * vec[R2, b] - vec[R1, b] * vec[R2, a])
-    for mode in range(3):
-        for b in range(3):
-            e, f = (b + 1) % 3, (b + 2) % 3
-            # n = (t2 x t1)/size: d(t2 x t1) is t2 x e_b or e_b x t1
-            dn[mode, b, b] = dn[mode, e, b] = dn[mode, f, b] = 0.0
-            if mode == FIRST:
-                dn[mode, f, b], dn[mode, e, b] = -vec[T2, e], vec[T2, f]
-            elif mode == SECOND:
-                dn[mode, f, b], dn[mode, e, b] = vec[T1, e], -vec[T1, f]
-            along = 0.0
-            for p in range(3):
-                along += vec[NORMAL, p] * dn[mode, p, b]
-            for p in range(3):
-                dn[mode, p, b] = (dn[mode, p, b] - along * vec[NORMAL, p]) / size
-            first = second = 0.0
-            for p in range(3):
-                e, f = (p + 1) % 3, (p + 2) % 3
-                turned_e = -g * dn[mode, e, b] + (1.0 if mode == JUMP and e == b else 0.0)
-                turned_f = -g * dn[mode, f, b] + (1.0 if mode == JUMP and f == b else 0.0)
-                first += vec[NORMAL, p] * (turned_e * vec[R2, f] - turned_f * vec[R2, e])
-                second += vec[NORMAL, p] * (vec[R1, e] * turned_f - vec[R1, f] * turned_e)
-            beta[0, mode, b], beta[1, mode, b] = first / det, second / det
+    one, two = foot_covectors(pair)
+    arm = -pair.g / pair.size
+    put(beta, 0, JUMP, one)
+    put(beta, 1, JUMP, two)
+    put(beta, 0, FIRST, times(arm, cross(one, pair.t2)))
+    put(beta, 1, FIRST, times(arm, cross(two, pair.t2)))
+    put(beta, 0, SECOND, times(arm, cross(pair.t1, one)))
+    put(beta, 1, SECOND, times(arm, cross(pair.t1, two)))
+    _put_turn(dn, FIRST, times(1.0 / pair.size, pair.t2), pair.n)
+    _put_turn(dn, SECOND, times(-1.0 / pair.size, pair.t1), pair.n)
+
+
+@njit(cache=True)
+def _put_turn(dn, mode, t, n):
+    """dn[mode] = P(n) [t x]."""
+    across = cross(n, t)
+    put(dn, mode, 0, less((0.0, -t[2], t[1]), n[0], across))
+    put(dn, mode, 1, less((t[2], 0.0, -t[0]), n[1], across))
+    put(dn, mode, 2, less((-t[1], t[0], 0.0), n[2], across))
+
+
+@njit(cache=True, error_model="numpy")
+def ray_gap_rate(pair, jump, first, second):
+    """dg when x_S - x_M, place on the facet held, and the slave's tangents change by jump, first, second."""
+    n = pair.n
+    turn = less(cross(pair.t2, first), -1.0, cross(second, pair.t1))
+    jump_along = less(jump, pair.g / pair.size, less(turn, dot(n, turn), n))
+    one, two = foot_covectors(pair)
+    foot = less(times(dot(one, jump_along), pair.r1), -dot(two, jump_along), pair.r2)
+    return dot(n, minus(jump, foot))

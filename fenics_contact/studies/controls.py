@@ -17,9 +17,11 @@ class FullSteps(Newton):
 
 STEPPERS["full steps"] = FullSteps
 
+MULTIPLIERS = "and augmented to 1e-3 mm"
 # name: options of `solve`; where no step is small enough to be cut, the first failure ends the run
 CONTROLS = {
     "full steps": {"method": "full steps", "smallest_step": 1.0},
     "line search": {"smallest_step": 1.0},
     "and step control": {},
+    MULTIPLIERS: {},
 }

@@ -36,7 +36,8 @@ PANELS = {
     "sphere: mesh, linear solver, processes": {
         "direct": {"cells": [4, 6, 8], **SPHERE},
         "direct, 2 processes": {"cells": [6, 8], "processes": [2], **SPHERE},
-        "iterative": {"cells": [4], "linear": ["iterative"], **SPHERE},
+        "iterative": {"cells": [4, 8], "linear": ["iterative"], **SPHERE},
+        "iterative, 2 processes": {"cells": [8, 10, 12], "linear": ["iterative"], "processes": [2], **SPHERE},
         "3 × 3 Gauss points": {"cells": [4, 6], "points": [3], **SPHERE},
     },
     "cylinder: method (number of steps)": {

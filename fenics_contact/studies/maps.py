@@ -7,7 +7,7 @@ from fenics_contact.materials import mooney_paper, mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene import Body, Scene
-from fenics_contact.studies.controls import CONTROLS
+from fenics_contact.studies.controls import CONTROLS, MULTIPLIERS
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate
 from fenics_contact.studies.runner import Study, grid, metrics
@@ -30,7 +30,8 @@ LOADS = ("load, plain Newton", "load, line search", "load, step control", "arc l
 
 def press(penalty_factor, steps, friction, control, cells=6):
     """Sharp punch pressed into a rubber plate by 40 % of its thickness."""
-    scene, tool = punched_plate(cells, friction, factor=penalty_factor)
+    allowed = 1e-3 if control == MULTIPLIERS else 0.0  # mm
+    scene, tool = punched_plate(cells, friction, factor=penalty_factor, penetration=allowed)
     return metrics(solve(scene, move={tool: (0, 0, -4.0)}, steps=steps, progress=False, **CONTROLS[control]))
 
 

@@ -16,8 +16,8 @@ from meshes import tubes as tube_mesh
 INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
 REACH = 120.0  # mm, inner radius under the largest pressure
 
-BASE = {"cells": 24, "points": 3, "factor": 100.0, "element": "displacement", "method": "newton", "steps": 6,
-        "linear": "direct", "processes": 1}  # fmt: skip
+BASE = {"cells": 24, "points": 3, "factor": 100.0, "penetration": 0.0, "element": "displacement", "method": "newton",
+        "steps": 6, "linear": "direct", "processes": 1}  # fmt: skip
 PANELS = {
     "mesh (cells around a quarter)": {
         "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
@@ -34,6 +34,8 @@ PANELS = {
     "penalty (factor on E/h)": {
         "on 24 cells": {"factor": [1.0, 10.0, 100.0, 1000.0, 10000.0]},
         "on 48 cells": {"factor": [1.0, 10.0, 100.0, 1000.0], "cells": [48]},
+        "on 48 cells, one point a facet": {"factor": [1.0, 10.0, 100.0], "points": [1], "cells": [48]},
+        "augmented to 1e-4 mm": {"factor": [1.0, 10.0, 100.0], "penetration": [1e-4], "points": [1], "cells": [48]},
     },
 }
 HARD = 1e4  # factor whose penetration no longer counts
@@ -42,10 +44,10 @@ PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 24}, QUICK)}  # by quick
 TITLE = "Nested tubes, exact solution; baseline: 24 and 18 cells around, 3 × 3 Gauss points, penalty 100 E/h, 6 Newton steps"
 
 
-def tubes(cells, points, factor, element, method, steps, linear):
+def tubes(cells, points, factor, penetration, element, method, steps, linear):
     """The larger of the errors of contact pressure and inner displacement, under the pressure that belongs to REACH.
 
-    value: contact pressure [MPa].
+    penetration: largest one [mm] left by multipliers, 0 for the plain penalty; value: contact pressure [MPa].
     """
     exact = Radial("tube", K)
 
@@ -62,7 +64,8 @@ def tubes(cells, points, factor, element, method, steps, linear):
     scene.fix("symmetry_y", "y")
     scene.fix("ends", "z")
     scene.pressure("inner_inside", pressure)
-    scene.contact("inner_outside", "outer_inside", points=points, penalty_factor=factor, name="interface")
+    scene.contact("inner_outside", "outer_inside", points=points, penalty_factor=factor, penetration=penetration or None,
+                  name="interface")  # fmt: skip
     until = {"until": Load(1.0)} if method == "arc_length" else {}
     result = solve(scene, method=method, steps=steps, linear=linear, progress=False, **until)
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on a symmetry plane

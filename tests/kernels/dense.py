@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from fenics_contact.kernels.contact_pairs import add_forces, add_tangents
+from fenics_contact.kernels.contact_pairs import add_forces
+from fenics_contact.kernels.contact_tangent import add_tangents
 
 ALL_GAPS = np.empty(0)
 

@@ -492,7 +492,7 @@ def test_compiled_equals_plain_python(tmp_path):
     """A process in which nothing is compiled, closest point included, gives the same numbers."""
     out = tmp_path / "plain.npy"
     code = (
-        "import numpy, test_deformable_element as t; assert not hasattr(t.element.add_tangents, 'py_func');"
+        "import numpy, test_deformable_element as t; assert not hasattr(t.element.add_forces, 'py_func');"
         f"numpy.save({str(out)!r}, t.all_numbers())"
     )
     path = os.pathsep.join([os.path.dirname(__file__), *[p for p in sys.path if p]])

@@ -1,0 +1,68 @@
+"""Vectors of three as tuples of numbers: they stay in registers, where small arrays would be counted and stored."""
+
+import math
+
+from numba import njit
+
+ZERO = (0.0, 0.0, 0.0)
+
+
+@njit(cache=True)
+def row(x, i):
+    return x[i, 0], x[i, 1], x[i, 2]
+
+
+@njit(cache=True)
+def plus(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@njit(cache=True)
+def minus(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@njit(cache=True)
+def times(s, a):
+    return s * a[0], s * a[1], s * a[2]
+
+
+@njit(cache=True)
+def less(a, s, b):
+    """a - s b."""
+    return a[0] - s * b[0], a[1] - s * b[1], a[2] - s * b[2]
+
+
+@njit(cache=True)
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def norm(a):
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@njit(cache=True)
+def of_nodes(weights, q, nodes, x):
+    """sum_i weights[q, i] x[nodes[q, i]]."""
+    a = b = c = 0.0
+    for i in range(nodes.shape[1]):
+        w, n = weights[q, i], nodes[q, i]
+        a, b, c = a + w * x[n, 0], b + w * x[n, 1], c + w * x[n, 2]
+    return a, b, c
+
+
+@njit(cache=True)
+def of_four(w, a, b, c, d):
+    """w_0 a + w_1 b + w_2 c + w_3 d."""
+    return (
+        w[0] * a[0] + w[1] * b[0] + w[2] * c[0] + w[3] * d[0],
+        w[0] * a[1] + w[1] * b[1] + w[2] * c[1] + w[3] * d[1],
+        w[0] * a[2] + w[1] * b[2] + w[2] * c[2] + w[3] * d[2],
+    )
