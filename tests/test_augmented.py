@@ -7,7 +7,10 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import (
+    ArcSteps,
     Body,
+    Displacement,
+    Load,
     Scene,
     SceneError,
     from_elastic,
@@ -177,6 +180,42 @@ def test_snes_and_newton_agree_on_a_pushed_tool(tmp_path):
     assert summary["augmentations"] > 0 and summary["scene"]["contacts"][0]["penetration_allowed_mm"] == 1e-5
     left = summary["penalty_error"]["contacts"]
     assert all(contact["force_change_share"] < 1e-5 for contact in left.values())  # travel is fixed to 1e-5 mm of 1 mm
+
+
+def test_on_an_arc_as_at_given_loads():
+    """A ball pressed in and drawn aside by continuation: the states that Newton finds at the loads of its steps."""
+    columns, loads = [], None
+    for arc in (True, False):
+        scene = Scene(Body(read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2)), "box", RUBBER))
+        scene.fix("zmin")
+        ball = rigid_sphere(5.0, (4.0, 4.0, 9.0))
+        scene.contact("zmax", ball, 0.4, penetration=1e-6, name="c")
+        way = {"move": {ball: (0.3, 0.0, -1.0)}, "tolerance": 1e-11, "progress": False}
+        if arc:
+            way |= {"method": "arc_length", "until": Load(1.0)}
+        result = solve(scene, **way, steps=2 if arc else [*loads[:-1], 1.0]).require()
+        loads = result.column("t")
+        columns.append([result.column(name) for name in ("c_force_x_N", "c_force_z_N")])
+        assert result.column("c_penetration_mm").max() <= 1e-6 and result.verdict.augmentations > 0
+    # each ends anywhere within 1e-6 mm of an indentation of 0.5 mm and more, and the load to 1e-6 of its target
+    np.testing.assert_allclose(*columns, rtol=0, atol=6e-6 * np.abs(columns).max())
+
+
+def test_past_a_limit_point():
+    """Where no load holds the balance, multipliers grow with the arc held: a cube on a smooth floor, under dead pressure on
+    its other sides, caves in at the greatest (1 - J) J^(2/3), J = 0.4, whatever the floor gives way."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(5.0, 5.0)))
+    scene.contact("zmin", rigid_plane(), penalty=20.0, penetration=1e-5, name="c")
+    for i, axis in enumerate("xyz"):
+        scene.traction(f"{axis}max", -2.0 * np.eye(3)[i])
+        if axis != "z":
+            scene.fix(f"{axis}min", axis)
+    follow = {"method": "arc_length", "steps": ArcSteps(first=0.2), "until": Displacement("zmax", "z", -0.8)}
+    result = solve(scene, **follow, progress=False).require()
+    (limit,) = result.summary["limit_points"]
+    # a tangent that holds multipliers is singular a little off the extremum: by the square of that the load is
+    np.testing.assert_allclose(limit["t"], 5.0 * 0.6 * 0.4 ** (2 / 3) / 2.0, rtol=1e-5)
+    assert result.column("c_penetration_mm").max() <= 1e-5 and result.verdict.augmentations > len(result.history)
 
 
 def test_a_rollback_takes_multipliers_back():

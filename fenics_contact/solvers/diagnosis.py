@@ -83,10 +83,22 @@ def rigid_motion(system, matrix):
     for name, part in moving:
         how = [MOVES[i] for i in range(6) if part[i] > 0.3 * part.max()]
         text.append(f"body '{name}' {', '.join(how)} without resistance")
-    remedy = "fix a surface, use a symmetry plane, close the gap of the contact that should hold it, or cross it with "
-    remedy += "prescribe or solve(..., stabilise=True)"
+    waiting = _open_contacts(system, {name for name, _ in moving})
+    gap = f"close the gap of {waiting}, which is open, or cross it" if waiting else "bring it into contact, or move it there"
+    remedy = f"fix a surface, use a symmetry plane, {gap} with prescribe or solve(..., stabilise=True)"
     place = f"body '{', '.join(name for name, _ in moving)}'"
     return Finding(RIGID_MOTION, " and ".join(text), place, remedy)
+
+
+def _open_contacts(system, names):
+    """Contacts of these bodies without a closed point (status 0: open) at the state evaluated last, in words. Collective."""
+    found = []
+    for term in (term for term in system.terms if hasattr(term, "touches")):
+        met = sum(term.touches(nodes) for name, nodes in system.bodies if name in names)
+        met, closed = system.comm.allreduce(np.array([met, int(term.statuses().any())]))
+        if met and not closed:
+            found.append(f"contact '{term.name}'")
+    return " or ".join(found)
 
 
 def _lowest(energy, weight):

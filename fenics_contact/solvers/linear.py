@@ -110,7 +110,7 @@ class LinearSolver:
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
-            remedy = "bring it into contact before the force acts"
+            remedy = "bring it into contact before the force acts, or solve(..., stabilise=True)"
             raise LinearFailure("it meets no resistance", RIGID_MOTION, self._tools(free), remedy) from None
         for amount, column in zip(travel, columns, strict=True):
             du.axpy(amount, column)
