@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, timing
+from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, timing
 from fenics_contact.solvers import linear, reuse
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.timing import Timers
-from meshes import punch_plate
+from meshes import punch_plate, two_blocks
 
 UNIFORM = {"inside": 7, "outside": 7, "layers": 4, "ratio": 1.0}  # 3375 unknowns
 STEPS = 3
@@ -70,6 +70,54 @@ def test_counts_of_the_rough_punch():
     assert not solver.fallbacks
     assert system.patterns == 1
     assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
+
+
+def two_rough_blocks():
+    """A block pressed into a larger one by 0.2 mm and dragged over two thirds of its cells."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(8, 8, 2), upper_cells=(5, 5, 2))
+    scene = Scene(*(Body(mesh, name, mooney_rivlin(0.1863, 0.0098, 5.0)) for name in ("lower", "upper")))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.2 * min(t * STEPS, 1.0)))
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 1.6 * max(t * STEPS - 1.0, 0.0)))
+    scene.contact(slave="upper_bottom", master="lower_top", friction=0.3, name="interface")
+    return scene.system()
+
+
+@pytest.mark.parallel
+def test_counts_of_two_blocks(monkeypatch):
+    system, states = two_rough_blocks(), []
+    contact = system.contacts[0]
+    project, look = contact._pairing.project, contact._pairing._sought
+    searched = []
+    monkeypatch.setattr(contact._pairing, "project", lambda *a: states.append(system.state.u.x.array.copy()) or project(*a))
+    monkeypatch.setattr(contact._pairing, "_sought", lambda *a: searched.append(0) or look(*a))
+    solver, iterations = carried(system, "direct")
+    different = 1 + sum(not np.array_equal(a, b) for a, b in zip(states, states[1:], strict=False))
+    same_everywhere = system.comm.allreduce(different)  # a rank projects again where only another one's nodes have moved
+    assert len(states) * system.comm.size <= same_everywhere + system.comm.size
+    assert len(states) <= len(searched) <= len(states) + 1  # the far search is for points without a partner only
+    assert system.patterns <= 1 + STEPS  # at most one per step, not one per tangent
+    assert sum(iterations) > 2 * system.patterns
+    assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
+
+
+@pytest.mark.parallel
+def test_cells_inside_a_part_fill_the_own_block_with_the_same_numbers():
+    system = rough_punch()
+    form, matrix = system.terms[0]._tangents[0], system.matrix
+    system.assemble_tangent()
+    system.state.u.x.array[:] = np.sin(system.space.tabulate_dof_coordinates()).ravel() * 0.01
+    matrices = []
+    for add in (form.add, lambda matrix: compat.assemble_matrix(matrix, form.whole)):
+        matrix.zeroEntries()
+        add(matrix)
+        matrix.assemble()
+        matrices.append(matrix.copy())
+    assert (form._inner is not None) == (system.comm.size > 1)
+    size = matrices[0].norm()
+    matrices[0].axpy(-1.0, matrices[1], structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    assert matrices[0].norm() < 1e-15 * size  # at nodes on borders between ranks the sums come in another order
 
 
 @pytest.mark.serial

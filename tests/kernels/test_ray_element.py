@@ -133,3 +133,77 @@ def test_a_facet_that_looks_the_slaves_way_is_no_partner():
     turned = [[f[0], f[3], f[2], f[1]] for f in FACETS]
     pair = Pair(-0.3, facets=turned)
     assert pair.evaluate(pair.coords)[5][1][0] == NONE
+
+
+def facet_of_points(mu, anchors=None):
+    """The arrays of nine Gauss points of one slave facet over the folded master, as Pair has them for one."""
+    pair = Pair(-0.3, mu=mu)
+    s = np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6)
+    places = [shapes(a, b) for b in s for a in s]
+    weights, gradients = (np.array([place[i] for place in places]) for i in (0, 1))
+    n = len(weights)
+    pair.slaves = (np.tile(np.arange(6, 10), (n, 1)), weights, np.linspace(0.1, 0.4, n), gradients)
+    pair.law = (np.full(n, EPS_N), np.full(n, EPS_T), mu, 0.0, np.zeros(n))
+    pair.anchors = (np.full((n, 4), -1), np.zeros((n, 4))) if anchors is None else anchors
+    return pair
+
+
+def projected(pair):
+    n, nf = len(pair.slaves[2]), len(pair.surface[0])
+    points = np.empty((n, 3))
+    slave_points(pair.coords, *pair.slaves[:2], points)
+    out = (*(np.zeros(n, np.int64) for _ in range(3)), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3)))
+    lists = (nf * np.arange(n + 1), np.tile(np.arange(nf), n))
+    slave_rays(points, pair.slaves[0], pair.slaves[3], pair.coords, pair.surface, lists, 2.0, out)
+    return out
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3, 9.0])
+def test_points_of_a_facet_share_a_matrix_that_is_the_sum_of_theirs(mu):
+    """Some of the points meet one facet and some the other, some are anchored on one, some on the other, two nowhere."""
+    nodes, weights = np.tile(FACETS[0], (9, 1)), np.tile([0.1, 0.5, 0.3, 0.1], (9, 1))
+    nodes[3:6], nodes[7:] = FACETS[1], -1
+    pair = facet_of_points(mu, (nodes, weights))
+    pair.coords[6:, 0] += 0.6
+    out = projected(pair)
+    assert set(out[0]) == {0, 1} and (out[4] < 0.0).all()
+    together = evaluated(pair.coords, pair.slaves, pair.surface, out, pair.anchors, pair.law)
+    forces, tangent = np.zeros_like(together[0]), np.zeros_like(together[1])
+    for q in range(9):
+        one = slice(q, q + 1)
+        law = (*(eps[one] for eps in pair.law[:2]), *pair.law[2:4], pair.law[4][one])
+        slaves, alone = (tuple(part[one] for part in group) for group in (pair.slaves, out))
+        parts = evaluated(pair.coords, slaves, pair.surface, alone, tuple(part[one] for part in pair.anchors), law)
+        forces, tangent = forces + parts[0], tangent + parts[1]
+    # sums of nine terms in another order
+    assert np.abs(together[0] - forces).max() < 1e-14 * np.abs(forces).max()
+    assert np.abs(together[1] - tangent).max() < 1e-14 * np.abs(tangent).max()
+
+
+def test_rays_hit_the_triangles_that_the_closed_form_finds():
+    """Random triangles and rays; Cramer's rule for x - r(xi) = g n (Moeller & Trumbore 1997)."""
+    rng = np.random.default_rng(5)
+    corners = rng.uniform(-1, 1, (60, 1, 3)) + rng.uniform(-0.6, 0.6, (60, 3, 3))
+    slave = rng.uniform(-1, 1, (200, 1, 3)) + rng.uniform(-0.2, 0.2, (200, 3, 3))
+    coords = np.concatenate([corners.reshape(-1, 3), slave.reshape(-1, 3)])
+    facets = np.arange(180).reshape(-1, 3)[:, [0, 1, 2, 2]]
+    points = slave.mean(axis=1)
+    gradients = np.tile([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], (200, 1, 1))
+    out = (*(np.zeros(200, np.int64) for _ in range(3)), np.zeros((200, 2)), np.zeros(200), np.zeros((200, 3)))
+    lists = (60 * np.arange(201), np.tile(np.arange(60), 200))
+    nodes = np.arange(180, 780).reshape(-1, 3)
+    slave_rays(points, nodes, gradients, coords, (facets, np.full(60, 3)), lists, 3.0, out)
+    n = -np.cross(slave[:, 1] - slave[:, 0], slave[:, 2] - slave[:, 0])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    matrices = np.concatenate(
+        [np.broadcast_to(edges, (200, 60, 3, 2)), np.broadcast_to(n[:, None, :, None], (200, 60, 3, 1))], 3
+    )
+    s, t, g = np.moveaxis(np.linalg.solve(matrices, points[:, None, :, None] - corners[None, :, 0, :, None])[..., 0], 2, 0)
+    faces = np.einsum("fc,pc->pf", np.cross(edges[..., 0], edges[..., 1]), n) > 0.0
+    met = np.where((s >= 0) & (t >= 0) & (s + t <= 1) & faces, np.abs(g), np.inf)
+    hit = np.isfinite(met).any(axis=1)
+    assert 50 < hit.sum() < 200
+    assert np.array_equal(out[1] == INTERIOR, hit) and np.array_equal(out[0][hit], met.argmin(axis=1)[hit])
+    # the condition of nearly edge-on triangles; the least angle of the sample is about a degree
+    assert np.abs(out[4][hit] - g[hit, met.argmin(axis=1)[hit]]).max() < 1e-12
