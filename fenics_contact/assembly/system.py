@@ -296,6 +296,17 @@ class System:
         for term in self._foreseeing:
             term.release()
 
+    def foreseen_residual(self):
+        """Foresee, and the out-of-balance norm [force] with the pressures foreseen, see Term; the residual is not kept."""
+        self.foresee()
+        for term in self._foreseeing:
+            term.ease(True)
+        try:
+            return self.assemble_residual()
+        finally:
+            for term in self._foreseeing:
+                term.ease(False)
+
     def misfit(self):
         """Largest error of the augmented terms over their tolerances. Collective."""
         return max(self.comm.allgather(max(term.misfit(self.state) for term in self.augmented)))

@@ -27,6 +27,7 @@ from fenics_contact.timing import Timers
 FIRST_SEARCH = 3.0
 # Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
 MARGIN = 0.5
+BARELY = 1e-300  # [length]: closed, but under no pressure
 _NOT_HELD = np.empty(0)
 
 
@@ -74,7 +75,8 @@ class DeformableContact(SlavePoints):
         self._provided = np.full((ne * nq, 5), -2)
         self._set_keys(np.empty(0, dtype=np.int64))
         self._seen = self._projected = self._linearised = self._places = None
-        self._judged = _NOT_HELD
+        self._judged, self._eased = _NOT_HELD, False
+        self._yielding = np.minimum(np.repeat(surface.stiffness, nq) / self._penalties[0], 1.0)  # penalty in series with the body
         self._gaps = (np.full(ne * nq, self.search),) * 2  # with shifts, when a step was last accepted, and before
         self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
@@ -183,9 +185,10 @@ class DeformableContact(SlavePoints):
         if self._places is None:  # the first state after a restart
             self._places = self._positions(state)
         forces, shape = np.zeros_like(coords), self.gap.shape
+        law, judged = self._eased_law(projection) if self._eased else (self._law, self._judged)
         with self.timers("contact kernel"):
             add_forces(
-                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
+                coords, self._slaves, self._facets, projection, self._anchors, law, judged,
                 forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1),
             )  # fmt: skip
         self.gap = np.minimum(projection[4], self.search).reshape(shape)
@@ -208,7 +211,7 @@ class DeformableContact(SlavePoints):
     def _tangent_blocks(self, state):
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
         coords, _, projection = self._project(state)
-        self._linearised = coords, projection
+        self._linearised = coords, projection, self._deciding(projection)
         values, used = np.zeros((len(self._keys), 3, 3)), np.zeros(len(self._keys), dtype=bool)
         with self.timers("contact kernel"):
             missing = add_tangents(
@@ -224,10 +227,28 @@ class DeformableContact(SlavePoints):
     def foresee(self, state):
         """Take the pressures that the last tangent foresees at the state as unknowns of their own until `release`."""
         coords, _, projection = self._project(state)
-        before, pairs = self._linearised
+        before, pairs, decided = self._linearised
         gaps = np.empty(len(projection[4]))
         foreseen_gaps(before, self._slaves, self._facets, pairs, self._anchors, coords - before, gaps)
-        self._judged = np.where(np.isfinite(gaps), gaps, projection[4]) + self.shift.reshape(-1)
+        gaps = np.where(np.isfinite(gaps), gaps, projection[4]) + self.shift.reshape(-1)
+        held = decided <= self.touch
+        # the part of the increment that was not taken leaves its part of the pressures where they were
+        left = np.where(held & (pairs[1] != NONE), decided - pairs[4] - self.shift.reshape(-1), 0.0)
+        # a point that the tangent held open comes with no pressure: its gap says that it closes and not what it will carry
+        self._judged = np.where(held, gaps + (1.0 - state.share) * left, np.maximum(gaps, -BARELY))
+
+    def ease(self, eased):
+        """Until eased again with False, let pressures differ from the foreseen ones by what the body's own stiffness makes
+        of the gaps' errors, and not by the penalty."""
+        self._eased = eased
+
+    def _eased_law(self, projection):
+        """(law, judged gaps) of eased points."""
+        *law, shift = self._law
+        gaps, share = projection[4] + shift, self._yielding
+        judged = np.where(self._judged <= self.touch, self._judged, np.where(np.isfinite(gaps), share * gaps, gaps))
+        pressing = np.where(self._judged <= self.touch, judged + share * (gaps - judged), share * gaps)
+        return (*law, np.where(np.isfinite(gaps), pressing - gaps + shift, shift)), judged
 
     def hold(self, share):
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
@@ -264,9 +285,12 @@ class DeformableContact(SlavePoints):
         self._set_keys(np.union1d(wanted, self._near(coords, points, closed, projection)))
         return self._keys
 
+    def _deciding(self, projection):
+        """Gaps (np,) with shifts that decide between open and closed."""
+        return self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
+
     def _closed(self, projection):
-        gaps = self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
-        return (gaps <= self.touch) & (projection[1] != NONE)
+        return (self._deciding(projection) <= self.touch) & (projection[1] != NONE)
 
     def _set_keys(self, keys):
         """Rising keys of the pattern, and where the row of each of our nodes begins and ends in them."""

@@ -15,7 +15,8 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
-SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
+STALLED = 3  # iterations in a row that hardly move: no more will help
+SETTLING = 1  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 
 
 @dataclass
@@ -68,33 +69,47 @@ class Newton:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
-        before = np.inf
+        before, merit, stalled = np.inf, np.inf, 0
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
+            owed = du, dq
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
-            system.release()
-            size = _finite_residual(system)
-            if solve == 1 and not np.isfinite(size):
-                raise StepFailed("an element turned inside out")
-            shorten = size > before and (solve > whole or not np.isfinite(size))
-            if shorten:
-                size = self._shorten(system, du, dq, before, size, watch.cycling)
-            if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
+            size, merit, share = self._settled(system, du, dq, before, merit, solve > whole, watch.cycling)
+            if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before) and share == 1.0:
                 size = self._correct(system, du, dq, size, report)
             before = size
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
             report.residuals.append(size)
-            if size <= self.tolerance:
+            if size <= self.tolerance and (solve > 1 or share == 1.0):
                 return report
             watch.look(report.residuals)
-            if size > HELD and not shorten:
+            stalled = stalled + 1 if share <= 2 * SHORTEST else 0
+            if stalled == STALLED:
+                break
+            if size > HELD:
                 system.foresee()
                 system.assemble_residual()
-            du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
+            rest = 1.0 - share if solve == 1 else 0.0
+            du, dq = rest * owed[0], rest * owed[1]
         watch.blame()
-        raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
+        raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
+
+    def _settled(self, system, du, dq, before, merit, strict, cycling):
+        """After a solve: (out-of-balance share, merit, share of the increment that is kept)."""
+        system.release()
+        size = _finite_residual(system)
+        if not system.foresees or size <= HELD:
+            if size > before and (strict or not np.isfinite(size)):
+                size = self._shorten(system, du, dq, before, size, cycling, _finite_residual)
+            return size, np.inf, system.state.share
+        now = _foreseen(system)
+        if not np.isfinite(now) or (strict and now > merit):
+            now = self._shorten(system, du, dq, merit, now, cycling, _foreseen)
+        share = system.state.share
+        system.release()
+        return _finite_residual(system), now, share
 
     def _correct(self, system, du, dq, size, report):
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
@@ -110,9 +125,9 @@ class Newton:
         report.corrections += 1
         system.update(du, dq)
         corrected = _finite_residual(system)
-        return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0)
+        return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0, _finite_residual)
 
-    def _shorten(self, system, du, dq, before, size, strict):
+    def _shorten(self, system, du, dq, before, size, strict, measure):
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
 
         Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
@@ -120,9 +135,9 @@ class Newton:
         """
         share = 1.0
         while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
-            shorter = _move(system, du, dq, share, 0.5 * share)
-            if shorter >= size and not strict:
-                _move(system, du, dq, 0.5 * share, share)
+            shorter = _move(system, du, dq, share, 0.5 * share, measure)
+            if shorter >= size and np.isfinite(size) and not strict:
+                _move(system, du, dq, 0.5 * share, share, measure)
                 break
             share, size = 0.5 * share, shorter
         if not np.isfinite(size):
@@ -130,12 +145,18 @@ class Newton:
         return size
 
 
-def _move(system, du, dq, start, end):
+def _move(system, du, dq, start, end, measure):
     """Move from one share of an increment to another; returns the out-of-balance share there."""
     step = du.copy()
     step.scale(end - start)
     system.update(step, (end - start) * dq, end)
-    return _finite_residual(system)
+    return measure(system)
+
+
+def _foreseen(system):
+    """Out-of-balance share with the pressures that the last tangent foresees, infinite where an element is inside out."""
+    size, scale = system.foreseen_residual(), max(system.forces, system.force_scale, system.rounding)
+    return size / scale if np.isfinite(size) else np.inf
 
 
 def _finite_residual(system):
