@@ -302,7 +302,7 @@ class System:
         for term in self._foreseeing:
             term.ease(True)
         try:
-            return self.assemble_residual()
+            return self.assemble_residual(followed=True)
         finally:
             for term in self._foreseeing:
                 term.ease(False)

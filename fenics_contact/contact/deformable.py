@@ -230,12 +230,13 @@ class DeformableContact(SlavePoints):
         before, pairs, decided = self._linearised
         gaps = np.empty(len(projection[4]))
         foreseen_gaps(before, self._slaves, self._facets, pairs, self._anchors, coords - before, gaps)
-        gaps = np.where(np.isfinite(gaps), gaps, projection[4]) + self.shift.reshape(-1)
-        held = decided <= self.touch
+        shift = self.shift.reshape(-1)
+        gaps = np.where(np.isfinite(gaps), gaps, projection[4]) + shift
+        held = (decided <= self.touch) & (pairs[1] != NONE)
         # the part of the increment that was not taken leaves its part of the pressures where they were
-        left = np.where(held & (pairs[1] != NONE), decided - pairs[4] - self.shift.reshape(-1), 0.0)
+        gaps[held] += (1.0 - state.share) * (decided - pairs[4] - shift)[held]
         # a point that the tangent held open comes with no pressure: its gap says that it closes and not what it will carry
-        self._judged = np.where(held, gaps + (1.0 - state.share) * left, np.maximum(gaps, -BARELY))
+        self._judged = np.where(held, gaps, np.maximum(gaps, -BARELY))
 
     def ease(self, eased):
         """Until eased again with False, let pressures differ from the foreseen ones by what the body's own stiffness makes
@@ -245,10 +246,11 @@ class DeformableContact(SlavePoints):
     def _eased_law(self, projection):
         """(law, judged gaps) of eased points."""
         *law, shift = self._law
-        gaps, share = projection[4] + shift, self._yielding
-        judged = np.where(self._judged <= self.touch, self._judged, np.where(np.isfinite(gaps), share * gaps, gaps))
-        pressing = np.where(self._judged <= self.touch, judged + share * (gaps - judged), share * gaps)
-        return (*law, np.where(np.isfinite(gaps), pressing - gaps + shift, shift)), judged
+        there, held = projection[1] != NONE, self._judged <= self.touch
+        gaps, share = np.where(there, projection[4], 0.0) + shift, self._yielding
+        judged = np.where(held, self._judged, np.where(there, share * gaps, np.inf))
+        pressing = np.where(held, judged + share * (gaps - judged), share * gaps)
+        return (*law, shift + pressing - gaps), judged
 
     def hold(self, share):
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""

@@ -15,6 +15,8 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
+MEMORY = 1
+RAISE1 = 0
 STALLED = 3  # iterations in a row that hardly move: no more will help
 SETTLING = 1  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 
@@ -69,13 +71,15 @@ class Newton:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
-        before, merit, stalled = np.inf, np.inf, 0
+        before, merits, stalled = np.inf, [], 0
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
             owed = du, dq
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
-            size, merit, share = self._settled(system, du, dq, before, merit, solve > whole, watch.cycling)
+            if solve == 1 and RAISE1 and not np.isfinite(_finite_residual(system)): raise StepFailed("an element turned inside out")
+            size, merit, share = self._settled(system, du, dq, before, max(merits[-MEMORY:],default=np.inf), solve > whole, watch.cycling)
+            merits.append(merit)
             if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before) and share == 1.0:
                 size = self._correct(system, du, dq, size, report)
             before = size
