@@ -5,6 +5,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.contact.foreseen import carried_gaps, eased_law
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
@@ -27,7 +28,6 @@ from fenics_contact.timing import Timers
 FIRST_SEARCH = 3.0
 # Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
 MARGIN = 0.5
-BARELY = 1e-300  # [length]: closed, but under no pressure
 _NOT_HELD = np.empty(0)
 
 
@@ -76,7 +76,9 @@ class DeformableContact(SlavePoints):
         self._set_keys(np.empty(0, dtype=np.int64))
         self._seen = self._projected = self._linearised = self._places = None
         self._judged, self._eased = _NOT_HELD, False
-        self._yielding = np.minimum(np.repeat(surface.stiffness, nq) / self._penalties[0], 1.0)  # penalty in series with the body
+        self._yielding = np.minimum(
+            np.repeat(surface.stiffness, nq) / self._penalties[0], 1.0
+        )  # penalty in series with the body
         self._gaps = (np.full(ne * nq, self.search),) * 2  # with shifts, when a step was last accepted, and before
         self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
@@ -185,7 +187,8 @@ class DeformableContact(SlavePoints):
         if self._places is None:  # the first state after a restart
             self._places = self._positions(state)
         forces, shape = np.zeros_like(coords), self.gap.shape
-        law, judged = self._eased_law(projection) if self._eased else (self._law, self._judged)
+        pressed = self._law, self._judged
+        law, judged = eased_law(*pressed, projection, self._yielding) if self._eased else pressed
         with self.timers("contact kernel"):
             add_forces(
                 coords, self._slaves, self._facets, projection, self._anchors, law, judged,
@@ -224,33 +227,15 @@ class DeformableContact(SlavePoints):
         return self._rows[places], self._pattern[3][places], values[places]
 
     # -- Newton's own unknowns ------------------------------------------------------------------------------------
-    def foresee(self, state):
-        """Take the pressures that the last tangent foresees at the state as unknowns of their own until `release`."""
+    def foresee(self, state, eased=False):
+        """Take the pressures that the last tangent foresees as unknowns of their own until `release`; see foreseen.py."""
         coords, _, projection = self._project(state)
         before, pairs, decided = self._linearised
         gaps = np.empty(len(projection[4]))
         foreseen_gaps(before, self._slaves, self._facets, pairs, self._anchors, coords - before, gaps)
-        shift = self.shift.reshape(-1)
-        gaps = np.where(np.isfinite(gaps), gaps, projection[4]) + shift
-        held = (decided <= self.touch) & (pairs[1] != NONE)
-        # the part of the increment that was not taken leaves its part of the pressures where they were
-        gaps[held] += (1.0 - state.share) * (decided - pairs[4] - shift)[held]
-        # a point that the tangent held open comes with no pressure: its gap says that it closes and not what it will carry
-        self._judged = np.where(held, gaps, np.maximum(gaps, -BARELY))
-
-    def ease(self, eased):
-        """Until eased again with False, let pressures differ from the foreseen ones by what the body's own stiffness makes
-        of the gaps' errors, and not by the penalty."""
+        gaps, shift = np.where(np.isfinite(gaps), gaps, projection[4]), self.shift.reshape(-1)
+        self._judged = carried_gaps(gaps + shift, decided, pairs, shift, self.touch, state.share)
         self._eased = eased
-
-    def _eased_law(self, projection):
-        """(law, judged gaps) of eased points."""
-        *law, shift = self._law
-        there, held = projection[1] != NONE, self._judged <= self.touch
-        gaps, share = np.where(there, projection[4], 0.0) + shift, self._yielding
-        judged = np.where(held, self._judged, np.where(there, share * gaps, np.inf))
-        pressing = np.where(held, judged + share * (gaps - judged), share * gaps)
-        return (*law, shift + pressing - gaps), judged
 
     def hold(self, share):
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
@@ -260,7 +245,7 @@ class DeformableContact(SlavePoints):
 
     def release(self):
         """Judge by the gaps again."""
-        self._judged = _NOT_HELD
+        self._judged, self._eased = _NOT_HELD, False
 
     # -- pattern --------------------------------------------------------------------------------------------------
     def couplings(self, state):
@@ -288,7 +273,6 @@ class DeformableContact(SlavePoints):
         return self._keys
 
     def _deciding(self, projection):
-        """Gaps (np,) with shifts that decide between open and closed."""
         return self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
 
     def _closed(self, projection):
@@ -413,5 +397,4 @@ class DeformableContact(SlavePoints):
 
     def measures(self, state, comm):
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
-        closed = self.status != OPEN
-        return contact_measures(self, state, comm, closed, self.gap)
+        return contact_measures(self, state, comm, self.status != OPEN, self.gap)

@@ -15,10 +15,9 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
-MEMORY = 1
-RAISE1 = 0
-STALLED = 3  # iterations in a row that hardly move: no more will help
-SETTLING = 1  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
+SETTLING = 2  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
+MEMORY = 2  # solves whose worst merit the next one must not exceed (Grippo, Lampariello & Lucidi 1986, doi:10.1137/0723046)
+STALLED = 3  # increments in a row that had to be shortened almost to nothing: no more will help
 
 
 @dataclass
@@ -74,46 +73,50 @@ class Newton:
         before, merits, stalled = np.inf, [], 0
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
-            owed = du, dq
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
-            if solve == 1 and RAISE1 and not np.isfinite(_finite_residual(system)): raise StepFailed("an element turned inside out")
-            size, merit, share = self._settled(system, du, dq, before, max(merits[-MEMORY:],default=np.inf), solve > whole, watch.cycling)
+            size, merit = self._settle(system, du, dq, before, merits[-MEMORY:], solve <= whole, watch.cycling)
             merits.append(merit)
-            if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before) and share == 1.0:
+            stalled = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0
+            if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
                 size = self._correct(system, du, dq, size, report)
             before = size
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
             report.residuals.append(size)
-            if size <= self.tolerance and (solve > 1 or share == 1.0):
+            if size <= self.tolerance:
                 return report
             watch.look(report.residuals)
-            stalled = stalled + 1 if share <= 2 * SHORTEST else 0
             if stalled == STALLED:
                 break
             if size > HELD:
                 system.foresee()
                 system.assemble_residual()
-            rest = 1.0 - share if solve == 1 else 0.0
-            du, dq = rest * owed[0], rest * owed[1]
+            du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
         watch.blame()
         raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
 
-    def _settled(self, system, du, dq, before, merit, strict, cycling):
-        """After a solve: (out-of-balance share, merit, share of the increment that is kept)."""
+    def _settle(self, system, du, dq, before, merits, free, strict):
+        """Shorten the increment where that is needed; returns the out-of-balance share and the merit.
+
+        before, merits: of the last solve and solves; the share must not exceed the one nor the merit the worst of those,
+        unless free. While the share is large, the merit is the share with foreseen pressures, eased (see Term). The share
+        itself is none: a stiff penalty makes large forces of what is left of the gaps' curvature after a step in the
+        right direction, and would shorten that one most of all.
+        """
         system.release()
         size = _finite_residual(system)
+        if not np.isfinite(size) and not merits:
+            raise StepFailed("an element turned inside out")
         if not system.foresees or size <= HELD:
-            if size > before and (strict or not np.isfinite(size)):
-                size = self._shorten(system, du, dq, before, size, cycling, _finite_residual)
-            return size, np.inf, system.state.share
-        now = _foreseen(system)
-        if not np.isfinite(now) or (strict and now > merit):
-            now = self._shorten(system, du, dq, merit, now, cycling, _foreseen)
-        share = system.state.share
+            if size > before and not (free and np.isfinite(size)):
+                size = self._shorten(system, du, dq, before, size, strict, _finite_residual)
+            return size, size
+        merit, worst = _foreseen_residual(system), max(merits, default=np.inf)
+        if merit > worst and not (free and np.isfinite(merit)):
+            merit = self._shorten(system, du, dq, worst, merit, strict, _foreseen_residual)
         system.release()
-        return _finite_residual(system), now, share
+        return _finite_residual(system), merit
 
     def _correct(self, system, du, dq, size, report):
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
@@ -134,8 +137,8 @@ class Newton:
     def _shorten(self, system, du, dq, before, size, strict, measure):
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
 
-        Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
-        hundredth of a tangent solve.
+        measure(system): that force, `size` after the full step. Condensed unknowns follow the tangent here. strict: halve it
+        until it does lower it. A residual costs about a hundredth of a tangent solve.
         """
         share = 1.0
         while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
@@ -157,9 +160,11 @@ def _move(system, du, dq, start, end, measure):
     return measure(system)
 
 
-def _foreseen(system):
-    """Out-of-balance share with the pressures that the last tangent foresees, infinite where an element is inside out."""
-    size, scale = system.foreseen_residual(), max(system.forces, system.force_scale, system.rounding)
+def _foreseen_residual(system):
+    """Out-of-balance share with foreseen pressures, infinite where an element is inside out."""
+    system.foresee(eased=True)
+    size = system.assemble_residual(followed=True)
+    scale = max(system.forces, system.force_scale, system.rounding)
     return size / scale if np.isfinite(size) else np.inf
 
 
