@@ -69,48 +69,58 @@ def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
 
 R, E, NU, MU, DEPTH = 8.0, 200.0, 0.3, 0.2, 0.1
 STAR = E / (2 * (1 - NU**2))
-# what puts 10 N/mm of normal and 0.936 N/mm of tangential force on them, found by trial: the axis planes' approach depends
-# on the bodies' whole shape, and no closed form gives it
-DOWN, ALONG = 0.1852, 0.0330  # mm
+# The published case, 10 N/mm and 0.936 N/mm, strains the cylinders by p0/E = 5 %, which linear theory knows nothing of: its
+# half-width comes out 1.2 % too large. In that theory all lengths and pressures go with the root of the forces, so this is
+# done at 1/39 of them and strains of 0.8 %. The approach is found by trial: it depends on the bodies' whole shape, and no
+# closed form gives it.
+DOWN, ALONG, FINE, CELLS = 0.0074, 0.0011, 0.16, 36  # mm
+PUBLISHED = {"F": 10.0, "Q": 16 * 0.05851, "a": 0.680778, "p0": 9.35135, "c": 0.496511}  # N/mm, mm, MPa
 
 
 def pressed_and_drawn():
-    """Scene's contact and, per point of the rim: place X along it [mm], pressure, status; normal and tangential force."""
-    mesh = read_gmsh(two_cylinders.build, radius=R, fine=0.8, cells=24, depth=DEPTH)
+    """Per point of the rim: place X along it [mm], pressure, friction, status; normal and tangential force [N/mm]."""
+    mesh = read_gmsh(two_cylinders.build, radius=R, fine=FINE, cells=CELLS, depth=DEPTH)
     scene = Scene(Body(mesh, "lower", from_elastic(E, NU)), Body(mesh, "upper", from_elastic(E, NU)))
     scene.fix("lower_axis")
     scene.fix("ends", "y")
     scene.prescribe("upper_axis", "x", lambda X, t: np.full(len(X), ALONG * max(2 * t - 1, 0.0)))
     scene.prescribe("upper_axis", "z", lambda X, t: np.full(len(X), -DOWN * min(2 * t, 1.0)))
     scene.contact("upper_rim", "lower_rim", MU, name="c")
-    result = solve(scene, steps=10, progress=False)
+    result = solve(scene, steps=4, progress=False)
     assert result.converged, result.verdict.reason
     contact = result.system.contacts[0]
-    pressure, _ = contact.split_traction(result.system.state)
+    pressure, along = contact.split_traction(result.system.state)
     force = result.history[-1]
     # per reference area over reference places, so that their integral is the force
     x = contact.spots()[:, 0]
-    return x, pressure.ravel(), contact.status.ravel(), force["c_force_z_N"] / DEPTH, -force["c_force_x_N"] / DEPTH
+    friction = np.abs(along[..., 0]).ravel()
+    return x, pressure.ravel(), friction, contact.status.ravel(), force["c_force_z_N"] / DEPTH, -force["c_force_x_N"] / DEPTH
+
+
+def fitted(x, square, reach):
+    """Middle, half-width [mm] and top of an ellipse: a parabola through squares (n,) at places x (n,) within `reach`.
+
+    Beyond it, a fifth of the half-width from the rim, the mesh rounds the ellipse's steep end off.
+    """
+    curve = np.polyfit(x[np.abs(x) < reach], square[np.abs(x) < reach], 2)
+    middle = -curve[1] / (2 * curve[0])
+    top = np.polyval(curve, middle)
+    return middle, np.sqrt(-top / curve[0]), np.sqrt(top)
 
 
 @pytest.mark.serial
 def test_two_cylinders_slip_at_the_rim_of_their_contact():
-    x, pressure, status, F, Q = pressed_and_drawn()
-    a = 2 * np.sqrt(F * R / 2 / (np.pi * STAR))
-    p0 = 2 * F / (np.pi * a)
-    c = a * np.sqrt(1 - Q / (MU * F))
-    near = (pressure > 0) & (np.abs(x) < 0.8 * a)  # p^2 is a parabola; at its rim a mesh rounds it off
-    curve = np.polyfit(x[near], pressure[near] ** 2, 2)
-    middle = -curve[1] / (2 * curve[0])
-    top = np.polyval(curve, middle)
-    stick = np.abs(x[status == STICK] - middle)
-    # the loads are those of the published values
-    assert abs(F / 10.0 - 1) < 0.01 and abs(Q / (16 * 0.05851) - 1) < 0.01
-    assert abs(a / 0.680778 - 1) < 0.01 and abs(p0 / 9.35135 - 1) < 0.01 and abs(c / 0.496511 - 1) < 0.01
-    assert abs(np.sqrt(top) / p0 - 1) < 0.01
-    # linear theory has one width; strains of p0/E = 5 % make 2 % between the reference's and the deformed one
-    assert abs(np.sqrt(-top / curve[0]) / a - 1) < 0.015
-    cell = 2 * 0.8 / 24
-    assert abs(stick.max() - c) < cell
-    assert (status[np.abs(x - middle) < c - cell] == STICK).all()
-    assert (status[(pressure > 0) & (np.abs(x - middle) > c + cell)] == SLIP).all()
+    x, pressure, friction, status, F, Q = pressed_and_drawn()
+    assert abs(Q / F / (PUBLISHED["Q"] / PUBLISHED["F"]) - 1) < 0.01
+    scale = np.sqrt(F / PUBLISHED["F"])
+    a, p0, c = (scale * PUBLISHED[name] for name in ("a", "p0", "c"))
+    middle, width, top = fitted(x, pressure**2, 0.8 * a)
+    # in stick mu p - |q| is an ellipse too, of half-width c and height mu p0 c/a
+    _, stick, rest = fitted(x - middle, (MU * pressure - friction) ** 2, 0.8 * c)
+    # 1 %: asked of every published value
+    assert abs(width / a - 1) < 0.01 and abs(top / p0 - 1) < 0.01 and abs(stick / c - 1) < 0.01
+    assert abs(rest / (MU * p0 * c / a) - 1) < 0.01
+    cell, place = 2 * FINE / CELLS, np.abs(x - middle)  # no point within a cell of the stick's edge is judged
+    assert (status[place < c - cell] == STICK).all()
+    assert (status[(pressure > 0) & (place > c + cell)] == SLIP).all()
+    assert np.abs(a - 2 * np.sqrt(F * R / 2 / (np.pi * STAR))) < 1e-3 * a  # the published case is this one
