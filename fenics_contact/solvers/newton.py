@@ -17,6 +17,8 @@ HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
 SETTLING = 2  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 MEMORY = 2  # solves whose worst merit the next one must not exceed (Grippo, Lampariello & Lucidi 1986, doi:10.1137/0723046)
+RISES = 3  # solves in a row that may leave more force out of balance than the best one, up to ASTRAY: points change sides
+ASTRAY = 10.0
 STALLED = 3  # increments in a row that had to be shortened almost to nothing: no more will help
 
 
@@ -77,12 +79,16 @@ class Newton:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
-        before, merits, stalled = np.inf, [], 0
+        before, merits, stalled, rises = np.inf, [], 0, 0
+        searching = bool(system.contacts) and not system.foresees and not system.condensed
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
-            size, merit = self._settle(system, du, dq, before, merits[-MEMORY:], solve <= whole, watch.cycling)
+            allowed = ASTRAY if searching and rises < RISES and not watch.cycling else 0.0
+            allowed = np.finfo(float).max if solve <= whole else allowed
+            size, merit = self._settle(system, du, dq, before, merits[-MEMORY:], allowed, watch.cycling)
+            rises = 0 if merit < min(merits, default=np.inf) else rises + 1
             merits.append(merit)
             stalled = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0
             if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
@@ -103,24 +109,26 @@ class Newton:
         watch.blame()
         raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
 
-    def _settle(self, system, du, dq, before, merits, free, strict):
+    def _settle(self, system, du, dq, before, merits, allowed, strict):
         """Shorten the increment where that is needed; returns the out-of-balance share and the merit.
 
         before, merits: of the last solve and solves; the share must not exceed the one nor the merit the worst of those,
-        unless free. While the share is large, the merit is the share with foreseen pressures, eased (see Term). The share
-        itself is none: a stiff penalty makes large forces of what is left of the gaps' curvature after a step in the
-        right direction, and would shorten that one most of all.
+        unless it stays below what is allowed: where a full step lets points of a contact change sides, the force often
+        rises for a solve or two (a watchdog, Chamberlain et al. 1982, doi:10.1007/BFb0120945). While the share is large,
+        the merit is the share with foreseen pressures, eased (see Term). The share itself is none: a stiff penalty makes
+        large forces of what is left of the gaps' curvature after a step in the right direction, and would shorten that
+        one most of all.
         """
         system.release()
         size = _finite_residual(system)
         if not np.isfinite(size) and not merits:
             raise StepFailed("an element turned inside out")
         if not system.foresees or size <= HELD:
-            if size > before and not (free and np.isfinite(size)):
+            if size > before and size > allowed:
                 size = self._shorten(system, du, dq, before, size, strict, _finite_residual)
             return size, size
         merit, worst = _foreseen_residual(system), max(merits, default=np.inf)
-        if merit > worst and not (free and np.isfinite(merit)):
+        if merit > worst and merit > allowed:
             merit = self._shorten(system, du, dq, worst, merit, strict, _foreseen_residual)
         system.release()
         return _finite_residual(system), merit
