@@ -114,13 +114,13 @@ def no_room():
     return scene, {}
 
 
-def stumbling(smallest, drag=4.0):
+def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
     """A tall block dragged over a rough floor in long steps: two nodes of its sole lift when they touch, and fall back."""
     scene = cube(cells=(4, 4, 4), size=(2.0, 2.0, 4.0))
-    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -0.3 * min(t / 0.2, 1.0)))
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -press * min(t / 0.2, 1.0)))
     scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), drag * max(t - 0.2, 0.0)))
     scene.fix("zmax", "y")
-    scene.contact("zmin", rigid_plane(), 0.3, tangential_share=1.0, name="floor")
+    scene.contact("zmin", rigid_plane(), friction, tangential_share=1.0, name="floor")
     return scene, {"smallest_step": smallest}
 
 
@@ -181,7 +181,7 @@ def test_a_good_penalty_gives_no_verdict():
 
 @pytest.mark.parallel
 def test_cycling_is_resolved_by_smaller_steps_and_said():
-    scene, _ = stumbling(None, drag=2.0)
+    scene, _ = stumbling(None, friction=0.4, press=0.2, drag=2.0)
     result = solve(scene, steps=5, progress=False)
     assert result.converged
     assert any("cut back: the status of" in note for note in result.summary["verdict"]["notes"])

@@ -17,7 +17,8 @@ HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
 SETTLING = 2  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 MEMORY = 2  # solves whose worst merit the next one must not exceed (Grippo, Lampariello & Lucidi 1986, doi:10.1137/0723046)
-RISES = 3  # solves in a row that may leave more force out of balance than the best one, up to ASTRAY: points change sides
+PATIENCE = 2  # increments in a row that had to be shortened almost to nothing, after which the next RISES ones are taken
+RISES = 3  # whole although they leave more force out of balance, up to ASTRAY: points that change sides may need that
 ASTRAY = 10.0
 STALLED = 3  # increments in a row that had to be shortened almost to nothing: no more will help
 
@@ -85,12 +86,13 @@ class Newton:
         for solve in range(1, self.limit + 1):
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
-            allowed = ASTRAY if searching and rises < RISES and not watch.cycling else 0.0
+            allowed = ASTRAY if rises > 0 and not watch.cycling else 0.0
             allowed = np.finfo(float).max if solve <= whole else allowed
             size, merit = self._settle(system, du, dq, before, merits[-MEMORY:], allowed, watch.cycling)
-            rises = 0 if merit < min(merits, default=np.inf) else rises + 1
             merits.append(merit)
-            stalled = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0
+            stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
+            if searching and stalled == PATIENCE:
+                stalled, rises = 0, RISES
             if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
                 size = self._correct(system, du, dq, size, report)
             before = size
