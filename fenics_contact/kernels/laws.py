@@ -14,11 +14,11 @@ def coulomb_return(size, limit):
     """(status, share of the trial traction of a size that stays): its radial return to the cone |T_T| <= limit (16).
 
     A point that slipped when the last step was accepted starts the next one on the cone to round-off. It counts as
-    slipping, so that the next step's first tangent lets it go on; the traction is the same either way.
+    slipping, so that the next step's first tangent lets it go on; the traction is that of the law either way.
     """
     if size == 0.0 or size <= limit * (1.0 - ON_CONE):
         return STICK, 1.0
-    return SLIP, limit / size
+    return SLIP, min(limit / size, 1.0)
 
 
 @njit(cache=True)

@@ -17,10 +17,12 @@ HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
 SETTLING = 2  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 MEMORY = 2  # solves whose worst merit the next one must not exceed (Grippo, Lampariello & Lucidi 1986, doi:10.1137/0723046)
-PATIENCE = 2  # increments in a row that had to be shortened almost to nothing, after which the next RISES ones are taken
-RISES = 3  # whole although they leave more force out of balance, up to ASTRAY: points that change sides may need that
-ASTRAY = 10.0
-STALLED = 3  # increments in a row that had to be shortened almost to nothing: no more will help
+# Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
+# the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
+# may need that
+PATIENCE, RISES, ASTRAY = 2, 3, 10.0
+# With them: increments in a row that had to be shortened almost to nothing after which no more will help
+STALLED = 3
 
 
 @dataclass
@@ -92,7 +94,7 @@ class Newton:
             merits.append(merit)
             stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
             if searching and stalled == PATIENCE:
-                stalled, rises = 0, RISES
+                searching, rises = False, RISES
             if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
                 size = self._correct(system, du, dq, size, report)
             before = size
@@ -102,7 +104,7 @@ class Newton:
             if size <= self.tolerance:
                 return report
             watch.look(report.residuals)
-            if stalled == STALLED:
+            if system.foresees and stalled == STALLED:
                 break
             if size > HELD:
                 system.foresee()
