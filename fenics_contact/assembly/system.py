@@ -30,9 +30,9 @@ class State:
 class Term(Protocol):
     """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes.
 
-    A term with `foresees` set offers hold(share), foresee(state, eased) and release(), between which its evaluation depends
-    on unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along; eased: their errors weigh by
-    the body's stiffness, not by a penalty. A term without the attribute has no such unknowns and no kinks either.
+    A term with `foresees` set offers hold(share), foresee(state) and release(), between which its evaluation depends on
+    unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
+    has no such unknowns and no kinks either.
 
     A term whose `tolerance` [length] is not None has multipliers that only augment(state) changes; misfit(state) is its
     error over the tolerance. One with raise_penalty(state), collective, changes penalties and says so, or gives None.
@@ -291,10 +291,10 @@ class System:
         """True where a term has unknowns of its own that solves carry along."""
         return bool(self._foreseeing)
 
-    def foresee(self, eased=False):
+    def foresee(self):
         """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
         for term in self._foreseeing:
-            term.foresee(self.state, eased)
+            term.foresee(self.state)
 
     def release(self):
         for term in self._foreseeing:

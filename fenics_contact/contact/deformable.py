@@ -5,7 +5,6 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
-from fenics_contact.contact.foreseen import carried_gaps, eased_law
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -76,8 +75,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         self._rests = self._anchors = self._no_anchors()
         self._kept = self._anchors, self.shift  # those of the last accepted step
         self._seen = self._projected = self._linearised = self._places = None
-        self._judged, self._eased = _NOT_HELD, False
-        self._beneath = np.repeat(surface.stiffness, nq)
+        self._judged = _NOT_HELD
         self._gaps = (np.full(ne * nq, self.search),) * 2  # with shifts, when a step was last accepted, and before
         self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
@@ -188,13 +186,9 @@ class DeformableContact(PairPenalties, SlavePoints):
         if self._places is None:  # the first state after a restart
             self._places = self._placed
         forces, shape = np.zeros_like(coords), self.gap.shape
-        pressed = self._law, self._judged
-        law, judged = (
-            eased_law(*pressed, projection, np.minimum(self._beneath / self._penalties[0], 1.0)) if self._eased else pressed
-        )
         with self.timers("contact kernel"):
             add_forces(
-                coords, self._slaves, self._facets, projection, self._anchors, law, judged,
+                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
                 forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1),
             )  # fmt: skip
         self.gap = np.minimum(projection[4], self.search).reshape(shape)
@@ -217,7 +211,7 @@ class DeformableContact(PairPenalties, SlavePoints):
     def _tangent_blocks(self, state):
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
         coords, _, projection = self._project(state)
-        self._linearised = coords, projection, self._deciding(projection)
+        self._linearised = coords, projection
         pairs = coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged
         with self.timers("contact kernel"):
             *blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
@@ -226,15 +220,13 @@ class DeformableContact(PairPenalties, SlavePoints):
         return blocks
 
     # -- Newton's own unknowns ------------------------------------------------------------------------------------
-    def foresee(self, state, eased=False):
-        """Take the pressures that the last tangent foresees as unknowns of their own until `release`; see foreseen.py."""
+    def foresee(self, state):
+        """Take the pressures that the last tangent foresees at the state as unknowns of their own until `release`."""
         coords, _, projection = self._project(state)
-        before, pairs, decided = self._linearised
+        before, pairs = self._linearised
         gaps = np.empty(len(projection[4]))
         foreseen_gaps(before, self._slaves, self._facets, pairs, self._anchors, coords - before, gaps)
-        gaps, shift = np.where(np.isfinite(gaps), gaps, projection[4]), self.shift.reshape(-1)
-        self._judged = carried_gaps(gaps + shift, decided, pairs, shift, self.touch, state.share)
-        self._eased = eased
+        self._judged = np.where(np.isfinite(gaps), gaps, projection[4]) + self.shift.reshape(-1)
 
     def hold(self, share):
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
@@ -244,7 +236,7 @@ class DeformableContact(PairPenalties, SlavePoints):
 
     def release(self):
         """Judge by the gaps again."""
-        self._judged, self._eased = _NOT_HELD, False
+        self._judged = _NOT_HELD
 
     # -- pattern --------------------------------------------------------------------------------------------------
     def couplings(self, state):
@@ -253,17 +245,14 @@ class DeformableContact(PairPenalties, SlavePoints):
         Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
         """
         coords, points, projection = self._project(state)
-        closed = (self._deciding(projection) <= self.touch) & (projection[1] != NONE)
-        now = closed, projection[0], self._anchors[0]
+        gaps = self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
+        now = (gaps <= self.touch) & (projection[1] != NONE), projection[0], self._anchors[0]
         if self._pattern.suffices(*now):
             return None
         with self.timers("search"):
             near = self._pairing.within(points, coords, MARGIN * self.master.edge)
         self._pattern.provide(*near, *now)
         return self._pattern.keys
-
-    def _deciding(self, projection):
-        return self._judged if len(self._judged) else projection[4] + self.shift.reshape(-1)
 
     # -- history --------------------------------------------------------------------------------------------------
     def initialise(self, state):
@@ -363,4 +352,5 @@ class DeformableContact(PairPenalties, SlavePoints):
 
     def measures(self, state, comm):
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
-        return contact_measures(self, state, comm, self.status != OPEN, self.gap)
+        closed = self.status != OPEN
+        return contact_measures(self, state, comm, closed, self.gap)

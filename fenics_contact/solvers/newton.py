@@ -15,14 +15,11 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
-SETTLING = 2  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
-MEMORY = 2  # solves whose worst merit the next one must not exceed (Grippo, Lampariello & Lucidi 1986, doi:10.1137/0723046)
+SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
-# may need that
+# may need that (a watchdog, Chamberlain et al. 1982, doi:10.1007/BFb0120945)
 PATIENCE, RISES, ASTRAY = 2, 3, 10.0
-# With them: increments in a row that had to be shortened almost to nothing after which no more will help
-STALLED = 3
 
 
 @dataclass
@@ -82,19 +79,23 @@ class Newton:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
-        before, merits, stalled, rises = np.inf, [], 0, 0
-        searching = bool(system.contacts) and not system.foresees and not system.condensed
+        before, stalled, rises = np.inf, 0, 0
+        patient = bool(system.contacts) and not system.foresees and not system.condensed
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
             report.iterations += 1
+            system.release()
+            size = _finite_residual(system)
+            if solve == 1 and not np.isfinite(size):
+                raise StepFailed("an element turned inside out")
             allowed = ASTRAY if rises > 0 and not watch.cycling else 0.0
-            allowed = np.finfo(float).max if solve <= whole else allowed
-            size, merit = self._settle(system, du, dq, before, merits[-MEMORY:], allowed, watch.cycling)
-            merits.append(merit)
+            shorten = size > before and not (solve <= whole and np.isfinite(size)) and size > allowed
+            if shorten:
+                size = self._shorten(system, du, dq, before, size, watch.cycling)
             stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
-            if searching and stalled == PATIENCE:
-                searching, rises = False, RISES
+            if patient and stalled == PATIENCE:
+                patient, rises = False, RISES
             if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
                 size = self._correct(system, du, dq, size, report)
             before = size
@@ -104,38 +105,12 @@ class Newton:
             if size <= self.tolerance:
                 return report
             watch.look(report.residuals)
-            if system.foresees and stalled == STALLED:
-                break
-            if size > HELD:
+            if size > HELD and not shorten:
                 system.foresee()
                 system.assemble_residual()
             du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
         watch.blame()
-        raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
-
-    def _settle(self, system, du, dq, before, merits, allowed, strict):
-        """Shorten the increment where that is needed; returns the out-of-balance share and the merit.
-
-        before, merits: of the last solve and solves; the share must not exceed the one nor the merit the worst of those,
-        unless it stays below what is allowed: where a full step lets points of a contact change sides, the force often
-        rises for a solve or two (a watchdog, Chamberlain et al. 1982, doi:10.1007/BFb0120945). While the share is large,
-        the merit is the share with foreseen pressures, eased (see Term). The share itself is none: a stiff penalty makes
-        large forces of what is left of the gaps' curvature after a step in the right direction, and would shorten that
-        one most of all.
-        """
-        system.release()
-        size = _finite_residual(system)
-        if not np.isfinite(size) and not merits:
-            raise StepFailed("an element turned inside out")
-        if not system.foresees or size <= HELD:
-            if size > before and size > allowed:
-                size = self._shorten(system, du, dq, before, size, strict, _finite_residual)
-            return size, size
-        merit, worst = _foreseen_residual(system), max(merits, default=np.inf)
-        if merit > worst and merit > allowed:
-            merit = self._shorten(system, du, dq, worst, merit, strict, _foreseen_residual)
-        system.release()
-        return _finite_residual(system), merit
+        raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
 
     def _correct(self, system, du, dq, size, report):
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
@@ -151,19 +126,19 @@ class Newton:
         report.corrections += 1
         system.update(du, dq)
         corrected = _finite_residual(system)
-        return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0, _finite_residual)
+        return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0)
 
-    def _shorten(self, system, du, dq, before, size, strict, measure):
+    def _shorten(self, system, du, dq, before, size, strict):
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
 
-        measure(system): that force, `size` after the full step. Condensed unknowns follow the tangent here. strict: halve it
-        until it does lower it. A residual costs about a hundredth of a tangent solve.
+        Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
+        hundredth of a tangent solve.
         """
         share = 1.0
         while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
-            shorter = _move(system, du, dq, share, 0.5 * share, measure)
+            shorter = _move(system, du, dq, share, 0.5 * share)
             if shorter >= size and np.isfinite(size) and not strict:
-                _move(system, du, dq, 0.5 * share, share, measure)
+                _move(system, du, dq, 0.5 * share, share)
                 break
             share, size = 0.5 * share, shorter
         if not np.isfinite(size):
@@ -171,20 +146,12 @@ class Newton:
         return size
 
 
-def _move(system, du, dq, start, end, measure):
+def _move(system, du, dq, start, end):
     """Move from one share of an increment to another; returns the out-of-balance share there."""
     step = du.copy()
     step.scale(end - start)
     system.update(step, (end - start) * dq, end)
-    return measure(system)
-
-
-def _foreseen_residual(system):
-    """Out-of-balance share with foreseen pressures, infinite where an element is inside out."""
-    system.foresee(eased=True)
-    size = system.assemble_residual(followed=True)
-    scale = max(system.forces, system.force_scale, system.rounding)
-    return size / scale if np.isfinite(size) else np.inf
+    return _finite_residual(system)
 
 
 def _finite_residual(system):
