@@ -54,5 +54,4 @@ def test_block_between_two_plates(friction, squeeze, force):
     scene.contact("ymax", plate, friction, name="plate")
     result = solve(scene, move={plate: (0, -5.0 * squeeze, 0)}, steps=4, progress=False).require()
     ours = -2 * result.history[-1]["plate_force_y_N"] / 0.25
-    print(friction, squeeze, ours, ours / force - 1, bottom(result, 5.0)[1][-1])
     assert abs(abs(ours) / force - 1) < 0.01
