@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fenics_contact.solvers.augmented import AUGMENTATIONS, augment, raise_penalties
+from fenics_contact.solvers.augmented import AUGMENTATIONS, augment, forgo, raise_penalties
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
 from fenics_contact.solvers.newton import SHORTEST, StepFailed, StepReport, _finite_residual, _forcing, relative_residual
 
@@ -137,10 +137,7 @@ class ArcLength:
         except StepFailed as failure:
             if not raised:
                 raise
-            report.notes.append(f"not solved with them ({failure}): penalties stay")
-            system.rollback()
-            for term in raised:
-                term.forgo_raise()
+            forgo(system, raised, report, failure)
             return self._arrive(system, length, rate, report, [])
 
     def _arrive(self, system, length, rate, report, raised):

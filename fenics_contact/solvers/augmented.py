@@ -64,10 +64,7 @@ class Adapted:
             try:
                 report.add(self.stepper.settle(system, t))
             except StepFailed as failure:
-                system.rollback()
-                for term in raised:
-                    term.forgo_raise()
-                report.notes.append(f"not solved with them ({failure}): penalties stay")
+                forgo(system, raised, report, failure)
                 report.add(self.step(system, t))
                 return report
         return report
@@ -81,3 +78,11 @@ def raise_penalties(system, report):
     report.notes += found.values()
     report.raises += bool(found)
     return list(found)
+
+
+def forgo(system, raised, report, failure):
+    """Back to the last accepted state after a failure with greater penalties: these terms keep the ones they had."""
+    system.rollback()
+    for term in raised:
+        term.forgo_raise()
+    report.notes.append(f"not solved with them ({failure}): penalties stay")
