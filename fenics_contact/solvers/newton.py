@@ -178,9 +178,10 @@ class Incremental:
 def _forcing(residual):
     """How far an iterative solve must go: a tenth of what Newton's quadratic convergence can gain from this residual.
 
-    (Dembo, Eisenstat & Steihaug 1982, doi:10.1137/0719025.) The predictor, which has no residual yet, gets 1e-4.
+    (Dembo, Eisenstat & Steihaug 1982, doi:10.1137/0719025.) The predictor, which has no residual yet, gets 1e-5, for
+    its right-hand side may hold a penalty times the travel of a tool, many times the forces.
     """
-    return 1e-4 if residual == np.inf else float(np.clip(0.1 * residual, TIGHTEST, 1e-4))
+    return 1e-5 if residual == np.inf else float(np.clip(0.1 * residual, TIGHTEST, 1e-4))
 
 
 def solve_once(system, linear, du, dq, tolerance=TIGHTEST):

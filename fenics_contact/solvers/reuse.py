@@ -82,8 +82,12 @@ class ReusingSolver:
         ksp.setOptionsPrefix(PREFIX)
         ksp.setPC(pc)
         ksp.setType(kind)
+        # PETSc would measure the preconditioned residual, in which an old preconditioner hides where it is wrong
+        if kind != "preonly":
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         if kind == "gmres":
             ksp.setGMRESRestart(100)
+            ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.setFromOptions()
         return ksp
 
