@@ -106,6 +106,9 @@ class ReusingSolver:
         ):
             if not options.hasName(PREFIX + key):
                 options[PREFIX + key] = value
+        # a third of a set-up saved on one process; PETSc reads this one without a prefix
+        if self.comm.size == 1 and not options.hasName("matptap_via"):
+            options["matptap_via"] = "rap"
         pc.setType("gamg")
 
     def solve(self, matrix, pattern, rhs, out, tolerance):
