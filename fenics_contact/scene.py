@@ -246,6 +246,7 @@ class Scene:
         if grounding:
             grounding.bind(system)
         refuse_behind(system)
+        system.reach = max([system.extent, *(tool.reach for tool in self.tools)])
         system.bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in self.bodies)
         refuse_deep_start(self, system)
         return system

@@ -13,6 +13,9 @@ from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.timing import Timers
 
+# Rounding of a force in the norm of many, over the tolerance of steppers: 4 eps over 1e-8.
+ROUNDED = 4.0 * np.finfo(float).eps / 1e-8
+
 
 @dataclass
 class State:
@@ -194,6 +197,7 @@ class System:
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0
         self.extent = bodies_size(self.space)
+        self.reach = self.extent  # largest length that a gap is the difference of, tools' radii among them
         self._committed = self._snapshot()
         self._accepted = [self._committed]  # the last three
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
@@ -315,8 +319,12 @@ class System:
 
     @property
     def rounding(self):
-        """Force scale below which residuals are rounding: a body that moves without strain has no other [force]."""
-        return 1e-4 * self.stiffness * self.vector.norm(PETSc.NormType.NORM_INFINITY)
+        """Force scale below which residuals are rounding [force].
+
+        A body that moves without strain has no other; and a gap on a large tool is known to half a unit in the last place of
+        its radius, which the penalty turns into force.
+        """
+        return self.stiffness * max(1e-4 * self.vector.norm(PETSc.NormType.NORM_INFINITY), ROUNDED * self.reach)
 
     def update(self, du, dq, share=1.0):
         """Add a PETSc increment (owned part) and a travel increment to the state.

@@ -25,6 +25,11 @@ class MeshedTool(Tool):
     size: np.ndarray
     X: np.ndarray
 
+    @property
+    def reach(self):
+        """Largest length of which gaps are differences [length]."""
+        return float(np.abs(self.X).max())
+
 
 @dataclass(frozen=True, eq=False)
 class RigidTool(Tool):
@@ -39,6 +44,11 @@ class RigidTool(Tool):
     axes: np.ndarray
     origin: np.ndarray
     edge: str = "none"
+
+    @property
+    def reach(self):
+        """Largest length of which gaps are differences [length]."""
+        return float(max(np.abs(self.origin).max(), self.shape.max()))
 
 
 def _vector(values, what):

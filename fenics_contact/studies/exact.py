@@ -1,4 +1,4 @@
-"""Exact solutions that studies compare with: radial problems of rubber, and half-spaces under concentrated loads."""
+"""Exact solutions that studies compare with: radial problems of rubber, and half-spaces under point, line and Hertz loads."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -82,3 +82,20 @@ def flamant(P, E, nu):
         return np.column_stack([side, 0 * side, -down])
 
     return field
+
+
+def under_hertz(field, a, line=False):
+    """Displacement of a half-space under Hertz's pressure, p0 sqrt(1 - (r/a)^2), from `field` under its resultant at the origin.
+
+    line: along y, as under a cylinder, else over a disc. Away from the contact the sums converge as (a/distance)^8.
+    """
+    if line:  # Gauss-Chebyshev, second kind
+        angle = np.arange(1, 5) * np.pi / 5
+        places, shares = a * np.column_stack([np.cos(angle), 0 * angle, 0 * angle]), 0.4 * np.sin(angle) ** 2
+    else:  # a ring at r has the force 3 q^2 dq, q = sqrt(1 - (r/a)^2)
+        q, weights = np.polynomial.legendre.leggauss(4)
+        q, weights, turn = (1 + q) / 2, weights / 2, (np.arange(8) + 0.5) * np.pi / 4
+        r = a * np.sqrt(1 - q**2)[:, None]
+        places = np.stack([r * np.cos(turn), r * np.sin(turn), 0 * r * turn], axis=-1).reshape(-1, 3)
+        shares = np.repeat(3 * q**2 * weights / 8, 8)
+    return lambda X: sum(share * field(X - place) for place, share in zip(places, shares, strict=True))

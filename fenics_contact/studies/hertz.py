@@ -1,7 +1,7 @@
 """Hertz's contacts of a rigid sphere or cylinder with a half-space, at small strain: the force against the closed form.
 
-The half-space is a block whose far faces are led along the displacement of a point (Boussinesq) or line (Flamant) load of
-Hertz's force, the exact far field up to O((a / far)^2) of itself.
+The half-space is a block whose far faces are led along the displacement under Hertz's pressure, which is Boussinesq's (point
+load) or Flamant's (line load) folded with it.
 """
 
 import numpy as np
@@ -12,13 +12,13 @@ from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene import Body, Scene
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.exact import boussinesq, flamant
+from fenics_contact.studies.exact import boussinesq, flamant, under_hertz
 from fenics_contact.studies.runner import Study, expand, metrics
 from meshes import graded_block
 
 E, NU = 1000.0, 0.3  # MPa
 STAR = E / (1 - NU**2)
-R, A = 100.0, 1.0  # tool radius and half-width of the contact [mm]: strains of A / R = 1 %
+R, A = 300.0, 1.0  # tool radius and half-width of the contact [mm]: strains of A / R = 0.3 %
 FAR, DEPTH = 8.0, 0.1  # [mm]: far faces, thickness of the slice under the cylinder
 
 BASE = {"tool": "cylinder", "cells": 12, "degree": 1, "points": "nodes", "factor": 100.0, "method": "newton", "steps": 2,
@@ -77,8 +77,8 @@ def sphere(cells):
     """Tool, its travel [mm], the far field, the exact force [N] on a quarter, and the mesh."""
     depth = A**2 / R
     force = 4 / 3 * STAR * np.sqrt(R) * depth**1.5
-    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.35)
-    return rigid_sphere(R, (0, 0, R)), depth, boussinesq(force, E, NU), force / 4, mesh
+    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.35 ** (8 / cells))
+    return rigid_sphere(R, (0, 0, R)), depth, under_hertz(boussinesq(force, E, NU), A), force / 4, mesh
 
 
 def cylinder(cells):
@@ -86,8 +86,8 @@ def cylinder(cells):
     P = np.pi * STAR * A**2 / (4 * R)  # a = 2 sqrt(P R / (pi E*))
     # the travel against the same far field: Hertz's pressure folded with Flamant's surface displacement
     depth = 2 * P / (np.pi * STAR) * (0.5 - np.log(A / 2)) - P * (1 + NU) / (np.pi * E)
-    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.2, depth=DEPTH)
-    return rigid_cylinder(R, (0, 0, R)), depth, flamant(P, E, NU), DEPTH * P / 2, mesh
+    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.2 ** (12 / cells), depth=DEPTH)
+    return rigid_cylinder(R, (0, 0, R)), depth, under_hertz(flamant(P, E, NU), A, line=True), DEPTH * P / 2, mesh
 
 
 def studies(quick):
