@@ -10,7 +10,7 @@ import pytest
 from fenics_contact.studies import Study, answer, expand, grid, stability_map, work_precision
 from fenics_contact.studies.__main__ import NAMES, run
 from fenics_contact.studies.charts import StudyError, cheapest, hold_slope, medians, pareto, savings
-from fenics_contact.studies.exact import Radial
+from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
 from fenics_contact.studies.runner import read
 
 pytestmark = pytest.mark.serial
@@ -111,6 +111,17 @@ def test_exact_tubes(radius, inside, contact):
     pressure, interface = tube.solve((80.0, 90.0), radius, lambda r: tube.solve((100.0, 110.0), r)[0])
     found = tube.solve((100.0, 110.0), interface)[0]
     assert abs(pressure - inside) < 1e-6 and abs(found - contact) < 1e-6  # printed digits
+
+
+def test_field_under_hertz_pressure():
+    """Surface outside a circular contact (Johnson 1985, 3.42a)."""
+    E, nu, a, r = 1000.0, 0.3, 2.0, np.array([6.0, 12.0])
+    peak = 3 / (2 * np.pi * a**2)  # of a force of one
+    sunk = (1 - nu**2) / E * peak / (2 * a) * ((2 * a**2 - r**2) * np.arcsin(a / r) + r * a * np.sqrt(1 - (a / r) ** 2))
+    X = np.column_stack([r * np.cos(0.3), r * np.sin(0.3), 0 * r])
+    # rings of 8 points over a disc: (a/r)^8 is 1.5e-4 and 6e-7
+    assert abs(under_hertz(boussinesq(1.0, E, nu), a)(X)[:, 2] / -sunk - 1) == pytest.approx(0.0, abs=1.5e-4)
+    assert abs(under_hertz(boussinesq(1.0, E, nu), a)(X)[1, 2] / -sunk[1] - 1) < 6e-7
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,4 +1,4 @@
-"""Exact solutions that studies compare with: radial problems of rubber, and half-spaces under point, line and Hertz loads."""
+"""Exact solutions that studies compare with: radial problems of rubber, half-spaces under point, line and Hertz loads."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -85,7 +85,7 @@ def flamant(P, E, nu):
 
 
 def under_hertz(field, a, line=False):
-    """Displacement of a half-space under Hertz's pressure, p0 sqrt(1 - (r/a)^2), from `field` under its resultant at the origin.
+    """Displacement of a half-space under Hertz's pressure, p0 sqrt(1 - (r/a)^2), from `field`, that under its resultant.
 
     line: along y, as under a cylinder, else over a disc. Away from the contact the sums converge as (a/distance)^8.
     """
