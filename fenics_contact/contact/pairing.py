@@ -1,12 +1,16 @@
 """Pairing of slave points with the facet of the master surface that is nearest to each."""
 
+import math
+
 import numpy as np
 
 from fenics_contact.kernels.broad_phase import candidates
-from fenics_contact.kernels.closest_point import closest_points
+from fenics_contact.kernels.closest_point import BORDER_COSINE, closest_points
 from fenics_contact.kernels.slave_ray import slave_rays
 
 FACING = 0.0  # cosine of outward normals above which a facet looks the slave's own way and is no partner
+# Distance by which a normal from the border of a surface may miss the master's over the gap: as a closest point does.
+BEYOND = math.tan(math.acos(BORDER_COSINE))
 
 
 class Pairing:
@@ -55,10 +59,12 @@ def seek_closest(points, normals, coords, facets, lists, search, out):
     closest_points(points, normals, coords, facets, lists, search, FACING, out)
 
 
-def seek_along_normals(nodes, gradients):
-    """Seeker for Gauss points: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k)."""
+def seek_along_normals(nodes, gradients, corners):
+    """Seeker for points of facets: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k); corners:
+    points may lie on the border of their surface."""
+    beyond = BEYOND if corners else 0.0
 
     def seek(points, normals, coords, facets, lists, search, out):
-        slave_rays(points, nodes, gradients, coords, facets, lists, search, out)
+        slave_rays(points, nodes, gradients, coords, facets, lists, search, beyond, out)
 
     return seek
