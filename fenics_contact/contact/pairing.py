@@ -1,16 +1,15 @@
 """Pairing of slave points with the facet of the master surface that is nearest to each."""
 
-import math
-
 import numpy as np
 
 from fenics_contact.kernels.broad_phase import candidates
-from fenics_contact.kernels.closest_point import BORDER_COSINE, closest_points
+from fenics_contact.kernels.closest_point import closest_points
 from fenics_contact.kernels.slave_ray import slave_rays
 
 FACING = 0.0  # cosine of outward normals above which a facet looks the slave's own way and is no partner
-# Distance by which a normal from the border of a surface may miss the master's over the gap: as a closest point does.
-BEYOND = math.tan(math.acos(BORDER_COSINE))
+# Of a facet's radius: by how much a normal from the border of a surface may miss the master. Surfaces that end together part
+# by less, and a point that far outside has left.
+BEYOND = 0.1
 
 
 class Pairing:

@@ -5,8 +5,9 @@ x_S - r(xi) = g n, n = -n_S.  Direction and gap are continuous where r(xi) passe
 ridges and in valleys alike; a closest point is not, for g < 0 under a ridge.  Puso & Laursen 2004,
 doi:10.1016/j.cma.2003.10.010, for the use of the slave's normal.
 
-Points on the border of their surface may meet the master just beyond its own, where polygons stand for round surfaces that
-end on a plane of symmetry: there normals lean out of the body by half the angle between facets.
+Points on the border of their surface may meet the master just beyond its own: where both surfaces end on one plane they part
+by what their strains differ, and polygons that stand for round surfaces have normals there that lean out of the body by half
+the angle between facets.
 """
 
 import numpy as np
@@ -96,7 +97,7 @@ def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, b
     slave_nodes (np, k), gradients (np, 2, k): nodes of the slave facet and derivatives of their shape functions in
     the point, counter-clockwise seen from outside; surface, lists, projection as in kernels/closest_point.py,
     kind INTERIOR or NONE. Facets that look the slave's own way are no partners. beyond: a ray that meets no facet is paired
-    with the one it misses least, continued, if it misses that by no more than beyond |g|.
+    with the one it misses least, continued, if it misses that by no more than `beyond` of the radius of the facet's ball.
     """
     size = surface[1]
     offsets, listed = lists
@@ -124,14 +125,14 @@ def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, b
             facet[q], kind[q], gap[q] = f, INTERIOR, g
             xi[q, 0], xi[q, 1] = s, t
         if kind[q] == NONE and beyond > 0.0:
-            f, s, t, g = _least_missed(x, n, mine, coords, surface, search, beyond)
+            f, s, t, g = _least_missed(x, n, mine, coords, surface, search, beyond, radii)
             if f >= 0:
                 facet[q], kind[q], gap[q] = f, INTERIOR, g
                 xi[q, 0], xi[q, 1] = s, t
 
 
 @njit(cache=True, error_model="numpy")
-def _least_missed(x, n, mine, coords, surface, search, beyond):
+def _least_missed(x, n, mine, coords, surface, search, beyond, radii):
     """(facet or -1, xi1, xi2, g): of the listed facets, continued, the one whose border the ray passes nearest."""
     best, least, place1, place2, gap = -1, np.inf, 0.0, 0.0, 0.0
     for f in mine:
@@ -140,7 +141,7 @@ def _least_missed(x, n, mine, coords, surface, search, beyond):
         if not found or not abs(g) <= search or not _faces(n, s, t, c1, c2, c3):
             continue
         miss = _off_facet(less(x, g, n), f, coords, surface)
-        if miss <= beyond * abs(g) and miss < least:
+        if miss * miss <= beyond * beyond * radii[f] and miss < least:
             best, least, place1, place2, gap = f, miss, s, t, g
     return best, place1, place2, gap
 
