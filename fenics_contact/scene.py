@@ -167,6 +167,8 @@ class Scene:
                 )
             if self.degree != 1:
                 raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
+        if points not in ("nodes", "closest") and (not isinstance(points, int) or points < 1):
+            raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes', 'closest' or a count of Gauss points")
         if isinstance(master, MeshedTool) and self.degree != 1 and isinstance(points, str):
             raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
@@ -187,8 +189,6 @@ class Scene:
                 "multipliers at every node, and a closest point without penetration has no normal at an edge between them; "
                 "use Gauss points, e.g. points=1"
             )
-        if points not in ("nodes", "closest") and (not isinstance(points, int) or points < 1):
-            raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes', 'closest' or a count of Gauss points")
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)

@@ -68,13 +68,12 @@ def slave_surface(space, facets, modulus, points="nodes"):
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     X = space.tabulate_dof_coordinates()
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points in ("nodes", "corners") else points)
+    means = stiffness, height, spacing
     if points == "nodes":
         gradients = None
-        means = (stiffness, height, spacing)
-        nodes, a, area, (stiffness, height, spacing) = _gather_to_nodes(space, nodes, a, area, means)
+        nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
-    means = stiffness, height, spacing
     return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, gradients, points == "corners")
 
 
