@@ -145,9 +145,10 @@ class Scene:
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point, raised where points sink in too far; penalty_factor: on that stiffness where no number is given
         (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given (TANGENTIAL_SHARE), see
-        `contact.penalties`, where both are; points: "nodes" (the paper), or Gauss
-        points per direction of each facet; by default nodes on an analytic tool, and 3 on a body or a meshed tool, where
-        they alone feel no jump at the master's edges; penetration:
+        `contact.penalties`, where both are; points: Gauss points per direction of each facet, or "nodes", which on a body
+        look along the normals of the slave's facets as Gauss points do, and on a tool along the tool's, or "closest": nodes
+        and their closest points on a body (the paper), where the force jumps at the master's edges; by default nodes on an
+        analytic tool, and 3 on a body or a meshed tool; penetration:
         how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
         multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with one
         point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone holds.
@@ -166,7 +167,9 @@ class Scene:
                 )
             if self.degree != 1:
                 raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
-        if isinstance(master, MeshedTool) and self.degree != 1 and points == "nodes":
+        if points not in ("nodes", "closest") and (not isinstance(points, int) or points < 1):
+            raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes', 'closest' or a count of Gauss points")
+        if isinstance(master, MeshedTool) and self.degree != 1 and isinstance(points, str):
             raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
         if not (np.isfinite(friction) and friction >= 0.0):
             raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
@@ -180,13 +183,12 @@ class Scene:
         for label, value in positive.items():
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SceneError(f"contact '{name}': {label} = {value} must be positive")
-        if penetration is not None and points == "nodes" and not isinstance(master, RigidTool):
+        if penetration is not None and isinstance(points, str) and not isinstance(master, RigidTool):
             raise SceneError(
-                f"contact '{name}': penetration= with points=\"nodes\" needs an analytic tool: a node that touches an edge "
-                "between facets without sinking in has no normal; use Gauss points, e.g. points=3"
+                f"contact '{name}': penetration= with points=\"{points}\" needs an analytic tool: flat facets cannot follow "
+                "multipliers at every node, and a closest point without penetration has no normal at an edge between them; "
+                "use Gauss points, e.g. points=1"
             )
-        if points != "nodes" and (not isinstance(points, int) or points < 1):
-            raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes' or a count of Gauss points")
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
         self._facets(slave)
@@ -344,7 +346,10 @@ class Scene:
         return modulus
 
     def _contact_term(self, contact, modulus):
-        surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, contact.points)
+        points = contact.points
+        if isinstance(points, str):  # a tool keeps its shape, and its own normal is the right one
+            points = "nodes" if points == "closest" or isinstance(contact.master, Tool) else "corners"
+        surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, points)
         normal, tangential, _ = penalties(contact, surface)
         if isinstance(contact.master, RigidTool):
             index = self.tools.index(contact.master)

@@ -34,10 +34,10 @@ _NOT_HELD = np.empty(0)
 class DeformableContact(PairPenalties, SlavePoints):
     """Penalty contact with Coulomb friction between slave points and the facets of another body.
 
-    Slave nodes seek the closest point on the master and its normal (the paper); Gauss points of slave facets seek the
-    master along their own facet's normal, which stays continuous over the master's edges. surface: SlaveSurface;
-    facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals say where a slave
-    node looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
+    Points of slave facets, Gauss points or corners, seek the master along their own facet's normal, which stays continuous
+    over the master's edges; slave nodes without a facet seek the closest point on the master and its normal (the paper).
+    surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals
+    say where a slave node looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
     [pressure/length]. Each rank evaluates its slave points against the whole master surface; forces on the master go
     back by a sum over its nodes. All methods that take a state are collective. Evaluation is pure; `commit` writes the
     anchors.
@@ -70,7 +70,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         self.shift = np.zeros((ne, nq))
         self.put_penalties(normal_penalty, tangential_penalty)
         self.set_up_penalties()
-        seek = seek_closest if surface.gradients is None else seek_along_normals(nodes, gradients)
+        seek = seek_closest if surface.gradients is None else seek_along_normals(nodes, gradients, surface.corners)
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._rests = self._anchors = self._no_anchors()
         self._kept = self._anchors, self.shift  # those of the last accepted step

@@ -7,6 +7,9 @@ from fenics_contact.kernels.closest_point import closest_points
 from fenics_contact.kernels.slave_ray import slave_rays
 
 FACING = 0.0  # cosine of outward normals above which a facet looks the slave's own way and is no partner
+# Of a facet's radius: by how much a normal from the border of a surface may miss the master. Surfaces that end together part
+# by less, and a point that far outside has left.
+BEYOND = 0.1
 
 
 class Pairing:
@@ -55,10 +58,12 @@ def seek_closest(points, normals, coords, facets, lists, search, out):
     closest_points(points, normals, coords, facets, lists, search, FACING, out)
 
 
-def seek_along_normals(nodes, gradients):
-    """Seeker for Gauss points: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k)."""
+def seek_along_normals(nodes, gradients, corners):
+    """Seeker for points of facets: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k); corners:
+    points may lie on the border of their surface."""
+    beyond = BEYOND if corners else 0.0
 
     def seek(points, normals, coords, facets, lists, search, out):
-        slave_rays(points, nodes, gradients, coords, facets, lists, search, out)
+        slave_rays(points, nodes, gradients, coords, facets, lists, search, beyond, out)
 
     return seek

@@ -1,4 +1,4 @@
-"""Slave points of a boundary group: nodes with tributary areas, or Gauss points of its facets."""
+"""Slave points of a boundary group: nodes with tributary areas, corners or Gauss points of its facets."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ class SlaveSurface:
     the points along it [length]; cell_height: largest height [length] over all ranks; key (ne,): the element's number on
     any number of ranks.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
-    the body; None for points that are nodes.
+    the body; None for points that are nodes. corners: the points are corners of their facets.
     """
 
     nodes: np.ndarray
@@ -34,6 +34,7 @@ class SlaveSurface:
     cell_height: float
     key: np.ndarray
     gradients: np.ndarray | None = None
+    corners: bool = False
 
     @property
     def points(self):
@@ -44,35 +45,36 @@ class SlaveSurface:
 def slave_surface(space, facets, modulus, points="nodes"):
     """Slave points on the exterior facets of a group.
 
-    space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes", or the number
-    of Gauss points per direction of a facet. ValueError where nodes have no tributary area (quadratic triangles).
+    space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes"; "corners" of
+    facets of degree 1: the nodes, each as often as facets meet there, with what these give to its tributary area; or the
+    number of Gauss points per direction of a facet. ValueError where nodes have no tributary area (quadratic triangles).
     """
     mesh = space.mesh
     cell = compat.cell_name(mesh)
     degree = compat.degree(space)
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
-    order = points if points != "nodes" else 2 * degree
-    geometry = [_facet_quadrature(mesh, cell, degree, order, cells[local == f], f) for f in range(_facets_per_cell(cell))]
+    where = mesh, cell, degree, [cells[local == f] for f in range(_facets_per_cell(cell))]
+    a, gradients, area = _facet_points(*where, 2 * degree if points in ("nodes", "corners") else points)
+    if points == "corners":
+        area = np.einsum("eq,eqk->ek", area, a)
+        a, gradients, _ = _facet_points(*where, None)
     nodes = np.concatenate(
-        [compat.cell_dofs(space)[cells[local == f]][:, compat.facet_closure_dofs(space, f)] for f in range(len(geometry))]
+        [compat.cell_dofs(space)[mine][:, compat.facet_closure_dofs(space, f)] for f, mine in enumerate(where[3])]
     )
-    a = np.concatenate([np.broadcast_to(values, (len(area), *values.shape)) for values, _, area in geometry])
-    area = np.concatenate([area for _, _, area in geometry])
-    owner = np.concatenate([cells[local == f] for f in range(len(geometry))])
+    owner = np.concatenate(where[3])
     key = compat.original_cells(mesh)[owner].astype(np.int64) * 6 + np.sort(local)
     height = _cell_volumes(mesh)[owner] / np.maximum(area.sum(axis=1), 1e-300)
     stiffness = modulus[owner] / height
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     X = space.tabulate_dof_coordinates()
-    spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points == "nodes" else points)
-    gradients = np.concatenate([np.broadcast_to(slope, (len(area), *slope.shape)) for _, slope, area in geometry])
+    spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points in ("nodes", "corners") else points)
+    means = stiffness, height, spacing
     if points == "nodes":
         gradients = None
-        means = (stiffness, height, spacing)
-        nodes, a, area, (stiffness, height, spacing) = _gather_to_nodes(space, nodes, a, area, means)
+        nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
-    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], stiffness, height, spacing, tallest, key, gradients)
+    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, gradients, points == "corners")
 
 
 def _shortest_sides(mesh, cell, cells, local):
@@ -91,13 +93,26 @@ def _facets_per_cell(cell):
     return {"hexahedron": 6, "tetrahedron": 4}[cell]
 
 
+def _facet_points(mesh, cell, degree, cells, order):
+    """Weights (ne, nq, k) of the facets' nodes in their points, gradients (ne, nq, 2, k), areas (ne, nq) [length^2].
+
+    cells: for each number of a facet in its cell, the cells whose facet has it; order as in _facet_quadrature.
+    """
+    found = [_facet_quadrature(mesh, cell, degree, order, mine, f) for f, mine in enumerate(cells)]
+    tables = (np.concatenate([np.broadcast_to(part[i], (len(part[2]), *part[i].shape)) for part in found]) for i in (0, 1))
+    return *tables, np.concatenate([area for _, _, area in found])
+
+
 def _facet_quadrature(mesh, cell, degree, order, cells, facet):
-    """Weights of the facet's nodes in its Gauss points (nq, k), their gradients (nq, 2, k) along two tangents whose cross
-    product points outwards, and the points' reference areas (ncells, nq)."""
+    """Weights of the facet's nodes in its points (nq, k), their gradients (nq, 2, k) along two tangents whose cross
+    product points outwards, and the points' reference areas (ncells, nq).
+
+    order: Gauss points per direction, or None for the facet's corners, in the order of its nodes and with weight 1.
+    """
     kind = getattr(basix.CellType, cell)
     corners = basix.geometry(kind)[basix.topology(kind)[2][facet]]
     flat = basix.CellType.quadrilateral if len(corners) == 4 else basix.CellType.triangle
-    s, w = basix.make_quadrature(flat, 2 * order - 1)
+    s, w = (basix.geometry(flat), 1.0) if order is None else basix.make_quadrature(flat, 2 * order - 1)
     edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]])
     if np.cross(*edges) @ (corners.mean(axis=0) - basix.geometry(kind).mean(axis=0)) < 0.0:
         edges, s = edges[::-1], s[:, ::-1]

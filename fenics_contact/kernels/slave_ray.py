@@ -4,6 +4,10 @@ The point x_S of a slave facet with outward normal n_S is paired with the point 
 x_S - r(xi) = g n, n = -n_S.  Direction and gap are continuous where r(xi) passes from one master facet to the next, on
 ridges and in valleys alike; a closest point is not, for g < 0 under a ridge.  Puso & Laursen 2004,
 doi:10.1016/j.cma.2003.10.010, for the use of the slave's normal.
+
+Points on the border of their surface may meet the master just beyond its own: where both surfaces end on one plane they part
+by what their strains differ, and polygons that stand for round surfaces have normals there that lean out of the body by half
+the angle between facets.
 """
 
 import numpy as np
@@ -19,7 +23,7 @@ CLEAR = 1e-6
 
 @njit(cache=True, error_model="numpy")
 def _meet(x, n, m, c0, c1, c2, c3):
-    """Newton for x - r(xi) = g n on the patch r = c0 + c1 s + c2 t + c3 s t; returns (found, xi1, xi2, g)."""
+    """Newton for x - r(xi) = g n on the patch r = c0 + c1 s + c2 t + c3 s t; returns (found, inside, xi1, xi2, g)."""
     s = t = 1.0 / 3.0 if m == 3 else 0.0
     size = max(max(abs(c1[0]), abs(c1[1]), abs(c1[2])), max(abs(c2[0]), abs(c2[1]), abs(c2[2])))
     for _ in range(MAX_NEWTON):
@@ -29,17 +33,17 @@ def _meet(x, n, m, c0, c1, c2, c3):
         one, two = cross(r2, n), cross(n, r1)
         det = dot(r1, one)
         if not abs(det) > 1e-12 * size * size:
-            return False, 0.0, 0.0, 0.0
+            return False, False, 0.0, 0.0, 0.0
         ds, dt = dot(d, one) / det, dot(d, two) / det
         s, t = s + ds, t + dt
         if abs(s) > 50.0 or abs(t) > 50.0:
-            return False, 0.0, 0.0, 0.0
+            return False, False, 0.0, 0.0, 0.0
         if max(abs(ds), abs(dt)) < 1e-12:
             g = dot(less(less(minus(x, c0), s, c1), t, less(c2, -s, c3)), n)
             low = -OVERLAP if m == 3 else -1.0 - OVERLAP
             inside = s >= low and t >= low and (s + t <= 1.0 + OVERLAP if m == 3 else max(s, t) <= 1.0 + OVERLAP)
-            return inside, s, t, g
-    return False, 0.0, 0.0, 0.0
+            return True, inside, s, t, g
+    return False, False, 0.0, 0.0, 0.0
 
 
 @njit(cache=True)
@@ -72,15 +76,30 @@ def facet_balls(coords, surface, centres, radii):
         radii[f] = (1.0 + CLEAR) * longest
 
 
+@njit(cache=True)
+def _facet_patch(f, coords, surface):
+    """`_patch` of facet f."""
+    nodes, size = surface
+    x0, x1, x2, x3 = row(coords, nodes[f, 0]), row(coords, nodes[f, 1]), row(coords, nodes[f, 2]), row(coords, nodes[f, 3])
+    return _patch(size[f], x0, x1, x2, x3)
+
+
+@njit(cache=True)
+def _faces(n, s, t, c1, c2, c3):
+    """True where the patch does not look the slave's own way."""
+    return dot(cross(less(c1, -t, c3), less(c2, -s, c3)), n) > 0.0
+
+
 @njit(cache=True, error_model="numpy")
-def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, projection):
+def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, beyond, projection):
     """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within `search`.
 
     slave_nodes (np, k), gradients (np, 2, k): nodes of the slave facet and derivatives of their shape functions in
     the point, counter-clockwise seen from outside; surface, lists, projection as in kernels/closest_point.py,
-    kind INTERIOR or NONE. Facets that look the slave's own way are no partners.
+    kind INTERIOR or NONE. Facets that look the slave's own way are no partners. beyond: a ray that meets no facet is paired
+    with the one it misses least, continued, if it misses that by no more than `beyond` of the radius of the facet's ball.
     """
-    nodes, size = surface
+    size = surface[1]
     offsets, listed = lists
     facet, kind, feature, xi, gap, normal = projection
     centres, radii = np.empty((len(size), 3)), np.empty(len(size))
@@ -92,28 +111,52 @@ def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, p
         n, x = cross(t2, t1), row(points, q)
         n = times(1.0 / max(norm(n), 1e-300), n)
         normal[q, 0], normal[q, 1], normal[q, 2] = n
-        nearest = np.inf
-        for j in range(offsets[q], offsets[q + 1]):
-            f = listed[j]
+        mine, nearest = listed[offsets[q] : offsets[q + 1]], np.inf
+        for f in mine:
             d = minus(row(centres, f), x)
             along = dot(d, n)
             if dot(d, d) - along * along > radii[f]:
                 continue  # the ray passes by
-            c0, c1, c2, c3 = _patch(
-                size[f],
-                row(coords, nodes[f, 0]),
-                row(coords, nodes[f, 1]),
-                row(coords, nodes[f, 2]),
-                row(coords, nodes[f, 3]),
-            )
-            found, s, t, g = _meet(x, n, size[f], c0, c1, c2, c3)
-            if not found or not abs(g) <= search or abs(g) >= nearest:
-                continue
-            if not dot(cross(less(c1, -t, c3), less(c2, -s, c3)), n) > 0.0:
+            c0, c1, c2, c3 = _facet_patch(f, coords, surface)
+            _, inside, s, t, g = _meet(x, n, size[f], c0, c1, c2, c3)
+            if not inside or not abs(g) <= search or abs(g) >= nearest or not _faces(n, s, t, c1, c2, c3):
                 continue
             nearest = abs(g)
             facet[q], kind[q], gap[q] = f, INTERIOR, g
             xi[q, 0], xi[q, 1] = s, t
+        if kind[q] == NONE and beyond > 0.0:
+            f, s, t, g = _least_missed(x, n, mine, coords, surface, search, beyond, radii)
+            if f >= 0:
+                facet[q], kind[q], gap[q] = f, INTERIOR, g
+                xi[q, 0], xi[q, 1] = s, t
+
+
+@njit(cache=True, error_model="numpy")
+def _least_missed(x, n, mine, coords, surface, search, beyond, radii):
+    """(facet or -1, xi1, xi2, g): of the listed facets, continued, the one whose border the ray passes nearest."""
+    best, least, place1, place2, gap = -1, np.inf, 0.0, 0.0, 0.0
+    for f in mine:
+        c0, c1, c2, c3 = _facet_patch(f, coords, surface)
+        found, _, s, t, g = _meet(x, n, surface[1][f], c0, c1, c2, c3)
+        if not found or not abs(g) <= search or not _faces(n, s, t, c1, c2, c3):
+            continue
+        miss = _off_facet(less(x, g, n), f, coords, surface)
+        if miss * miss <= beyond * beyond * radii[f] and miss < least:
+            best, least, place1, place2, gap = f, miss, s, t, g
+    return best, place1, place2, gap
+
+
+@njit(cache=True, error_model="numpy")
+def _off_facet(p, f, coords, surface):
+    """Distance of place p from the nearest edge of facet f."""
+    nodes, size = surface
+    nearest = np.inf
+    for i in range(size[f]):
+        start, end = row(coords, nodes[f, i]), row(coords, nodes[f, (i + 1) % size[f]])
+        edge, d = minus(end, start), minus(p, start)
+        along = min(max(dot(d, edge) / max(dot(edge, edge), 1e-300), 0.0), 1.0)
+        nearest = min(nearest, norm(less(d, along, edge)))
+    return nearest
 
 
 @njit(cache=True)

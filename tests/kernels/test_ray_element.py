@@ -26,12 +26,13 @@ def shapes(s, t):
 
 
 class Pair:
-    """One Gauss point of a slave facet over a folded master."""
+    """One point of a slave facet over a folded master; beyond: how far its ray may miss the master, over the
+    radius of a facet."""
 
-    def __init__(self, lift, facets=FACETS, mu=0.0, anchor=None):
-        self.coords = np.vstack([RIDGE, SLAVE + [0.0, 0.0, lift]])
+    def __init__(self, lift, facets=FACETS, mu=0.0, anchor=None, at=XI, aside=0.0, beyond=0.0):
+        self.coords, self.beyond = np.vstack([RIDGE, SLAVE + [aside, 0.0, lift]]), beyond
         self.surface = (np.array(facets), np.array([len(set(f)) for f in facets]))
-        weights, gradients = shapes(*XI)
+        weights, gradients = shapes(*at)
         self.slaves = (np.arange(6, 10)[None], weights[None], np.array([AREA]), gradients[None])
         self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0, np.zeros(1))
         self.anchors = (np.full((1, 4), -1), np.zeros((1, 4)))
@@ -43,7 +44,7 @@ class Pair:
         slave_points(coords, self.slaves[0], self.slaves[1], point)
         out = (*(np.zeros(1, np.int64) for _ in range(3)), np.zeros((1, 2)), np.zeros(1), np.zeros((1, 3)))
         lists = (np.array([0, n]), np.arange(n))
-        slave_rays(point, self.slaves[0], self.slaves[3], coords, self.surface, lists, 2.0, out)
+        slave_rays(point, self.slaves[0], self.slaves[3], coords, self.surface, lists, 2.0, self.beyond, out)
         pairs = (coords, self.slaves, self.surface, out, self.anchors, self.law)
         residual, tangent, status, T, _ = evaluated(*pairs)
         gap = out[4]
@@ -51,12 +52,16 @@ class Pair:
 
 
 ANCHOR = ([1, 4, 5, 2], [0.6, -0.1, 0.1, 0.4])
+# the slave facet's first corner, 0.015 beyond the master's border and 0.1 deep
+CORNER = {"at": (-1, -1), "aside": -0.215, "beyond": 0.1}
 STATES = {
     "open": ({"lift": 0.6}, OPEN),
     "closed": ({"lift": -0.3}, CLOSED),
     "closed triangle": ({"lift": -0.3, "facets": TRIANGLES}, CLOSED),
     "stick": ({"lift": -0.3, "mu": 9.0, "anchor": ANCHOR}, STICK),
     "slip": ({"lift": -0.3, "mu": 0.3, "anchor": ANCHOR}, SLIP),
+    "beyond the border": ({"lift": -0.3, "mu": 0.3, "anchor": ANCHOR} | CORNER, SLIP),
+    "beyond, triangle": ({"lift": -0.3, "facets": TRIANGLES} | CORNER, CLOSED),
 }
 
 
@@ -135,6 +140,25 @@ def test_a_facet_that_looks_the_slaves_way_is_no_partner():
     assert pair.evaluate(pair.coords)[5][1][0] == NONE
 
 
+@pytest.mark.parametrize("facets", [[[0, 1, 2, 3]], [[0, 1, 2, 2], [0, 2, 3, 3]]])
+@pytest.mark.parametrize(
+    "aside, deep, paired", [(-0.06, -0.1, True), (-0.08, -0.1, False), (-0.06, 0.1, True), (0.3, -0.1, True)]
+)
+def test_a_corner_may_miss_the_master_by_a_share_of_a_facet(facets, aside, deep, paired):
+    """A level facet over the unit square: the ray is vertical, and the plane beyond the border is that of the square,
+    whose ball has a radius of 0.707."""
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]], dtype=float)
+    level = [[0, 0, deep], [0, 0.5, deep], [0.5, 0.5, deep], [0.5, 0, deep]]
+    for beyond, found in ((0.1, paired), (0.0, paired and aside > 0.0)):
+        pair = Pair(0.0, facets=facets, at=(-1, -1), beyond=beyond)
+        pair.coords = np.vstack([square, np.add(level, [aside, 0.2, 0.0])])
+        *_, gap, _, out, point = pair.evaluate(pair.coords)
+        assert (out[1][0] == INTERIOR) == found
+        if found:
+            N = shapes(*out[3][0])[0] if len(facets) == 1 else [1 - out[3][0].sum(), *out[3][0], 0.0]
+            assert np.allclose(N @ square[facets[out[0][0]]], [*point[:2], 0.0], atol=1e-14) and abs(gap - deep) < 1e-15
+
+
 def facet_of_points(mu, anchors=None):
     """The arrays of nine Gauss points of one slave facet over the folded master, as Pair has them for one."""
     pair = Pair(-0.3, mu=mu)
@@ -154,7 +178,7 @@ def projected(pair):
     slave_points(pair.coords, *pair.slaves[:2], points)
     out = (*(np.zeros(n, np.int64) for _ in range(3)), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3)))
     lists = (nf * np.arange(n + 1), np.tile(np.arange(nf), n))
-    slave_rays(points, pair.slaves[0], pair.slaves[3], pair.coords, pair.surface, lists, 2.0, out)
+    slave_rays(points, pair.slaves[0], pair.slaves[3], pair.coords, pair.surface, lists, 2.0, 0.0, out)
     return out
 
 
@@ -192,7 +216,7 @@ def test_rays_hit_the_triangles_that_the_closed_form_finds():
     out = (*(np.zeros(200, np.int64) for _ in range(3)), np.zeros((200, 2)), np.zeros(200), np.zeros((200, 3)))
     lists = (60 * np.arange(201), np.tile(np.arange(60), 200))
     nodes = np.arange(180, 780).reshape(-1, 3)
-    slave_rays(points, nodes, gradients, coords, (facets, np.full(60, 3)), lists, 3.0, out)
+    slave_rays(points, nodes, gradients, coords, (facets, np.full(60, 3)), lists, 3.0, 0.0, out)
     n = -np.cross(slave[:, 1] - slave[:, 0], slave[:, 2] - slave[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
