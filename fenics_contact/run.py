@@ -14,6 +14,7 @@ from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
+from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.continuation import ArcSteps, follow
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
@@ -271,6 +272,8 @@ def _stepper(method, solver, tolerance, system):
         raise SceneError(
             f"{what} needs steps that end in balance, method {ways}, not '{method}'; leave it out, or choose one of these"
         )
+    if isinstance(stepper, Newton):
+        stepper = Softened(stepper)
     return Adapted(Augmented(stepper) if system.augmented else stepper)
 
 
