@@ -480,7 +480,7 @@ def test_a_batch_is_its_elements_one_by_one():
 
 def test_pressures_that_a_solve_starts_from():
     """They decide the status and enter the tangent; the force is linear in the gap, so that a solve mends what they miss."""
-    tool, n, elastic, eps_t = place("plane", "plane"), np.array([0.0, 0.0, 1.0]), (2e-3, 0.0, 0.0), EPS_N
+    tool, n, elastic, eps_t = Tool(*PLACES["plane"][:2]), np.array([0.0, 0.0, 1.0]), (2e-3, 0.0, 0.0), EPS_N
     for depth, status in ((0.1, STICK), (1e-3, SLIP)):
         held = Contact(tool, (0.1, 0.2, 1e-4), n, mu=0.3, elastic=elastic, eps_t=eps_t)  # open, 1e-4 in front of the plane
         held.judged = np.array([-depth])
@@ -488,7 +488,9 @@ def test_pressures_that_a_solve_starts_from():
         loose, meant = held.evaluate(), there.evaluate()
         assert loose["status"][0] == meant["status"][0] == status
         np.testing.assert_allclose(loose["K"], meant["K"], rtol=0, atol=1e-12 * np.abs(meant["K"]).max())
-        moved = loose["force"][0] + loose["K"] @ (-(1e-4 + depth) * tool.axes[:, 2])  # to where that pressure is the gap's
+        moved = held.evaluate(want_tangent=False)["force"][0] + loose["K"] @ (
+            -(1e-4 + depth) * tool.axes[:, 2]
+        )  # to where that pressure is the gap's
         np.testing.assert_allclose(moved, meant["force"][0], rtol=0, atol=1e-10 * np.abs(meant["force"]).max())
 
 
