@@ -44,8 +44,8 @@ class Penalties:
     """
 
     adapts = (False, False)  # normal, tangential
-    # may have softer penalties on the way to a solution: not where these let points of a facet reach other facets, or drop
-    # off a sharp edge (19 cut-backs instead of 7 on a punch with 1000 E/h)
+    # may have softer penalties on the way to a solution: not under a sharp edge, where other points then hold (19 cut-backs
+    # instead of 7 on a punch with 1000 E/h); with facets as a master it has not been tried
     softens = False
 
     def set_up_penalties(self):

@@ -14,7 +14,8 @@ class Softened:
     What presses little on a structure that gives way, a strap on a drum, sinks into its contact by a millionth of the
     way that its points go within a step: they open and close, stick and slip at each iteration. Under a penalty that lets
     them sink by a hundredth of a cell they settle; the step is then solved from there with the penalties and the friction
-    history that it started with, so that its solution is none of the softer ones'. stepper: Newton.
+    history that it started with: nothing of the softer ones stays in the result. stepper: Newton; helps: whether a step
+    has been solved so.
     """
 
     def __init__(self, stepper):
