@@ -25,9 +25,6 @@ RIGHT = RADIUS * TURN + TAIL  # mm, from the point where it first touches to the
 THICKNESSES = (2.0, 1.0, 0.5)  # mm
 STRETCH = (1.0, 1.4, 1.4, 1.7)  # of the moved part at the times 0 ... 3: stretched, wound, pulled till it slides
 STEPS = (3, 18, 10)
-# A strap presses with T/R, here some 0.01 MPa. The default, made for solid blocks, would let it sink by a tenth of a
-# micrometre, for many more iterations; this lets it sink by 4 to 16, less than a thousandth of the radius.
-PENALTY = 5.0  # MPa/mm
 
 
 def end(X, t):
@@ -50,7 +47,7 @@ def wind(thickness):
     scene.prescribe("xmax", "x", lambda X, t: end(X, t)[:, 0])
     scene.prescribe("xmax", "y", lambda X, t: end(X, t)[:, 1])
     drum = rigid_cylinder(RADIUS, point=(0, 0, 0), axis=(0, 0, 1), name="drum")
-    scene.contact("ymin", drum, friction=FRICTION, penalty=PENALTY, name="wrap")
+    scene.contact("ymin", drum, friction=FRICTION, name="wrap")
     times = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(STEPS)]) / len(STEPS)
     result = solve(scene, steps=times, out=OUT / f"thickness_{thickness:g}", progress=False).require()
     # wound by 90 degrees, one end pulls along -y and the other along -x; the drum balances both

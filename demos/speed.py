@@ -361,7 +361,7 @@ def rigid_elements(system, points):
     anchor, shift = many(term._anchor), many(term.shift)
     u, travel = system.state.u.x.array, np.zeros(3)
     place = (tool.kind, tool.shape, tool.origin, tool.axes, travel)
-    return lambda: contact_elements(*inputs, u, *place, anchor, shift, *law, 0.3, 0.0, True, *outputs)
+    return lambda: contact_elements(*inputs, u, *place, anchor, shift, np.empty(0), *law, 0.3, 0.0, True, *outputs)
 
 
 def master_search(points):

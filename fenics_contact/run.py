@@ -20,6 +20,7 @@ from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.penalty_error import penalty_error
 from fenics_contact.solvers.snes import Snes
+from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.targets import distances
 from fenics_contact.timing import Timers
@@ -271,6 +272,8 @@ def _stepper(method, solver, tolerance, system):
         raise SceneError(
             f"{what} needs steps that end in balance, method {ways}, not '{method}'; leave it out, or choose one of these"
         )
+    if isinstance(stepper, Newton):
+        stepper = Softened(stepper)
     return Adapted(Augmented(stepper) if system.augmented else stepper)
 
 

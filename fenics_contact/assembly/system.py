@@ -301,7 +301,7 @@ class System:
             term.foresee(self.state)
 
     def release(self):
-        for term in self._foreseeing:
+        for term in self.contacts:
             term.release()
 
     def misfit(self):

@@ -14,6 +14,10 @@ TANGENTIAL_SHARE = 0.1
 DEEPEST = 0.02
 AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under the same pressure
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
+# Penalties on the way to a step's solution, where the penalties themselves are too stiff for it: at first so soft that the
+# deepest point of the last accepted state would lie as deep as under a raised penalty, down to this part of them
+SOFTEST = 0.01
+WORTH = 0.5  # a greater part of the penalties is no help
 
 
 def penalties(statement, surface):
@@ -33,12 +37,16 @@ class Penalties:
     """Mixed into contact terms: penalties that a run may raise, and vary to see what they cost.
 
     Needs normal_penalty, tangential_penalty (ne,) [pressure/length], gap, cover, status, shift, surface; evaluate(state);
-    before, the anchors at the start of the step accepted last; swap_anchors(anchors), which gives back the old ones;
+    _kept, the accepted (anchors, shift); _judged (points,), gaps that decide statuses until `release`; before, the anchors
+    at the start of the step accepted last; swap_anchors(anchors), which gives back the old ones;
     hold_friction(factor), which lets points feel their accepted friction traction again under tangential penalties greater
     by that factor; and rest_anchors(state, factor), see `stiffen`.
     """
 
     adapts = (False, False)  # normal, tangential
+    # may have softer penalties on the way to a solution: not under a sharp edge, where other points then hold (19 cut-backs
+    # instead of 7 on a punch with 1000 E/h); with facets as a master it has not been tried
+    softens = False
 
     def set_up_penalties(self):
         self._base = self.normal_penalty, self.tangential_penalty
@@ -95,6 +103,37 @@ class Penalties:
     def restore_penalties(self, raised):
         self.raised = self._raised = raised
         self._put_raised()
+
+    # -- softer on the way to a solution ----------------------------------------------------------------------------
+    def softness(self, state):
+        """The part of the penalties under which the accepted pressures sink AIM * DEEPEST of a cell, or 1. Collective."""
+        if not self.softens:
+            return 1.0
+        self.evaluate(state)
+        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -(self.gap + self.shift), 0.0)
+        depth = self._worst(state.u.function_space.mesh.comm, (held / self.surface.height[:, None]).ravel())[0]
+        part = max(depth / (AIM * DEEPEST), SOFTEST)
+        return part if part < WORTH else 1.0
+
+    def soften(self, state, part):
+        """Until `harden`, only a part of the penalties at an accepted state; until `release` points press as they did.
+
+        Friction goes on from the traction it had.
+        """
+        self.evaluate(state)
+        gaps = (self.gap + self.shift) / part
+        self._hard = self._kept[0], self.shift, self.normal_penalty, self.tangential_penalty
+        self.hold_friction(part)
+        self.shift = self.shift / part
+        self.put_penalties(part * self.normal_penalty, part * self.tangential_penalty)
+        self._judged = gaps.ravel()
+
+    def harden(self):
+        """The penalties and the friction history of before."""
+        self.release()
+        anchors, self.shift, *both = self._hard
+        self.swap_anchors(anchors)
+        self.put_penalties(*both)
 
     # -- varied to see what they cost -------------------------------------------------------------------------------
     def stiffen(self, state, factor):

@@ -12,6 +12,8 @@ from fenics_contact.timing import Timers
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
 TOUCH = 1e-10
 
+_NOT_HELD = np.empty(0)
+
 
 class RigidContact(SlavePoints):
     """Penalty contact with Coulomb friction between slave points and a rigid tool.
@@ -24,6 +26,7 @@ class RigidContact(SlavePoints):
         self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
         self.master_name, self.edge = tool.name, tool.edge
+        self.softens = tool.edge != "sharp"
         self.symmetric = friction == 0.0 and tool.edge != "sharp"
         self.touch = TOUCH * surface.cell_height
         ne, k = surface.nodes.shape
@@ -41,6 +44,7 @@ class RigidContact(SlavePoints):
         self._anchor, self._rest, self.shift = np.zeros((ne, nq, 3)), np.zeros((ne, nq, 3)), np.zeros((ne, nq))
         self._kept = self._anchor, self.shift  # those of the last accepted step
         self._feet = None  # where the points were on the tool then, in its frame
+        self._judged = _NOT_HELD
         self.set_up_penalties()
         self.timers = Timers()  # those of the System it becomes part of
 
@@ -62,8 +66,8 @@ class RigidContact(SlavePoints):
         with self.timers("contact kernel"):
             contact_elements(
                 s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor, self.shift,
-                self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, self.friction, self.touch,
-                want_tangent,
+                self._judged, self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing,
+                self.friction, self.touch, want_tangent,
                 self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess, self.cover,
             )  # fmt: skip
         return np.flatnonzero((self.status != OPEN).any(axis=1))
@@ -89,6 +93,10 @@ class RigidContact(SlavePoints):
                 scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
                 border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
 
+    def release(self):
+        """Judge by the gaps again."""
+        self._judged = _NOT_HELD
+
     def touches(self, blocks):
         """Number of this rank's slave nodes among the local nodes `blocks`."""
         return int(np.isin(self.surface.nodes, blocks).sum())
@@ -100,6 +108,7 @@ class RigidContact(SlavePoints):
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
+        self.release()
         self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
         resting, self._feet = (self.status == STICK)[..., None], self._anchors(state, 0.0, -np.inf)[0]

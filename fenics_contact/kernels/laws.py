@@ -23,20 +23,21 @@ def coulomb_return(size, limit):
 
 @njit(cache=True)
 def point_traction(
-    gap, shift, n, H, elastic_slip, eps_n, deps, eps_t, mu, touch, want_tangent, trial, traction, tangential, dtrial, dT
-):
+    gap, press, decides, n, H, elastic_slip, eps_n, deps, eps_t, mu, touch, want_tangent, trial, traction, tangential,
+    dtrial, dT,
+):  # fmt: skip
     """Contact traction T = N n + T_T of a slave point on a fixed surface, and dT/dx of the slave position.
 
-    gap: signed distance, shift: its multiplier's [lengths]; n (3,), H (3, 3): normal and its gradient; elastic_slip (3,):
-    x_M - anchor.
+    gap: signed distance; press: gap and its multiplier's shift; decides: what tells open from closed and stick from slip,
+    press itself or the pressure a solve starts from, over eps_n [lengths]; n (3,), H (3, 3): normal and its gradient;
+    elastic_slip (3,): x_M - anchor.
     eps_n, eps_t: penalties [pressure/length]; deps (3,): gradient of eps_n, zero away from a sharp edge;
-    mu: friction coefficient; touch: gap + shift up to this round-off length count as closed. Fills traction (3,) and
+    mu: friction coefficient; touch: decides up to this round-off length counts as closed. Fills traction (3,) and
     its tangential part (3,) [pressure], and dT (3, 3) [pressure/length] if wanted; trial (3,)
     and dtrial (3, 3) are scratch. The virtual power is T . (dv_S - dv_M), (14), so -T acts on the slave.
     """
     tangential[:] = 0.0
-    press = gap + shift
-    if press > touch:
+    if decides > touch:
         traction[:] = 0.0
         dT[:, :] = 0.0
         return OPEN
@@ -51,12 +52,14 @@ def point_traction(
 
     along = n[0] * elastic_slip[0] + n[1] * elastic_slip[1] + n[2] * elastic_slip[2]
     trial[:] = eps_t * (elastic_slip - along * n)  # P(n) (x_M - x_anchor) replaces xi(k+1) - xi(k), theory section 2
-    limit = mu * max(-N, 0.0)
+    limit = mu * max(-eps_n * decides, 0.0)
     size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
     if size <= eps_t * touch:  # no way beyond round-off: it has no direction to slip in
         status, share = STICK, 1.0
     else:
         status, share = coulomb_return(size, limit)
+        if status == SLIP and decides != press:
+            share = -mu * N / size
     tangential[:] = share * trial
     traction[:] += tangential
     if want_tangent:

@@ -42,15 +42,16 @@ def _rotate(axes, local, out):
 
 @njit(cache=True)
 def contact_elements(
-    X, nodes, a, area, u, kind, shape, origin, axes, travel, anchor, shift, eps_n, eps_t, body, spacing,
+    X, nodes, a, area, u, kind, shape, origin, axes, travel, anchor, shift, judged, eps_n, eps_t, body, spacing,
     mu, touch, want_tangent, force, tangent, arm, traction, gap, status, slip, cover,
 ):  # fmt: skip
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
     X (ne, k, 3) reference positions; nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point;
     area (ne, nq) tributary reference areas; u local displacements, three per node; anchor (ne, nq, 3) in the tool's
-    frame; shift (ne, nq): multiplier over penalty [length]; eps_n, eps_t, body (ne,) penalties and stiffness beneath
-    [pressure/length]; spacing (ne,) of the points.
+    frame; shift (ne, nq): multiplier over penalty [length]; judged (ne nq,): pressures that points start from
+    over -eps_n [length], which decide their status and with which the tangent is taken; (0,): present ones;
+    eps_n, eps_t, body (ne,) penalties and stiffness beneath [pressure/length]; spacing (ne,) of the points.
     Fills force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative,
     arm (ne, k, 3, 3) its derivative against a motion of all slave nodes at once (minus that against the tool's
     travel); per point traction (ne, nq, 3), gap, status, slip (ne, nq) = trial over Coulomb limit minus one,
@@ -74,16 +75,20 @@ def contact_elements(
             cover[e, q] = eps / eps_n[e]
             traction[e, q] = 0.0
             slip[e, q] = 0.0
-            if g + shift[e, q] > touch:  # most points of a surface are open: leave before any law is evaluated
+            press = g + shift[e, q]
+            decides = judged[e * nq + q] if len(judged) > 0 else press
+            if decides > touch:  # most points of a surface are open: leave before any law is evaluated
                 status[e, q] = OPEN
                 continue
             z[:] = y - g * n - anchor[e, q]
+            if want_tangent:
+                press = decides
             state = point_traction(
-                g, shift[e, q], n, H, z, eps, deps, eps_t[e], mu, touch, want_tangent, trial, T, tangential, dtrial, dT
+                g, press, decides, n, H, z, eps, deps, eps_t[e], mu, touch, want_tangent, trial, T, tangential, dtrial, dT
             )
             status[e, q] = state
             if mu > 0.0:
-                limit = mu * max(-eps * (g + shift[e, q]), 1e-300)
+                limit = mu * max(-eps * decides, 1e-300)
                 slip[e, q] = np.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2) / limit - 1.0
             _rotate(axes, T, world)
             traction[e, q] = world
@@ -155,8 +160,9 @@ def committed_anchors(
             _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
             g, eps = _gap_and_penalty(kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, deps)
             z[:] = y - g * n - anchor[e, q]
+            press = g + shift[e, q]
             state = point_traction(
-                g, shift[e, q], n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT
+                g, press, press, n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT
             )
             sliding[e, q] = 0.0
             if state == OPEN:

@@ -63,6 +63,7 @@ class Contact:
         self.u[self.nodes[0]] = tool.world(corners) - reference[self.nodes[0]]
         self.X = reference[self.nodes]
         self.travel = tool.travel.copy()
+        self.judged = np.empty(0)
         # anchors behind the projections: trial = eps_t * elastic slip
         self.anchor, self.shift = np.zeros((1, self.a.shape[1], 3)), np.zeros((1, self.a.shape[1]))
         self.anchor = self.commit(mu=0.0, touch=-np.inf)[0] - np.asarray(elastic, float)
@@ -81,8 +82,8 @@ class Contact:
         T, gap, slip, cover = np.full((1, nq, 3), np.nan), *(np.full((1, nq), np.nan) for _ in range(3))
         status = np.full((1, nq), -7, np.int32)
         element.contact_elements(
-            self.X, self.nodes, self.a, self.area, u.ravel(), *self._tool(travel), self.anchor, self.shift, *self._law(),
-            self.mu, self.touch, want_tangent, force, tangent, arm, T, gap, status, slip, cover,
+            self.X, self.nodes, self.a, self.area, u.ravel(), *self._tool(travel), self.anchor, self.shift,
+            self.judged, *self._law(), self.mu, self.touch, want_tangent, force, tangent, arm, T, gap, status, slip, cover,
         )  # fmt: skip
         assert np.array_equal(before, self.anchor)  # evaluation writes no history
         return {
@@ -469,12 +470,28 @@ def test_a_batch_is_its_elements_one_by_one():
     status = np.zeros((ne, 1), np.int32)
     element.contact_elements(
         X, nodes, a, area, u.ravel(), tool.kind, tool.shape, tool.origin, tool.axes, tool.travel, anchor, np.zeros((ne, 1)),
-        *law, 0.3, 0.0, True, force, tangent, arm, T, gap, status, slip, cover,
+        np.empty(0), *law, 0.3, 0.0, True, force, tangent, arm, T, gap, status, slip, cover,
     )  # fmt: skip
     for e, r in enumerate(alone):
         assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]
         assert np.array_equal(force[e], r["force"]) and np.array_equal(tangent[e], r["K"])
         assert np.array_equal(arm[e], r["arm"]) and np.array_equal(T[e], r["T"])
+
+
+def test_pressures_that_a_solve_starts_from():
+    """They decide the status and enter the tangent; the force is linear in the gap, so that a solve mends what they miss."""
+    tool, n, elastic, eps_t = Tool(*PLACES["plane"][:2]), np.array([0.0, 0.0, 1.0]), (2e-3, 0.0, 0.0), EPS_N
+    for depth, status in ((0.1, STICK), (1e-3, SLIP)):
+        held = Contact(tool, (0.1, 0.2, 1e-4), n, mu=0.3, elastic=elastic, eps_t=eps_t)  # open, 1e-4 in front of the plane
+        held.judged = np.array([-depth])
+        there = Contact(tool, (0.1, 0.2, -depth), n, mu=0.3, elastic=elastic, eps_t=eps_t)
+        loose, meant = held.evaluate(), there.evaluate()
+        assert loose["status"][0] == meant["status"][0] == status
+        np.testing.assert_allclose(loose["K"], meant["K"], rtol=0, atol=1e-12 * np.abs(meant["K"]).max())
+        moved = held.evaluate(want_tangent=False)["force"][0] + loose["K"] @ (
+            -(1e-4 + depth) * tool.axes[:, 2]
+        )  # to where that pressure is the gap's
+        np.testing.assert_allclose(moved, meant["force"][0], rtol=0, atol=1e-10 * np.abs(meant["force"]).max())
 
 
 # ---- compiled against plain Python

@@ -1,0 +1,55 @@
+"""Steps that stiff penalties keep Newton from solving: solved with softer ones first, from where the full ones take few."""
+
+from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.verdict import StepFailed
+
+ROUGH = 1e-3  # of the force: out of balance with the softer penalties, which only find who is in contact
+NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with the way to the solution
+
+
+class Softened:
+    """Newton, and after a step that failed and could be solved so: each step with softer penalties first.
+
+    What presses little on a structure that gives way, a strap on a drum, sinks into its contact by a millionth of the
+    way that its points go within a step: they open and close, stick and slip at each iteration. Under a penalty that lets
+    them sink by a hundredth of a cell they settle; the step is then solved from there with the penalties and the friction
+    history that it started with: nothing of the softer ones stays in the result. stepper: Newton; helps: whether a step
+    has been solved so.
+    """
+
+    def __init__(self, stepper):
+        self.stepper, self.rough, self.helps = stepper, Newton(stepper.linear, ROUGH, stepper.limit), False
+
+    def step(self, system, t):
+        """Carry the system from its committed state to t; StepFailed if it does not get there."""
+        softer = {term: part for term in system.contacts if (part := term.softness(system.state)) < 1.0}
+        if self.helps and softer:
+            return self._step(system, t, softer)
+        try:
+            return self.stepper.step(system, t)
+        except StepFailed as failure:
+            if not softer or failure.finding.kind in NO_HELP:
+                raise
+            tried = failure
+        system.rollback()
+        report = self._step(system, t, softer)
+        self.helps = True
+        report.notes.append(f"solved with softer penalties first, as the steps after it ({tried})")
+        return report
+
+    def settle(self, system, t):
+        """Into balance at t from the present state, after multipliers or penalties have changed."""
+        return self.stepper.settle(system, t)
+
+    def _step(self, system, t, softer):
+        for term, part in softer.items():
+            term.soften(system.state, part)
+        try:  # what an accepted state leaves for the first solve to carry, the points' pressures with it
+            report = self.rough.settle(system, t)
+        finally:
+            for term in softer:
+                term.harden()
+        report.add(self.stepper.settle(system, t))
+        report.raises += 1
+        return report

@@ -1,0 +1,108 @@
+"""Steps solved with softer penalties first: a thin strap with no number typed; nothing of the way stays in the result."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_sphere, solve
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.softened import Softened
+from fenics_contact.solvers.verdict import StepFailed, Verdict
+from meshes import box
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RADIUS, WIDTH, TAIL = 25.0, 0.5, 10.0  # mm
+
+
+def strap(**options):
+    """A strap of 0.5 mm bent over a sixth of a drum, from straight and tight; it presses with T/R, 0.002 of its modulus."""
+    turn, cells = np.pi / 6, 24
+    length = RADIUS * turn + TAIL
+    size = (TAIL + length, WIDTH, 1.0)
+    mesh = read_gmsh(box.build, size=size, cells=(cells, 2, 1), origin=(-TAIL, RADIUS, 0.0), name="strap")
+    scene = Scene(Body(mesh, "strap", neo_hooke(mu=0.4, K=5.0)))
+    for group, axes in (("xmin", "xy"), ("zmin", "z"), ("zmax", "z")):
+        scene.fix(group, axes)
+
+    def end(X, t, axis):
+        angle, stretch = turn * max(2 * t - 1, 0.0), 1.0 + 0.4 * min(2 * t, 1.0)
+        along, normal = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
+        x = RADIUS * normal + (stretch * length - RADIUS * angle) * along + (X[:, 1:2] - RADIUS) * normal
+        return x[:, axis] - X[:, axis]
+
+    scene.prescribe("xmax", "x", lambda X, t: end(X, t, 0))
+    scene.prescribe("xmax", "y", lambda X, t: end(X, t, 1))
+    scene.contact("ymin", rigid_cylinder(RADIUS, (0, 0, 0), (0, 0, 1)), friction=0.3, name="wrap", **options)
+    return scene
+
+
+def test_a_thin_strap_with_no_number_typed():
+    steps = [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
+    plain, typed = (solve(strap(**o), steps=steps, progress=False).require() for o in ({}, {"penalty": 5.0}))
+    assert any("softer penalties first" in note for note in plain.verdict.notes)
+    assert plain.verdict.cuts == 0  # six steps, cut six times where the default penalties are used from the start
+    # the soft number typed lets the strap sink by 0.002 mm, a ten-thousandth of the radius over which its end is bent;
+    # in the few points that touch, friction of half the pressing force feels a hundredth of that
+    assert plain.history[-1]["wrap_penetration_mm"] < 0.02 * typed.history[-1]["wrap_penetration_mm"]
+    size = np.hypot(*(plain.history[-1][f"wrap_force_{axis}_N"] for axis in "xy"))
+    for axis in "xy":
+        name = f"wrap_force_{axis}_N"
+        assert abs(plain.history[-1][name] - typed.history[-1][name]) < 0.02 * size
+
+
+def ball():
+    """A rough ball pressed into a block on a rough floor and drawn, which Newton solves as it is."""
+    mesh = read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2), origin=(-4.0, -4.0, -4.0))
+    scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)))
+    tool = rigid_sphere(4.0, (0, 0, 4.0))
+    scene.contact("zmax", tool, friction=0.4, name="top")
+    scene.contact("zmin", rigid_plane((0, 0, -4.0), name="floor"), friction=0.9, name="bottom")
+    path = lambda t: (0.6 * max(t - 0.5, 0.0), 0.2 * max(t - 0.5, 0.0), -0.5 * min(2 * t, 1.0))  # noqa: E731
+    return scene.system({tool: path})
+
+
+def final(softened, stumbles=False):
+    system = ball()
+    stepper = Softened(Newton(LinearSolver(system), 1e-11))
+    for t in (0.25, 0.5, 0.75, 1.0):
+        stepper.helps = softened
+        if stumbles and t == 0.75:
+            stepper.step(system, 1.0)
+            system.rollback()
+        report = stepper.step(system, t)
+        Verdict().accept(report, system)
+        system.commit()
+    return system, report
+
+
+def test_the_solution_is_that_of_the_penalties():
+    (plain, _), (eased, report) = final(False), final(True)
+    assert report.raises == 1  # it was solved so
+    scale = np.abs(plain.state.u.x.array).max()
+    np.testing.assert_allclose(eased.state.u.x.array, plain.state.u.x.array, rtol=0, atol=1e-9 * scale)
+    for a, b in zip(eased.contacts, plain.contacts, strict=True):
+        assert np.array_equal(a.normal_penalty, b.normal_penalty)
+        assert np.array_equal(a.tangential_penalty, b.tangential_penalty)
+        assert np.array_equal(a.statuses(), b.statuses())
+
+
+def test_a_dropped_step_leaves_no_trace():
+    (direct, _), (cut, _) = final(True), final(True, stumbles=True)
+    np.testing.assert_allclose(cut.state.u.x.array, direct.state.u.x.array, rtol=0, atol=1e-10)
+
+
+def test_a_failure_on_the_way_puts_penalties_back():
+    system = ball()
+    stepper = Softened(Newton(LinearSolver(system)))
+    stepper.step(system, 0.5)
+    system.commit()
+    before = [(c.history(), c.normal_penalty, c.tangential_penalty) for c in system.contacts]
+    stepper.helps, stepper.rough.limit = True, 1
+    with pytest.raises(StepFailed):
+        stepper.step(system, 1.0)
+    system.rollback()
+    for contact, (history, *penalties) in zip(system.contacts, before, strict=True):
+        assert all(np.array_equal(history[name], value) for name, value in contact.history().items())
+        assert contact.normal_penalty is penalties[0] and contact.tangential_penalty is penalties[1]
