@@ -262,14 +262,10 @@ def _stepper(method, solver, tolerance, system):
     stepper = STEPPERS[method](solver, **options)
     if isinstance(stepper, ArcLength) and not system.grounding:
         return stepper  # it minds multipliers and penalties itself
-    if not hasattr(stepper, "settle"):
-        if not system.augmented:
-            return stepper
-        what, ways = f"penetration= of contact '{system.augmented[-1].name}'", "'newton', 'snes' or 'arc_length'"
-        if system.grounding:
-            what, ways = "stabilise=", "'newton' or 'snes'"
+    if system.grounding and isinstance(stepper, ArcLength | Incremental):
         raise SceneError(
-            f"{what} needs steps that end in balance, method {ways}, not '{method}'; leave it out, or choose one of these"
+            f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
+            "choose one of these"
         )
     return Adapted(Augmented(stepper) if system.augmented else stepper)
 
