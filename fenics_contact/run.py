@@ -260,13 +260,13 @@ def _refuse_nan(system, times):
 def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     stepper = STEPPERS[method](solver, **options)
-    if isinstance(stepper, ArcLength) and not system.grounding:
-        return stepper  # it minds multipliers and penalties itself
     if system.grounding and isinstance(stepper, ArcLength | Incremental):
         raise SceneError(
             f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
             "choose one of these"
         )
+    if isinstance(stepper, ArcLength):
+        return stepper  # it minds multipliers and penalties itself
     return Adapted(Augmented(stepper) if system.augmented else stepper)
 
 
