@@ -195,7 +195,7 @@ class System:
         self._accepted_stiffness = 0.0
         self.extent = bodies_size(self.space)
         self._committed = self._snapshot()
-        self._accepted = [self._committed]  # the last three
+        self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
         self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
 
@@ -223,7 +223,7 @@ class System:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
-        self._accepted = [*self._accepted[-2:], self._committed]
+        self.accepted = [*self.accepted[-2:], self._committed]
 
     def rollback(self):
         """Return to the last committed state."""
@@ -244,7 +244,7 @@ class System:
         self.state.t = t
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
-        self._accepted = [self._committed]
+        self.accepted = [self._committed]
         for term in self.augmented:
             term.drop()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
@@ -259,13 +259,13 @@ class System:
             return False
         u, dofs = self._committed[0], self.supports.dofs
         for count in (3, 2):
-            step = self._onwards(self._accepted[-count:]) if len(self._accepted) >= count else None
+            step = self._onwards(self.accepted[-count:]) if len(self.accepted) >= count else None
             if step is None or self._strays(step[dofs] - owed, owed):
                 continue
             step[dofs] = owed
             self.state.u.x.array[:] = u + step
             for term in self._foreseeing:
-                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self._accepted[-2][2]))
+                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
             if np.isfinite(self.assemble_residual()):
                 return True
             self.release()
