@@ -281,29 +281,28 @@ def on_ranks(count, *arguments):
     return json.loads(done.stdout.strip().splitlines()[-1])
 
 
+def resumed_across(ranks, names, folder):
+    """Begun on one process and resumed on several, and the reverse, in one mpirun: what both give and one process does."""
+    many, one = folder / "many", folder / "one"
+    for name in names:
+        carry(name, one, ALL[:2])
+    found = on_ranks(ranks, many, "across", one, *names)
+    for name in names:
+        yield numbers(carry(name, None, ALL)), numbers(carry(name, many, ALL, resume=True)), found[name]
+
+
 @pytest.mark.serial
 def test_resumed_on_another_number_of_ranks(tmp_path):
     names = [name for name in SCENES if name not in ("punch", "tetrahedra, stabilised")] + list(ARCS)
-    continuous = {name: numbers(carry(name, None, ALL)) for name in names}  # on this one rank
-    two_to_one, one_to_two = tmp_path / "2 to 1", tmp_path / "1 to 2"
-    on_ranks(2, two_to_one, 2, "", *names)
-    for name in names:
-        carry(name, one_to_two, ALL[:2])
-        assert apart(numbers(carry(name, two_to_one, ALL, resume=True)), continuous[name]) < SAME
-    for name, found in on_ranks(2, one_to_two, 4, "resume", *names).items():
-        assert apart(found, continuous[name]) < SAME
+    for continuous, two_to_one, one_to_two in resumed_across(2, names, tmp_path):
+        assert apart(two_to_one, continuous) < SAME and apart(one_to_two, continuous) < SAME
 
 
 @pytest.mark.serial
 def test_resumed_from_and_on_three_ranks(tmp_path):
-    name = "tetrahedra, stabilised"
-    continuous = numbers(carry(name, None, ALL))
+    ((continuous, three_to_one, one_to_three),) = resumed_across(3, ["tetrahedra, stabilised"], tmp_path)
     assert continuous["c_sticking_points"][-1] > 0
-    three_to_one, one_to_three = tmp_path / "3 to 1", tmp_path / "1 to 3"
-    on_ranks(3, three_to_one, 2, "", name)
-    assert apart(numbers(carry(name, three_to_one, ALL, resume=True)), continuous) < SAME
-    carry(name, one_to_three, ALL[:2])
-    assert apart(on_ranks(3, one_to_three, 4, "resume", name)[name], continuous) < SAME
+    assert apart(three_to_one, continuous) < SAME and apart(one_to_three, continuous) < SAME
 
 
 @pytest.mark.parallel
@@ -408,8 +407,9 @@ if __name__ == "__main__":
     elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20 kills 400 steps
         print(kill_and_resume(where, int(sys.argv[3]), int(sys.argv[5])))
     else:
-        resume = sys.argv[3] == "resume"
-        names = sys.argv[4:]
-        found = {name: numbers(carry(name, where, ALL[: int(what)], resume)) for name in names}
+        found = {}
+        for name in sys.argv[4:]:
+            carry(name, where, ALL[:2])
+            found[name] = numbers(carry(name, sys.argv[3], ALL, resume=True))
         if COMM.rank == 0:
             print(json.dumps(found))
