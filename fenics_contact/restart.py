@@ -11,7 +11,8 @@ from fenics_contact.solvers.verdict import Verdict
 class Keeper:
     """Keeps the accepted steps of a run in its folder: `verdict` and `rows` are those so far, from the start or resumed.
 
-    A stepper that remembers more than the System offers memory() -> {name: local array like u} and recall(fields).
+    A stepper that remembers more than the System, a continuation's Path, offers memory() -> ({name: local array like u},
+    {name: plain values}) and recall(fields, numbers), which raises ValueError where they do not fit.
     """
 
     def __init__(self, folder, scene, system, stepper, every, resume):
@@ -32,21 +33,29 @@ class Keeper:
                     f"the checkpoint in '{folder}' is of another scene, {what}: {content['scene'].get(what)} there, {here} "
                     "here; resume with the script that wrote it, or start anew without resume"
                 )
+        stated, kept = hasattr(self.stepper, "recall"), content.get("stepper") is not None
+        if stated != kept:
+            ways = 'a continuation, method="arc_length"', "a run in load steps"
+            there, here = ways if kept else ways[::-1]
+            raise SceneError(
+                f"the checkpoint in '{folder}' is of {there}, and this is {here}; resume with the method that wrote it, or "
+                "start anew without resume"
+            )
         try:
             fields = self._memory.restore(arrays)
+            if kept:
+                self.stepper.recall(fields, content["stepper"])
         except ValueError as error:
             raise SceneError(f"the checkpoint in '{folder}' does not fit: {error}; start anew without resume") from None
-        if fields:
-            self.stepper.recall(fields)
         self.verdict, self.rows = Verdict(**content["verdict"]), content["rows"]
 
     def keep(self):
         """Call after every accepted step: writes a checkpoint where one is due. Collective."""
         if len(self.rows) % self.every == 0:
-            fields = self.stepper.memory() if hasattr(self.stepper, "memory") else None
+            fields, numbers = self.stepper.memory() if hasattr(self.stepper, "memory") else (None, None)
             arrays = self._memory.collect(fields)
             if arrays:
-                content = {"scene": self._scene, "verdict": asdict(self.verdict), "rows": self.rows}
+                content = {"scene": self._scene, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers}
                 self._files.write(len(self.rows), arrays, content)
 
 

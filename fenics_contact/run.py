@@ -14,7 +14,7 @@ from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
-from fenics_contact.solvers.continuation import ArcSteps, follow
+from fenics_contact.solvers.continuation import ArcSteps, Path
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
@@ -93,7 +93,8 @@ def solve(
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
     checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
-    on from the last checkpoint in `out`, where there is one, on any number of ranks.
+    on from the last checkpoint in `out`, where there is one, on any number of ranks. A continuation's holds, beside the
+    state and the history of its contacts, the last increment, the path's direction, the arc that is due and the leg.
 
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
@@ -109,7 +110,7 @@ def solve(
         raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
     continuation = method == "arc_length"
     arcs = _arc_steps(steps, until, back, continuation)
-    every = _checkpoint_steps(checkpoint, resume, out, continuation)
+    every = _checkpoint_steps(checkpoint, resume, out)
     if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
         raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
@@ -121,12 +122,13 @@ def solve(
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
     stepper = _stepper(method, solver, tolerance, system)
-    keeper = Keeper(folder, scene, system, stepper, every, resume) if every else None
+    path = Path(system, stepper, arcs, legs) if continuation else None
+    keeper = Keeper(folder, scene, system, path or stepper, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
     setup = timers.table()["total"]
     verdict = record.verdict
     if continuation:
-        verdict = follow(system, stepper, arcs, legs, record)
+        path.follow(record, verdict)
     else:
         run(system, stepper, times, record, smallest_step, verdict)
     record.bar.close()
@@ -200,14 +202,12 @@ def _stages_line(seconds):
     return f"{seconds['total']:.3g} s: {stages}"
 
 
-def _checkpoint_steps(checkpoint, resume, out, continuation):
+def _checkpoint_steps(checkpoint, resume, out):
     """After how many accepted steps a checkpoint is due, 0 for never."""
     if isinstance(checkpoint, bool):
         checkpoint = int(checkpoint or resume)
     if checkpoint != int(checkpoint) or checkpoint < 0:
         raise SceneError(f"checkpoint = {checkpoint}: give True, or the number of accepted steps from one to the next")
-    if checkpoint and continuation:
-        raise SceneError('checkpoint and resume go with steps in t; method="arc_length" cannot be resumed yet')
     if checkpoint and out is None:
         raise SceneError("checkpoint and resume need a folder: give out=...")
     return int(checkpoint)
@@ -261,17 +261,13 @@ def _refuse_nan(system, times):
 def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     stepper = STEPPERS[method](solver, **options)
-    if isinstance(stepper, ArcLength) and not system.grounding:
-        return stepper  # it minds multipliers and penalties itself
-    if not hasattr(stepper, "settle"):
-        if not system.augmented:
-            return stepper
-        what, ways = f"penetration= of contact '{system.augmented[-1].name}'", "'newton', 'snes' or 'arc_length'"
-        if system.grounding:
-            what, ways = "stabilise=", "'newton' or 'snes'"
+    if system.grounding and isinstance(stepper, ArcLength | Incremental):
         raise SceneError(
-            f"{what} needs steps that end in balance, method {ways}, not '{method}'; leave it out, or choose one of these"
+            f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
+            "choose one of these"
         )
+    if isinstance(stepper, ArcLength):
+        return stepper  # it minds multipliers and penalties itself
     if isinstance(stepper, Newton):
         stepper = Softened(stepper)
     return Adapted(Augmented(stepper) if system.augmented else stepper)

@@ -17,6 +17,7 @@ from fenics_contact import (
     from_elastic,
     mooney_rivlin,
     read_gmsh,
+    rigid_cylinder,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -117,15 +118,21 @@ def ball(frame, **options):
 
 
 def iron(frame, **options):
-    """A short strip of the ironing scene, free at its ends: a stiff round indenter is pressed in and drawn along."""
+    """A short strip of the ironing scene, free at its ends: a stiff round indenter is pressed in and drawn along, and so is
+    a rigid roller beside it, the other way."""
     mesh = frame.mesh(ironing.build, length=4.0, height=2.0, foundation=(12, 3), indenter=(6, 2), depth=0.5, growth=1.2)
     soft, stiff = (from_elastic(E * frame.pressure, 0.32) for E in (689.6, 6896.0))
     scene = Scene(Body(mesh, "foundation", soft), Body(mesh, "indenter", stiff), units=Units("L", "F", "P"))
     scene.fix("foundation_bottom")
     frame.lead(scene, "indenter_top", lambda t: (0.2 * max(t - 0.5, 0.0), 0.05 * max(t - 0.5, 0.0), -min(1.2 * t, 0.6)))
-    pairs = [("foundation_top", "indenter_under", 0.3, "top"), ("foundation_top", "indenter_flanks", 0.3, "flanks")]
+    roller = frame.tool(rigid_cylinder(0.6, (2.9, 0.0, 0.65), name="roller"))
+    pairs = [("foundation_top", "indenter_under", 0.3, "top"), ("foundation_top", roller, 0.4, "roller")]
     frame.contacts(scene, pairs, options)
-    return scene, {"steps": np.arange(1, 7) / 6}
+
+    def path(t):
+        return frame.vector(-0.2 * max(t - 0.5, 0.0), 0.05 * max(t - 0.5, 0.0), -min(0.5 * t, 0.25))
+
+    return scene, {"move": {roller: path}, "steps": np.arange(1, 7) / 6}
 
 
 SCENES = {"punch": punch, "ball": ball, "ironing": iron}
@@ -166,6 +173,7 @@ def scene(request):
         _known[name] = run(name)
         last = _known[name][-2]
         assert 0 < last["top sticking"] < last["top points"]  # friction in both its states
+        assert min(count for kind, count in last.items() if kind.endswith(" points")) > 0  # every contact carries
     return name, _known[name]
 
 

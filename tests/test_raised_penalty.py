@@ -217,3 +217,29 @@ def test_on_an_arc():
     squeeze, depth = 0.2 * arc.column("t"), arc.column("c_penetration_mm")
     assert depth.max() < penalties.DEEPEST
     np.testing.assert_allclose(-arc.column("c_force_z_N"), confined_force(squeeze - depth), rtol=1e-7)
+
+
+def test_in_the_incremental_scheme():
+    """Raised between two steps by one more solve; what is left out of balance falls with the square of the step."""
+    errors = []
+    for steps in (5, 10, 20):
+        scene, drive = confined()
+        result = solve(scene, **drive, steps=steps, method="incremental", progress=False).require()
+        depth, force = result.history[-1]["c_penetration_mm"], -result.history[-1]["c_force_z_N"]
+        assert 0.0 < depth <= penalties.DEEPEST and result.verdict.cuts == 0
+        notes = [note for note in result.verdict.notes if "penalties raised to" in note]
+        assert len(notes) == 1 and result.verdict.iterations == steps + 1
+        errors.append(force / confined_force(0.2 - depth) - 1.0)
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    np.testing.assert_allclose(orders, 2.0, atol=0.2)  # as of the scheme itself on smooth paths (test_steppers.py)
+
+
+def test_a_point_that_has_just_closed_raises_nothing():
+    """It lies as deep as the step is long before the next solve has seen it: no measure of its pressure."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(1.0, 1.0)))
+    scene.fix("zmin")
+    plate = rigid_plane((0, 0, 2.01), (0, 0, -1.0))
+    scene.contact("zmax", plate, name="c")
+    result = solve(scene, move={plate: (0, 0, -0.2)}, steps=4, method="incremental", progress=False).require()
+    assert result.history[0]["c_penetration_mm"] > penalties.DEEPEST >= result.history[-1]["c_penetration_mm"]
+    assert result.summary["scene"]["contacts"][0]["penalty_raised"] == 1.0

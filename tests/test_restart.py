@@ -16,9 +16,24 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Displacement,
+    Load,
+    Scene,
+    SceneError,
+    Travel,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.output.checkpoint import CheckpointFiles
-from meshes import box, punch_plate, two_blocks
+from meshes import box, dome, punch_plate, two_blocks
 
 ROOT = Path(__file__).resolve().parent.parent
 COMM = MPI.COMM_WORLD
@@ -85,11 +100,63 @@ SCENES = {
 }
 
 
+# -- continuations: scene, its drive, until, back, steps after which it is stopped --------------------------------------
+def snapped_dome():
+    """A rough ball pushed through a dome's snap and back over its second limit point: stopped at the first, within the
+    snap, at the end of the first leg, and at the second's return."""
+    scene = Scene(Body(read_gmsh(dome.build, thickness=1.0, boss=5.0, cells=4), "dome", RUBBER))
+    for group, axes in (("symmetry_x", "x"), ("symmetry_y", "y"), ("rim", "xyz")):
+        scene.fix(group, axes)
+    ball = rigid_sphere(8.0, (0, 0, 48.5), name="ball")
+    scene.contact("outer", ball, 0.3, name="c")
+    until = [Load(9.0), Travel(ball, "z", -15.2)]
+    return scene, {"push": {ball: (0, 0, -1.0)}}, until, Travel(ball, "z", -14.0), (9, 13, 15, 16)
+
+
+def caving_cube():
+    """A cube under dead pressure caves in on a soft floor, multipliers and all, and comes back over the limit point."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(5.0, 5.0)))
+    scene.contact("zmin", rigid_plane(), penalty=20.0, penetration=1e-4, name="c")
+    for i, axis in enumerate("xyz"):
+        scene.traction(f"{axis}max", -2.0 * np.eye(3)[i])
+        if axis != "z":
+            scene.fix(f"{axis}min", axis)
+    return scene, {}, Displacement("zmax", "z", -0.6), Displacement("zmax", "z", -0.55), (2, 4)
+
+
+def confined_block():
+    """A block in a smooth box, stiffer there than its default penalty, which is raised; a rough plate drags its top."""
+    law = neo_hooke(0.4, 40.0)
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", law))
+    for side in ("xmin", "xmax", "ymin", "ymax", "zmin"):
+        scene.fix(side, side[0])
+    plate = rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="plate")
+    scene.contact("zmax", plate, 0.1, name="c")
+    return scene, {"move": {plate: lambda t: (0.1 * t**2, 0, -0.3 * t)}}, Load(1.0), Load(0.6), (1, 2)
+
+
+ARCS = {"dome": snapped_dome, "cave": caving_cube, "box": confined_block}
+
+
+def follow(name, folder, stop=None, resume=False):
+    """The path of one of ARCS to its end or, in vain, to one of its stops."""
+    scene, drive, until, back, stops = ARCS[name]()
+    steps = ArcSteps(first=0.6, turn=0.5, most=200 if stop is None else stops[stop])
+    options = {"until": until, "back": back}
+    if folder is not None:
+        options |= {"out": Path(folder) / name, "checkpoint": True, "resume": resume}
+    result = solve(scene, **drive, method="arc_length", steps=steps, tolerance=1.5e-12, progress=False, **options)
+    assert result.converged == (stop is None), result.verdict.reason
+    assert stop is None or len(result.history) == stops[stop]
+    return result
+
+
 def carry(name, folder, times, resume=False):
+    if name in ARCS:
+        return follow(name, folder, None if times == ALL else 0, resume)
     scene, drive = SCENES[name]()
-    result = solve(
-        scene, **drive, steps=times, out=Path(folder) / name, checkpoint=True, resume=resume, tolerance=1e-11, progress=False
-    )
+    kept = {} if folder is None else {"out": Path(folder) / name, "checkpoint": True, "resume": resume}
+    result = solve(scene, **drive, **kept, steps=times, tolerance=1e-11, progress=False)
     assert result.converged, result.verdict.reason
     return result
 
@@ -138,6 +205,58 @@ def test_a_resumed_run_equals_a_continuous_one(name, folder):
         assert fields[0] == fields[1] and fields[0]["displacement"] == [0.0, *ALL]
 
 
+@pytest.mark.parametrize(
+    "name",
+    [  # on 2 ranks: the smallest here, all of them below
+        pytest.param(name, marks=pytest.mark.parallel if name == "box" else pytest.mark.serial) for name in ARCS
+    ],
+)
+def test_a_resumed_continuation_equals_a_continuous_one(name, folder):
+    whole = follow(name, None)
+    stops = range(len(ARCS[name]()[-1]))
+    for stop in stops:
+        follow(name, folder / "parts", stop, resume=stop > 0)
+    result = follow(name, folder / "parts", resume=True)
+    again = follow(name, folder / "parts", resume=True)  # nothing left to do
+    for resumed in (result, again):
+        assert apart(numbers(resumed), numbers(whole)) < SAME
+        assert resumed.verdict.reason == whole.verdict.reason and resumed.verdict.cuts == whole.verdict.cuts
+        assert len(resumed.verdict.residuals) == len(whole.history) > ARCS[name]()[-1][-1]
+    points = [p["kind"][:3] for p in whole.summary["limit_points"]]
+    assert points == {"dome": ["max", "min", "min"], "cave": ["max"], "box": []}[name]
+    if name == "box":
+        assert whole.summary["scene"]["contacts"][0]["penalty_raised"] > 1.0
+    if name == "dome":
+        assert 0 < min(whole.column("c_sticking_points") / whole.column("c_active_points")) < 1  # history matters
+
+
+@pytest.mark.parallel
+def test_a_continuation_goes_on_to_another_target(folder):
+    """A leg that has ended can be made longer, not one before the way back has begun."""
+    scene, drive, *_ = confined_block()
+    options = {"method": "arc_length", "out": folder, "checkpoint": True, "progress": False, "tolerance": 1e-11}
+    solve(scene, **drive, until=Load(0.5), **options).require()
+    result = solve(scene, **drive, until=Load(0.8), back=Load(0.7), resume=True, **options).require()
+    t = result.column("t")
+    np.testing.assert_allclose([t[-1], t.max(), *t[np.abs(t - 0.5) < 1e-3]], [0.7, 0.8, 0.5], rtol=2e-6)  # TARGET_TOLERANCE
+    for ways in ({"until": Load(0.9), "back": Load(0.7)}, {"until": Load(0.8)}):
+        with pytest.raises(SceneError, match="gone beyond load t = 0.8, then load t = 0.7"):
+            solve(scene, **drive, **ways, resume=True, **options)
+
+
+@pytest.mark.parallel
+def test_load_steps_and_continuations_do_not_resume_each_other(folder):
+    scene, drive, *_ = confined_block()
+    ways = {"arcs": {"method": "arc_length", "until": Load(0.5)}, "steps": {"steps": [0.25, 0.5]}}
+    for name, way in ways.items():
+        solve(scene, **drive, **way, out=folder / name, checkpoint=True, progress=False).require()
+    for name, there in (("arcs", 'is of a continuation, method="arc_length"'), ("steps", "is of a run in load steps")):
+        other = ways["steps" if name == "arcs" else "arcs"]
+        with pytest.raises(SceneError, match=f"{there}, and this is a .*resume with the method that wrote it") as caught:
+            solve(scene, **drive, **other, out=folder / name, resume=True, progress=False)
+        assert len(set(COMM.allgather(str(caught.value)))) == 1
+
+
 def times_of_fields(folder):
     """{field: its t's} of results.xdmf; every file it names must be whole."""
     root = ET.parse(folder / "results.xdmf").getroot()
@@ -162,29 +281,28 @@ def on_ranks(count, *arguments):
     return json.loads(done.stdout.strip().splitlines()[-1])
 
 
+def resumed_across(ranks, names, folder):
+    """Begun on one process and resumed on several, and the reverse, in one mpirun: what both give and one process does."""
+    many, one = folder / "many", folder / "one"
+    for name in names:
+        carry(name, one, ALL[:2])
+    found = on_ranks(ranks, many, "across", one, *names)
+    for name in names:
+        yield numbers(carry(name, None, ALL)), numbers(carry(name, many, ALL, resume=True)), found[name]
+
+
 @pytest.mark.serial
 def test_resumed_on_another_number_of_ranks(tmp_path):
-    names = [name for name in SCENES if name not in ("punch", "tetrahedra, stabilised")]
-    continuous = {name: numbers(carry(name, tmp_path / "whole", ALL)) for name in names}  # on this one rank
-    two_to_one, one_to_two = tmp_path / "2 to 1", tmp_path / "1 to 2"
-    on_ranks(2, two_to_one, 2, "", *names)
-    for name in names:
-        carry(name, one_to_two, ALL[:2])
-        assert apart(numbers(carry(name, two_to_one, ALL, resume=True)), continuous[name]) < SAME
-    for name, found in on_ranks(2, one_to_two, 4, "resume", *names).items():
-        assert apart(found, continuous[name]) < SAME
+    names = [name for name in SCENES if name not in ("punch", "tetrahedra, stabilised")] + list(ARCS)
+    for continuous, two_to_one, one_to_two in resumed_across(2, names, tmp_path):
+        assert apart(two_to_one, continuous) < SAME and apart(one_to_two, continuous) < SAME
 
 
 @pytest.mark.serial
 def test_resumed_from_and_on_three_ranks(tmp_path):
-    name = "tetrahedra, stabilised"
-    continuous = numbers(carry(name, tmp_path / "whole", ALL))
+    ((continuous, three_to_one, one_to_three),) = resumed_across(3, ["tetrahedra, stabilised"], tmp_path)
     assert continuous["c_sticking_points"][-1] > 0
-    three_to_one, one_to_three = tmp_path / "3 to 1", tmp_path / "1 to 3"
-    on_ranks(3, three_to_one, 2, "", name)
-    assert apart(numbers(carry(name, three_to_one, ALL, resume=True)), continuous) < SAME
-    carry(name, one_to_three, ALL[:2])
-    assert apart(on_ranks(3, one_to_three, 4, "resume", name)[name], continuous) < SAME
+    assert apart(three_to_one, continuous) < SAME and apart(one_to_three, continuous) < SAME
 
 
 @pytest.mark.parallel
@@ -289,8 +407,9 @@ if __name__ == "__main__":
     elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20 kills 400 steps
         print(kill_and_resume(where, int(sys.argv[3]), int(sys.argv[5])))
     else:
-        resume = sys.argv[3] == "resume"
-        names = sys.argv[4:]
-        found = {name: numbers(carry(name, where, ALL[: int(what)], resume)) for name in names}
+        found = {}
+        for name in sys.argv[4:]:
+            carry(name, where, ALL[:2])
+            found[name] = numbers(carry(name, sys.argv[3], ALL, resume=True))
         if COMM.rank == 0:
             print(json.dumps(found))

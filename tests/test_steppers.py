@@ -94,7 +94,7 @@ def on_ranks(count, script=__file__):
 
 @pytest.mark.serial
 def test_same_numbers_on_one_two_and_three_ranks():
-    one = on_ranks(1)
+    one = numbers()
     size = np.abs(one).max(axis=1, keepdims=True)
     assert np.all(size > 0.0)
     for count in (2, 3):

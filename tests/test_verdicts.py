@@ -11,6 +11,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact.solvers.diagnosis import fold_ahead
+from fenics_contact.studies.punch import punched_plate
 from meshes import box, two_blocks
 
 COMM = MPI.COMM_WORLD
@@ -124,6 +126,13 @@ def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
     return scene, {"smallest_step": smallest}
 
 
+def snapping():
+    """Nodes of a coarse mesh snap over a punch's fillet: a kink that no step is short enough for. It is no fold, although
+    the softest motion there has little stiffness, and less than none."""
+    scene, tool = punched_plate(4, 0.0, points=3, fillet=1.0)
+    return scene, {"move": {tool: (0, 0, -2.0)}, "smallest_step": 2e-3}
+
+
 CATALOGUE = {
     "limit point": (crushed, "limit point", "body 'box'", "arc length"),
     "inverted": (squeezed_through, "element inverted", "body 'box' at (", "mesh the place more finely"),
@@ -134,6 +143,7 @@ CATALOGUE = {
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
     "soft": (ball_through, "penalty too soft", "contact 'ball' at (", "raise penalty="),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
+    "stumbling": (lambda: stumbling(1e-2), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
     "cycling": (lambda: stumbling(0.1), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
 }
 
@@ -162,6 +172,22 @@ def test_limit_point_is_reached_before_it_is_reported():
     result = failed("limit point")
     # the run stops within two of its smallest steps of the closed form, in units of the pressure reached at t = 1
     assert 0.0 < 5.0 * CRUSHING / 2.0 - result.verdict.t < 3 * result.verdict.smallest
+
+
+@pytest.mark.parallel
+def test_a_fold_is_foreseen_where_it_is():
+    """From the last step and the rate at its end, against the closed form; what comes
+    after the square root is smaller by the square root of the share of the load that is left."""
+    system = failed("limit point").system
+    left = 5.0 * CRUSHING / 2.0 - system.state.t
+    np.testing.assert_allclose(fold_ahead(system), left, rtol=3 * np.sqrt(left))
+
+
+@pytest.mark.parallel
+def test_a_soft_motion_is_no_limit_point():
+    scene, drive = snapping()
+    result = solve(scene, steps=5, progress=False, **drive)
+    assert not result.converged and result.verdict.kind == "no convergence", result.verdict.reason
 
 
 @pytest.mark.parallel

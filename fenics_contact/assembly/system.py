@@ -13,8 +13,7 @@ from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.timing import Timers
 
-# Rounding of a force in the norm of many, over the tolerance of steppers: 4 eps over 1e-8.
-ROUNDED = 4.0 * np.finfo(float).eps / 1e-8
+ROUNDED = 4.0 * np.finfo(float).eps / 1e-8  # units in the last place, over the steppers' tolerance
 
 
 @dataclass
@@ -197,9 +196,9 @@ class System:
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0
         self.extent = bodies_size(self.space)
-        self.reach = self.extent  # largest length that a gap is the difference of, tools' radii among them
+        self.reach = self.extent  # largest length of which gaps are differences, tools' radii among them
         self._committed = self._snapshot()
-        self._accepted = [self._committed]  # the last three
+        self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
         self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
 
@@ -227,7 +226,7 @@ class System:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
-        self._accepted = [*self._accepted[-2:], self._committed]
+        self.accepted = [*self.accepted[-2:], self._committed]
 
     def rollback(self):
         """Return to the last committed state."""
@@ -248,7 +247,7 @@ class System:
         self.state.t = t
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
-        self._accepted = [self._committed]
+        self.accepted = [self._committed]
         for term in self.augmented:
             term.drop()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
@@ -263,13 +262,13 @@ class System:
             return False
         u, dofs = self._committed[0], self.supports.dofs
         for count in (3, 2):
-            step = self._onwards(self._accepted[-count:]) if len(self._accepted) >= count else None
+            step = self._onwards(self.accepted[-count:]) if len(self.accepted) >= count else None
             if step is None or self._strays(step[dofs] - owed, owed):
                 continue
             step[dofs] = owed
             self.state.u.x.array[:] = u + step
             for term in self._foreseeing:
-                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self._accepted[-2][2]))
+                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
             if np.isfinite(self.assemble_residual()):
                 return True
             self.release()
@@ -319,11 +318,7 @@ class System:
 
     @property
     def rounding(self):
-        """Force scale below which residuals are rounding [force].
-
-        A body that moves without strain has no other; and a gap on a large tool is known to half a unit in the last place of
-        its radius, which the penalty turns into force.
-        """
+        """Force scale of rounding [force]: a body that moves without strain has no other, a large tool's gaps no sharper."""
         return self.stiffness * max(1e-4 * self.vector.norm(PETSc.NormType.NORM_INFINITY), ROUNDED * self.reach)
 
     def update(self, du, dq, share=1.0):

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
+from fenics_contact.solvers.arc_length import Increment
 from fenics_contact.solvers.diagnosis import diagnose
-from fenics_contact.solvers.verdict import StepFailed, Verdict
+from fenics_contact.solvers.verdict import StepFailed
 
 LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
@@ -35,53 +37,97 @@ class ArcSteps:
 class Path:
     """Continuation of a system: accepted steps, limit points located, each leg's end on one of its targets.
 
-    steps: ArcSteps; on_step(report, seconds, True): called after each accepted step, on all ranks.
+    steps: ArcSteps; legs: list of {words: function () -> distance of the state from a target, which changes its sign
+    there}. After each leg but the last the path is followed back.
     """
 
-    def __init__(self, system, arc, steps, on_step):
-        self.system, self.arc, self.steps, self.on_step = system, arc, steps, on_step
-        self.verdict = Verdict(converged=False)
+    def __init__(self, system, arc, steps, legs):
+        self.system, self.arc, self.steps, self.legs = system, arc, steps, legs
+        self.reached = []  # the targets that ended the legs so far, in words
+        self.begun = False  # whether a step of the present leg has been accepted
         self.highest = self.furthest = 0.0  # largest |t| and displacement [length] accepted
         self.taken = 0  # steps accepted
-        self.last = None  # increment of the last accepted step
+        self.last = self.rate = None  # increment of the last accepted step, unit rate of the path at its end
+        self.slope = 0.0  # change of t along the path there; its sign counts
+        self.first = self.length = 0.0  # arcs [length]: the leg's first one, the one to try next
+        self.spans = {}  # largest distance seen in this leg from each of its targets
 
-    def follow(self, targets):
-        """Continue, after a first leg turning round, until a target is reached; its name. StepFailed where there is no way.
+    def follow(self, on_step, verdict):
+        """Continue from the accepted state until the last leg has reached a target; the verdict says whether it did.
 
-        targets: {words: function () -> distance of the state from the target, which changes its sign there}.
+        on_step(report, seconds, True): called after each accepted step, on all ranks.
         """
-        rate = self.arc.start(self.system, self.last)
-        self.slope = rate.dt  # of the path's unit rate at the accepted state; its sign counts
-        self.targets = targets
-        self.spans = dict.fromkeys(targets, 0.0)  # largest distances seen
-        self._measure()
-        first = length = min(self.steps.first / abs(rate.dt), self.steps.largest)
+        self.verdict, verdict.converged = verdict, False
+        try:
+            while len(self.reached) < len(self.legs):
+                self._follow_leg(on_step)
+        except StepFailed as failure:
+            found, t = diagnose(self.system, failure), self.system.state.t
+            if found.kind == LIMIT_POINT:  # no news to a continuation: the arc was too long for the turn of its path
+                found = found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
+            verdict.stop(found, t)
+        else:
+            verdict.converged, verdict.reason = True, "reached " + ", then ".join(self.reached)
+
+    def _follow_leg(self, on_step):
+        """Continue, after a first leg turning round, until a target is reached. StepFailed where there is no way."""
+        if not self.begun:
+            self.rate = self.arc.start(self.system, self.last)
+            self.slope, self.spans = self.rate.dt, {}
+            self.first = self.length = min(self.steps.first / abs(self.rate.dt), self.steps.largest)
+        leg = self.legs[len(self.reached)]
+        self._measure(leg)
         while self.taken < self.steps.most:
             start = time.perf_counter()
-            arrival, reached, length = self._take(length, rate, self.steps.smallest * first)
-            self._commit(arrival)
-            self.on_step(arrival.report, time.perf_counter() - start, True)
+            arrival, reached = self._take(self.steps.smallest * self.first)
+            self._accept(arrival, leg, reached)
+            on_step(arrival.report, time.perf_counter() - start, True)
             if reached:
-                return reached
-            turned = np.arccos(np.clip(self.arc.dot(rate, arrival.rate), -1.0, 1.0))
-            rate = arrival.rate
-            length = min(length * self._growth(arrival.report, turned), self.steps.largest)
-            self.arc.weigh(self.furthest, self.highest)
-            size = self.arc.norm(rate)  # 1 in the lengths before
-            length, rate = length * size, rate.times(1.0 / size)
-        why = f"{self.taken} steps reached none of: {', '.join(targets)}"
+                return
+        why = f"{self.taken} steps reached none of: {', '.join(leg)}"
         raise StepFailed(why, OUT_OF_STEPS, remedy="allow more steps, ArcSteps(most=...), or longer ones")
 
-    def _take(self, length, rate, smallest):
-        """A step of `length` or, where that fails, of a half of it, and so on. Also returns the length that went well."""
+    # -- what a checkpoint holds beside the accepted state ----------------------------------------------------------
+    def memory(self):
+        """(fields, numbers) of the way so far: last increment, the path's rate, lengths, the place among the legs."""
+        parts = {"last": self.last, "rate": self.rate}
+        names = ("reached", "begun", "highest", "furthest", "taken", "slope", "first", "length", "spans")
+        numbers = {name: getattr(self, name) for name in names} | {"per_load": self.arc.per_load}
+        numbers |= {name: [part.dq.tolist(), part.dt] for name, part in parts.items()}
+        return {name: part.du.array_r for name, part in parts.items()}, numbers
+
+    def recall(self, fields, numbers):
+        """Go on from there. A leg that has ended goes on where its target is another one now, unless the next has begun.
+
+        ValueError, on all ranks, where the legs now stated cannot lead there.
+        """
+        numbers = dict(numbers)
+        self.arc.per_load = numbers.pop("per_load")
+        for name, values in fields.items():
+            du, (dq, dt) = self.system.vector.duplicate(), numbers.pop(name)
+            du.array[:] = values[: len(du.array_r)]
+            copy_to_ghosts(du)
+            setattr(self, name, Increment(du, np.array(dq).reshape(-1, 3), dt))
+        vars(self).update(numbers)
+        self.length = min(self.length, self.steps.largest)
+        known = [name in leg for name, leg in zip(self.reached, self.legs, strict=False)]
+        if known and not known[-1] and not self.begun and len(known) == len(self.reached):
+            self.reached.pop()
+            self.begun = known[-1] = True
+        if not all(known) or len(self.reached) + self.begun > len(self.legs):
+            raise ValueError(f"it has gone beyond {', then '.join(self.reached)}, which until and back do not name so")
+        self.system.assemble_tangent()  # a term may predict from the last one
+
+    def _take(self, smallest):
+        """A step of the length that is due or, where that fails, of a half of it, and so on."""
         while True:
             try:
-                return *self._step(length, rate), length
+                return self._step(self.length, self.rate)
             except StepFailed:
                 self._back()
-                length /= 2
-                if length < smallest:
+                if self.length / 2 < smallest:
                     raise
+                self.length /= 2
                 self.verdict.cuts += 1
 
     def _back(self):
@@ -110,20 +156,27 @@ class Path:
                 reached = name
         return arrival, reached
 
-    def _commit(self, arrival):
+    def _accept(self, arrival, leg, reached):
+        """Commit the arrival; direction and length of the next step follow from it."""
         self.system.commit()
         # a located limit point lies a hair before or behind the extremum: its own sign says nothing
         self.slope = self._onward if arrival.report.limit_point else arrival.rate.dt
         self.highest = max(self.highest, abs(self.system.state.t))
         self.furthest = max(self.furthest, self.arc.extent(self.system))
         self.taken += 1
-        self.last = arrival.increment
-        self._measure()
+        self._measure(leg)
         self.verdict.accept(arrival.report, self.system)
+        turned = np.arccos(np.clip(self.arc.dot(self.rate, arrival.rate), -1.0, 1.0))
+        length = min(self.length * self._growth(arrival.report, turned), self.steps.largest)
+        self.arc.weigh(self.furthest, self.highest)
+        size = self.arc.norm(arrival.rate)  # 1 in the lengths before
+        self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
+        self.begun = not reached
+        self.reached += [reached] if reached else []
 
-    def _measure(self):
-        self.gaps = {name: gap() for name, gap in self.targets.items()}
-        self.spans = {name: max(self.spans[name], abs(gap)) for name, gap in self.gaps.items()}
+    def _measure(self, leg):
+        self.targets, self.gaps = leg, {name: gap() for name, gap in leg.items()}
+        self.spans = {name: max(self.spans.get(name, 0.0), abs(gap)) for name, gap in self.gaps.items()}
 
     def _arrive(self, length, rate):
         arrival = self.arc.step(self.system, length, rate)
@@ -159,24 +212,3 @@ class Path:
             else:
                 low, at_low, at_high, kept = place, here, at_high * (0.5 if kept > 0 else 1.0), 1
         raise StepFailed(f"{TRIALS} arcs did not settle on one point")
-
-
-def follow(system, arc, steps, legs, on_step):
-    """Continue from the system's state along its path through the legs' targets, turning round after each of them.
-
-    legs: list of {words: function () -> distance from the target}; on_step(report, seconds, True): called after each
-    accepted step, on all ranks. Returns a Verdict, not converged where a target was not reached.
-    """
-    path, reached = Path(system, arc, steps, on_step), []
-    verdict = path.verdict
-    try:
-        for targets in legs:
-            reached.append(path.follow(targets))
-    except StepFailed as failure:
-        found, t = diagnose(system, failure), system.state.t
-        if found.kind == LIMIT_POINT:  # no news to a continuation: the arc was too long for the turn of its path
-            found = found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
-        verdict.stop(found, t)
-    else:
-        verdict.converged, verdict.reason = True, "reached " + ", then ".join(reached)
-    return verdict

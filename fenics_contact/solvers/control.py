@@ -37,7 +37,7 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
                     raise StepFailed.of(wrong)
             except StepFailed as failure:
                 if size / 2 < verdict.smallest or failure.finding.kind in HOPELESS:
-                    verdict.stop(diagnose(system, failure), goal)
+                    verdict.stop(diagnose(system, failure, goal), goal)
                     return verdict
                 system.rollback()
                 verdict.cuts += 1

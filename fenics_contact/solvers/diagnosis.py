@@ -14,12 +14,17 @@ from fenics_contact.assembly.finding import (
     Finding,
     spot,
 )
+from fenics_contact.solvers.arc_length import ArcLength
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.verdict import StepFailed
 
 # A motion counts as free below this share of the stiffness that its nodes have each alone: round-off is 1e-15, and the
 # least of what holds a body, one corner in contact, is far above.
 FREE = 1e-10
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
+# Lengths of the failing step, within which a fold must lie ahead to be its cause: Newton's method fails a few before it.
+AHEAD = 10.0
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
@@ -28,8 +33,11 @@ SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of
 MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
 
 
-def diagnose(system, failure):
-    """Finding of the cause of a StepFailed: call at the failing iterate; the system is rolled back here. Collective."""
+def diagnose(system, failure, goal=None):
+    """Finding of the cause of a StepFailed: call at the failing iterate; the system is rolled back here. Collective.
+
+    goal: t at which the step was to end; None on an arc.
+    """
     known = failure.finding
     inverted = system.check()
     system.rollback()
@@ -46,7 +54,7 @@ def diagnose(system, failure):
     matrix = _supported(system)
     found = rigid_motion(system, matrix) or next(iter(troubles), None)
     if found is None and matrix.getSize()[0] <= LARGEST:
-        found = limit_point(system, matrix)
+        found = limit_point(system, matrix, goal)
     return found or (inverted if known.kind == UNKNOWN else None) or known
 
 
@@ -132,8 +140,13 @@ def _rigid_modes(system, nodes):
 
 
 # -- limit point ------------------------------------------------------------------------------------------------------
-def limit_point(system, matrix):
-    """A finding if the softest motion of the tangent has lost nearly all stiffness it has in the unloaded bodies."""
+def limit_point(system, matrix, goal=None):
+    """A finding if the softest motion of the tangent has lost nearly all stiffness it has in the unloaded bodies, and the
+    path's rate says that the fold lies no further ahead than a few times the step to `goal`.
+
+    A soft motion alone stops no step: sliding bodies have one, and so has a point on a fillet. Forks are found by the rate
+    too, for only an imperfect one stops Newton's method, and before that the path bends.
+    """
     mode = softest(system, matrix)
     if mode is None:
         return None
@@ -141,7 +154,9 @@ def limit_point(system, matrix):
     matrix.mult(mode, force)
     now = mode.dot(force)
     unloaded = _unloaded_stiffness(system, mode)
-    if not now < FOLDED * unloaded:
+    if not abs(now) < FOLDED * unloaded:
+        return None
+    if goal is not None and not fold_ahead(system) <= AHEAD * abs(goal - system.committed_t):
         return None
     name, place = _largest(system, mode)
     text = (
@@ -149,6 +164,28 @@ def limit_point(system, matrix):
     )
     remedy = "follow the path by arc length or prescribe a displacement in place of the load"
     return Finding(LIMIT_POINT, text, f"body '{name}' at {place}", remedy)
+
+
+def fold_ahead(system):
+    """How far [t] ahead of the accepted state the load path folds back, as its last step and its rate tell. Collective.
+
+    Before a fold at t_f displacements are u_f - a sqrt(t_f - t). So the rate du/dt over the mean rate of a last step of
+    length h is q = (1 + sqrt((d + h) / d)) / 2, d = t_f - t: endless where the rate does not grow from step to step, zero
+    where the tangent is singular. A first step, which has none before it, may have any fold ahead: zero.
+    """
+    if len(system.accepted) < 2:
+        return 0.0
+    (u, travel, t), (u_now, travel_now, t_now) = system.accepted[-2:]
+    step = system.vector.duplicate()
+    step.array[:] = (u_now - u)[: step.getLocalSize()]
+    arc = ArcLength(LinearSolver(system, "direct", afresh=True))
+    try:
+        arc.start(system)
+    except StepFailed:
+        return 0.0
+    moved = np.sqrt(step.dot(step) / (step.getSize() / 3) + np.sum((travel_now - travel) ** 2))
+    q = arc.per_load * (t_now - t) / moved if moved > 0.0 else np.inf
+    return (t_now - t) / (4.0 * q * (q - 1.0)) if q > 1.0 else np.inf
 
 
 def softest(system, matrix):

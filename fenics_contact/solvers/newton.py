@@ -163,7 +163,11 @@ def _finite_residual(system):
 
 
 class Incremental:
-    """The paper's step equation: one linear solve per step, the out-of-balance force carried into the next."""
+    """The paper's step equation: one linear solve per step, the out-of-balance force carried into the next.
+
+    With multipliers each augmentation is one more of these solves, and so is a change of penalties: the step ends when no
+    point lies too deep, in whatever balance it then is.
+    """
 
     def __init__(self, linear):
         self.linear = linear
@@ -173,6 +177,8 @@ class Incremental:
         system.assemble_residual()
         solve_once(system, self.linear, du, dq)
         return StepReport(1, [relative_residual(system)])
+
+    settle = step
 
 
 def _forcing(residual):
