@@ -200,6 +200,7 @@ class System:
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
+        self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
         self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
 
     def _new_matrix(self):
@@ -288,11 +289,6 @@ class System:
         """True where supports would end further from their places than half the way they go. Collective."""
         sizes = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
         return bool(sizes[0] > 0.25 * sizes[1])
-
-    @property
-    def foresees(self):
-        """True where a term has unknowns of its own that solves carry along."""
-        return bool(self._foreseeing)
 
     def foresee(self):
         """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
