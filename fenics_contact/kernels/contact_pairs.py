@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.deformable_element import place, point_traction, slide_anchor
+from fenics_contact.kernels.deformable_element import place, place_apart, point_traction, slide_anchor
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
@@ -76,7 +76,7 @@ def foreseen_gaps(coords, slaves, surface, projection, anchors, moved, gaps):
         gaps[q] = np.inf
         if kind[q] == NONE:
             continue
-        pair, f = place(q, coords, slaves, surface, projection, anchors), facet[q]
+        pair, f = place_apart(q, coords, slaves, surface, projection, anchors), facet[q]
         m0, m1, m2, m3 = (
             row(moved, corners[f, 0]),
             row(moved, corners[f, 1]),
@@ -115,7 +115,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
             nodes[q, :] = -1
             weights[q, :] = 0.0
             continue
-        pair = place(q, coords, slaves, surface, projection, anchors)
+        pair = place_apart(q, coords, slaves, surface, projection, anchors)
         press = pair.g + shift[q]
         found = point_traction(press, press, anchors[0][q, 0] >= 0, eps_n[q], eps_t[q], mu, touch, pair)
         if found.status == STICK:
@@ -141,12 +141,12 @@ def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, 
         slips[q] = 0.0
         if projection[1][q] == NONE or anchors[0][q, 0] < 0:
             continue
-        pair = place(q, coords, slaves, surface, projection, anchors)
+        pair = place_apart(q, coords, slaves, surface, projection, anchors)
         press = pair.g + shift[q]
         found = point_traction(press, press, True, eps_n[q], eps_t[q], mu, touch, pair)
         if found.status != STICK:
             continue
-        rested = place(q, coords, slaves, surface, projection, rests)
+        rested = place_apart(q, coords, slaves, surface, projection, rests)
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
@@ -166,12 +166,12 @@ def stiffened_anchors(coords, slaves, surface, projection, anchors, rests, law, 
     for q in range(len(nodes)):
         if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
             continue
-        pair = place(q, coords, slaves, surface, projection, anchors)
+        pair = place_apart(q, coords, slaves, surface, projection, anchors)
         press = pair.g + shift[q]
         found = point_traction(press, press, True, eps_n[q], eps_t[q], mu, touch, pair)
         if found.status != STICK and found.status != SLIP:
             continue
-        rested = place(q, coords, slaves, surface, projection, rests)
+        rested = place_apart(q, coords, slaves, surface, projection, rests)
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
         slide_anchor(q, pair, plus(found.trial, times((factor - 1.0) * eps_t[q], slip)), factor * eps_t[q], weights)

@@ -52,8 +52,7 @@ def slave_points(coords, nodes, weights, points):
         points[q, 0], points[q, 1], points[q, 2] = of_nodes(weights, q, nodes, coords)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def place(q, coords, slaves, surface, projection, anchors):
+def _place(q, coords, slaves, surface, projection, anchors):
     """The Pair of slave point q."""
     slave_nodes, slave_weights, _, gradients = slaves
     nodes, size = surface
@@ -78,6 +77,11 @@ def place(q, coords, slaves, surface, projection, anchors):
         return Pair(dot(d, n), n, d, r1, r2, r12, w, N, N1, N2, ZERO, ZERO, 0.0)
     g = math.copysign(norm(d), gap[q])
     return Pair(g, times(1.0 / g, d), d, r1, r2, r12, w, N, N1, N2, ZERO, ZERO, 0.0)
+
+
+# where assembly spends its time, and elsewhere: a copy in each of its callers takes seconds to compile
+place = njit(cache=True, error_model="numpy", inline="always")(_place)
+place_apart = njit(cache=True, error_model="numpy")(_place)
 
 
 @njit(cache=True, error_model="numpy")
