@@ -84,7 +84,7 @@ def main():
     if MPI.COMM_WORLD.rank == 0:
         figure(time, vertical, horizontal, surface)
         print(f"vertical force {V.min():.1f} to {V.max():.1f} N/mm (published {VERTICAL}), ripple {ripple:.2%}")
-        print(f"horizontal over vertical force {ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f} (published {RATIO})")
+        print(f"horizontal over vertical {ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f} (published {RATIO})")
         print(f"lifted: {vertical[-1]:.1e} and {horizontal[-1]:.1e} N/mm")
         print(f"{result.verdict.iterations} Newton iterations in {len(time)} steps; picture: {OUT / 'ironing.png'}")
     assert VERTICAL[0] < V.min() and V.max() < VERTICAL[1] and RATIO[0] < ratio.mean() < RATIO[1]

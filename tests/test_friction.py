@@ -12,7 +12,7 @@ from meshes import box
 MU = 0.3
 PRESS = 0.02  # depth [mm]; the block is 1 mm high with E = 1000 MPa: small strains, nearly rigid dragging
 PRESSED = 0.2  # the load parameter at which pressing ends and dragging starts
-LAW = 1e-6  # the bound on T = mu N
+LAW = 1e-6  # required of T = mu N
 
 
 @pytest.fixture(scope="module")
@@ -207,4 +207,4 @@ def test_a_pushed_tool_is_in_balance_and_equals_the_moved_one(block, target):
         return [np.interp(t, [0, 0.25, 0.5, 0.75, 1.0], [0.0, *travel[:, i]]) for i in range(3)]
 
     _, moved = pressed_block(block, move=path)
-    np.testing.assert_allclose(moved[:, pushed], expected[:, pushed], atol=1e-6 * 400)  # the bound
+    np.testing.assert_allclose(moved[:, pushed], expected[:, pushed], atol=1e-6 * 400)  # required

@@ -85,12 +85,12 @@ def uniform():
 
 
 def test_sharp_punch_on_the_uniform_mesh(uniform):
-    np.testing.assert_allclose(forces(uniform)[-1], SHARP[-1], rtol=0.03)  # the bound
+    np.testing.assert_allclose(forces(uniform)[-1], SHARP[-1], rtol=0.03)  # required
     assert_smooth(forces(uniform))
 
 
 def test_sharp_punch_on_the_graded_mesh(graded):
-    np.testing.assert_allclose(forces(graded)[-1], SHARP[-1], rtol=0.03)  # the bound
+    np.testing.assert_allclose(forces(graded)[-1], SHARP[-1], rtol=0.03)  # required
     np.testing.assert_allclose(forces(graded), SHARP, rtol=0.06)  # a mesh of degree 1 is stiff by up to 6 % (parity)
     assert_smooth(forces(graded))
 

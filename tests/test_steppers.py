@@ -49,7 +49,7 @@ def apart(one, other):
 @pytest.mark.parametrize("push", [None, (0, 0, -60.0)])
 def test_newton_and_snes_agree(push):
     newton, snes = (frictional_punch(push, method=method) for method in ("newton", "snes"))
-    assert apart(forces(snes), forces(newton)) < 1e-8  # the bound
+    assert apart(forces(snes), forces(newton)) < 1e-8  # required
 
 
 @pytest.mark.parallel
@@ -98,7 +98,7 @@ def test_same_numbers_on_one_two_and_three_ranks():
     size = np.abs(one).max(axis=1, keepdims=True)
     assert np.all(size > 0.0)
     for count in (2, 3):
-        # the bound, each row against its own largest entry; steps end at 1e-11
+        # required: each row against its own largest entry; steps end at 1e-11
         np.testing.assert_allclose(on_ranks(count) / size, one / size, rtol=0, atol=1e-9)
 
 

@@ -54,7 +54,7 @@ def test_scalars_do_not_depend_on_the_version():
     record, now = json.loads(RECORD.read_text()), scalars()
     assert record["scalars"].keys() == now.keys()
     for scene, values in now.items():
-        # the 1e-8; Newton stops at 1e-8 of the force and its last quadratic step goes far below
+        # 1e-8 is required; Newton stops at 1e-8 of the force and its last quadratic step goes far below
         assert values == pytest.approx(record["scalars"][scene], rel=1e-8), scene
 
 
