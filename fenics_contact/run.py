@@ -141,6 +141,9 @@ def solve(
         record.writer.finish(summary)
     if progress and system.comm.rank == 0:
         lines = [*penalty_lines(summary["penalty_error"], scene.units), _stages_line(summary["seconds"])]
+        if verdict.residuals:
+            falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
+            lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
     return Result(record.history, verdict, system, summary)
 
