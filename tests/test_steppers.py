@@ -80,6 +80,23 @@ def test_incremental_scheme_converges_to_newton():
     assert errors[-1] < 1e-2, errors
 
 
+def test_incremental_run_that_ends_out_of_balance_has_not_converged():
+    """A plane that has closed its gap within the last step presses with the whole penalty: no state, and no answer."""
+    scene = Scene(Body(read_gmsh(box.build, size=(10.0, 10.0, 10.0), cells=(2, 2, 2)), "box", rubber()))
+    scene.fix("zmin")
+    plate = rigid_plane((0, 0, 10.525), (0, 0, -1.0))
+    scene.contact("zmax", plate, name="top")
+    short, enough = (
+        solve(scene, move={plate: (0, 0, -1.0)}, steps=steps, method="incremental", progress=False) for steps in (1, 20)
+    )
+    assert not short.converged
+    assert short.verdict.kind == "no convergence" and short.verdict.step == 1
+    assert "out of balance" in short.verdict.reason and "more steps" in short.verdict.remedy
+    assert enough.converged, enough.verdict.reason
+    # the plane meets the block in one step, which cannot know of it: said, and mended by the next one
+    assert any("1 of 20 steps" in note for note in enough.verdict.notes), enough.verdict.notes
+
+
 def on_ranks(count, script=__file__):
     """The numbers of a file's main program, by default this one's, under `mpirun -n count`."""
     # the pytest process may itself be an MPI process: its child must not inherit that identity

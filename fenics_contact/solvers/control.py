@@ -3,12 +3,13 @@
 import math
 import time
 
-from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF
+from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
+UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
 
@@ -50,7 +51,18 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
                 verdict.size *= 2.0
             verdict.accept(report, system)
             on_step(report, time.perf_counter() - start, goal == target)
+    _judge_balance(verdict)
     return verdict
+
+
+def _judge_balance(verdict):
+    """Say where steps have ended far out of balance, and that the run has failed where the last one did."""
+    left = [residuals[-1] for residuals in verdict.residuals]
+    if rough := sum(share > UNBALANCED for share in left):
+        verdict.notes.append(f"{rough} of {len(left)} steps end with more than {UNBALANCED:.0%} of the force out of balance")
+        if left[-1] > UNBALANCED:
+            reason = f"it leaves {left[-1]:.0%} of the force out of balance"
+            verdict.stop(Finding(UNKNOWN, reason, remedy='take more steps, or method="newton"'), verdict.t, len(left))
 
 
 def _goal(t, target, size):

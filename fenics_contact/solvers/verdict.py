@@ -56,9 +56,9 @@ class Verdict:
         notes = report.notes + [remark for remark in remarks if remark]
         self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
 
-    def stop(self, finding, t):
-        """Not converged: the step to t failed for good."""
-        self.converged, self.step = False, len(self.residuals) + 1
+    def stop(self, finding, t, step=None):
+        """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
+        self.converged, self.step = False, step or len(self.residuals) + 1
         self.kind, reason, self.place, self.remedy = finding
         where = f", {self.place}" if self.place else ""
         self.reason = f"step {self.step} to t = {t:.6g}: {self.kind}{where}: {reason}"
