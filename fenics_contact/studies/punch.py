@@ -1,7 +1,5 @@
 """Sharp square punch on a rubber plate with friction: force at 2 mm against the finest run of the same sweep."""
 
-from operator import itemgetter
-
 from fenics_contact.contact.tools import rigid_punch
 from fenics_contact.materials import mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
@@ -80,7 +78,8 @@ def studies(quick):
 
 def report(rows, charts, quick):
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    (coarser, finest), keys, (base, panels) = sorted(rows["punch_finest"], key=itemgetter("cells")), list(BASE), PLANS[quick]
+    coarser, finest = sorted(rows["punch_finest"], key=lambda row: row["cells"])
+    keys, (base, panels) = list(BASE), PLANS[quick]
     rows = [row | {"error": abs(row["value"] / finest["value"] - 1)} for row in rows["punch"]]
     work_precision(charts / "punch.png", rows, base, panels, TITLE, keys, "error of the force")
     apart = abs(coarser["value"] / finest["value"] - 1)
