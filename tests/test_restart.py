@@ -265,7 +265,8 @@ def times_of_fields(folder):
             file, place = item.text.strip().split(":")
             data = (folder / file).read_bytes()
             assert data.startswith(b"\x89HDF") and place.rsplit("/", 1)[1].encode() in data
-            assert int.from_bytes(data[40:48], "little") <= len(data)  # the superblock's end of file: none is missing
+            end = 28 if data[8] >= 2 else 40  # where the superblock of this version states the end of file
+            assert int.from_bytes(data[end : end + 8], "little") <= len(data)  # none of it is missing
     grids = [g for g in root.iter("Grid") if g.get("GridType") == "Collection"]
     return {g.get("Name"): [float(t.get("Value")) for t in g.iter("Time")] for g in grids}
 
