@@ -28,7 +28,6 @@ from fenics_contact.timing import Timers
 FIRST_SEARCH = 3.0
 # Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
 MARGIN = 0.5
-_NOT_HELD = np.empty(0)
 
 
 class DeformableContact(PairPenalties, SlavePoints):
@@ -75,7 +74,6 @@ class DeformableContact(PairPenalties, SlavePoints):
         self._rests = self._anchors = self._no_anchors()
         self._kept = self._anchors, self.shift  # those of the last accepted step
         self._seen = self._projected = self._linearised = self._places = None
-        self._judged = _NOT_HELD
         self._gaps = (np.full(ne * nq, self.search),) * 2  # with shifts, when a step was last accepted, and before
         self.timers = Timers()  # those of the System it becomes part of
         self.traction, self.gap, self.excess = np.zeros((ne, nq, 3)), np.zeros((ne, nq)), np.zeros((ne, nq))
@@ -233,10 +231,6 @@ class DeformableContact(PairPenalties, SlavePoints):
         now, before = self._gaps
         # a pressure doubles or halves at most: it stays one, and what was open before gives no slope
         self._judged = np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.5 * now), now)
-
-    def release(self):
-        """Judge by the gaps again."""
-        self._judged = _NOT_HELD
 
     # -- pattern --------------------------------------------------------------------------------------------------
     def couplings(self, state):

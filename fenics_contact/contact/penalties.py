@@ -19,6 +19,8 @@ LARGEST = 10.0  # times the default; Newton's method fails the more often the st
 SOFTEST = 0.01
 WORTH = 0.5  # a greater part of the penalties is no help
 
+_NOT_HELD = np.empty(0)
+
 
 def penalties(statement, surface):
     """Normal and tangential penalties (ne,) [pressure/length] of a stated contact, and which of both may be raised.
@@ -37,8 +39,8 @@ class Penalties:
     """Mixed into contact terms: penalties that a run may raise, and vary to see what they cost.
 
     Needs normal_penalty, tangential_penalty (ne,) [pressure/length], gap, cover, status, shift, surface; evaluate(state);
-    _kept, the accepted (anchors, shift); _judged (points,), gaps that decide statuses until `release`; before, the anchors
-    at the start of the step accepted last; swap_anchors(anchors), which gives back the old ones;
+    _kept, the accepted (anchors, shift); before, the anchors at the start of the step accepted last; swap_anchors(anchors),
+    which gives back the old ones;
     hold_friction(factor), which lets points feel their accepted friction traction again under tangential penalties greater
     by that factor; and rest_anchors(state, factor), see `stiffen`.
     """
@@ -47,6 +49,7 @@ class Penalties:
     # may have softer penalties on the way to a solution: not under a sharp edge, where other points then hold (19 cut-backs
     # instead of 7 on a punch with 1000 E/h); with facets as a master it has not been tried
     softens = False
+    _judged = _NOT_HELD  # (points,) gaps that decide statuses in the place of the present ones until `release`
 
     def set_up_penalties(self):
         self._base = self.normal_penalty, self.tangential_penalty
@@ -127,6 +130,10 @@ class Penalties:
         self.shift = self.shift / part
         self.put_penalties(part * self.normal_penalty, part * self.tangential_penalty)
         self._judged = gaps.ravel()
+
+    def release(self):
+        """Judge by the gaps again."""
+        self._judged = _NOT_HELD
 
     def harden(self):
         """The penalties and the friction history of before."""

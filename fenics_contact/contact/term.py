@@ -12,8 +12,6 @@ from fenics_contact.timing import Timers
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
 TOUCH = 1e-10
 
-_NOT_HELD = np.empty(0)
-
 
 class RigidContact(SlavePoints):
     """Penalty contact with Coulomb friction between slave points and a rigid tool.
@@ -44,7 +42,6 @@ class RigidContact(SlavePoints):
         self._anchor, self._rest, self.shift = np.zeros((ne, nq, 3)), np.zeros((ne, nq, 3)), np.zeros((ne, nq))
         self._kept = self._anchor, self.shift  # those of the last accepted step
         self._feet = None  # where the points were on the tool then, in its frame
-        self._judged = _NOT_HELD
         self.set_up_penalties()
         self.timers = Timers()  # those of the System it becomes part of
 
@@ -92,10 +89,6 @@ class RigidContact(SlavePoints):
                 mine = slice(3 * self.index, 3 * self.index + 3)
                 scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
                 border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
-
-    def release(self):
-        """Judge by the gaps again."""
-        self._judged = _NOT_HELD
 
     def touches(self, blocks):
         """Number of this rank's slave nodes among the local nodes `blocks`."""

@@ -27,7 +27,7 @@ class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
-    often penalties were raised."""
+    often the step was solved again with other penalties."""
 
     iterations: int = 0
     residuals: list = field(default_factory=list)
