@@ -3,7 +3,6 @@
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -74,9 +73,8 @@ def _nodes_of(space, cells):
     """Local nodes of cells, also where the cells themselves are another rank's."""
     touched = compat.Function(space)
     touched.x.array[3 * compat.cell_dofs(space)[cells]] = 1.0
-    vector = compat.petsc_vector(touched)
-    sum_to_owners(vector)
-    copy_to_ghosts(vector)
+    compat.sum_to_owners(touched)
+    compat.copy_to_ghosts(touched)
     return np.flatnonzero(touched.x.array[::3] > 0.0)
 
 

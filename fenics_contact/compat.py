@@ -34,6 +34,7 @@ _C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
 _JIT_NAME = "jit_options" if "jit_options" in inspect.signature(fem.form).parameters else "jit_params"
 _HAS_FUNCTIONSPACE = hasattr(fem, "functionspace")
 _HAS_PETSC_VEC = not hasattr(fem.Function, "vector")
+_ADD = (dolfinx.la.InsertMode if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode).add
 _HAS_DOFMAPS = hasattr(getattr(dolfinx_mesh, "Geometry", None), "dofmaps")
 
 
@@ -127,8 +128,18 @@ def assemble_vector(array, compiled_form):
     fem.assemble_vector(array, compiled_form)
 
 
+def sum_to_owners(function):
+    """Add what ranks wrote into a Function's ghosts to the owners' values. Collective."""
+    function.x.scatter_reverse(_ADD)
+
+
+def copy_to_ghosts(function):
+    """Give every ghost of a Function its owner's value. Collective."""
+    function.x.scatter_forward()
+
+
 def petsc_vector(function):
-    """Ghosted PETSc vector that shares memory with a Function."""
+    """Ghosted PETSc vector that shares memory with a Function; it lives on the communicator of the Function's space."""
     return function.x.petsc_vec if _HAS_PETSC_VEC else function.vector
 
 

@@ -112,7 +112,7 @@ def test_tangent_is_the_derivative_of_the_residual(element, degree, tetrahedra, 
 
     R = residual(u)
     system.assemble_tangent()
-    vector = system.vector.duplicate()
+    vector = system.new_vector()
     vector.array[:] = direction
     slope = (system.matrix * vector).array
     steps = 2e-3 / 2.0 ** np.arange(4)

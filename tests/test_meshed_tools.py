@@ -152,7 +152,7 @@ def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
     system.border.clear()
     contact.add_tangent(state, system.matrix, system.border)
     system.matrix.assemble()
-    at_start, way = residual(), system.vector.duplicate()
+    at_start, way = residual(), system.new_vector()
     closed = contact.status > 0
     assert closed.any() and (contact.status[closed] == status).all()
     rng = np.random.default_rng(2)

@@ -37,7 +37,7 @@ def disturb(system, size, supported=True):
     """Add a smooth field that does not depend on the partition and vanishes on supported dofs; returns the increment."""
     X = system.space.tabulate_dof_coordinates()
     field = size * np.column_stack([np.sin(1.3 * X @ k + p) for k, p in (((1, 2, 1), 0), ((2, -1, 1), 1), ((-1, 1, 2), 2))])
-    du = system.vector.duplicate()
+    du = system.new_vector()
     with du.localForm() as local:
         local.array_w[:] = field.ravel()
         if supported:
@@ -48,7 +48,7 @@ def disturb(system, size, supported=True):
 
 
 def pressure_forces(system):
-    vector = system.vector.duplicate()
+    vector = system.new_vector()
     with vector.localForm() as local:
         local.set(0.0)
         system.terms[1].add_residual(system.state, local.array_w, None)

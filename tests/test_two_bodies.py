@@ -135,7 +135,7 @@ def test_tangent_is_the_derivative_of_the_residual(points, friction, shift, stat
     system.matrix.zeroEntries()
     contact.add_tangent(state, system.matrix, None)
     system.matrix.assemble()
-    at_start, way = residual(), system.vector.duplicate()
+    at_start, way = residual(), system.new_vector()
     assert (contact.status == status).all()
     way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
     slope = (system.matrix * way).array.copy()

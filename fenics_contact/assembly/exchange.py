@@ -1,6 +1,29 @@
-"""Exchange of dof values between owners and ghosts of a PETSc vector."""
+"""PETSc vectors that ranks share: exchange between owners and ghosts, and the communicator they live on."""
 
+from mpi4py import MPI
 from petsc4py import PETSc
+
+from fenics_contact import compat
+
+
+def lasting(comm):
+    """The communicator of the same processes that outlives every mesh, where there is one.
+
+    Python alone never frees what several ranks share: PETSc keeps it with its communicator until all ranks clean up there,
+    and what lives on the communicator of a mesh or a space that is gone can never be freed.
+    """
+    for known in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        if MPI.Comm.Compare(comm, known) in (MPI.IDENT, MPI.CONGRUENT):
+            return known
+    return comm
+
+
+def ghosted_vector(space):
+    """New PETSc vector (owned and ghost dofs of a vector space), zero, on the lasting communicator."""
+    index_map, comm = space.dofmap.index_map, space.mesh.comm
+    ghosts = compat.global_blocks(space)[index_map.size_local :].astype(PETSc.IntType)
+    sizes = 3 * index_map.size_local, 3 * index_map.size_global
+    return PETSc.Vec().createGhost(ghosts, sizes, bsize=3, comm=lasting(comm))
 
 
 def sum_to_owners(vector):

@@ -24,6 +24,7 @@ def node_keys(space):
     vector = compat.petsc_vector(last)
     vector.ghostUpdate(addv=PETSc.InsertMode.MAX, mode=PETSc.ScatterMode.REVERSE)
     vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+    vector.destroy()
     return -last.x.array[::3].astype(np.int64)
 
 

@@ -5,13 +5,14 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.assembly.cell_forms import number_own_block
+from fenics_contact.assembly.exchange import lasting
 
 
 class MatrixPattern:
     """Block pattern of a bilinear form, to which couplings between any two nodes can be added. Built once per mesh."""
 
     def __init__(self, form, space):
-        self.comm, self._map = space.mesh.comm, space.dofmap.index_map
+        self.comm, self._map = lasting(space.mesh.comm), space.dofmap.index_map
         self._offsets, self._columns = compat.block_pattern(form, space)
         self._blocks = compat.global_blocks(space)
 

@@ -8,12 +8,13 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.assembly.cell_forms import CellForm
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.timing import Timers
 
-ROUNDED = 4.0 * np.finfo(float).eps / 1e-8  # units in the last place, over the steppers' tolerance
+TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
+ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
 
 
 @dataclass
@@ -149,10 +150,10 @@ def _listed(forms):
 
 def is_symmetric(tangent_form, u, supports):
     """Whether a bilinear form is symmetric on the dofs that no support holds, in a random configuration. Collective."""
-    saved, vector = u.x.array.copy(), compat.petsc_vector(u)
+    saved = u.x.array.copy()
     u.x.array[:] = np.random.default_rng(0).standard_normal(len(saved))
     u.x.array[supports.dofs] = supports.values(1.0)
-    copy_to_ghosts(vector)
+    compat.copy_to_ghosts(u)
     matrix = compat.create_matrix(tangent_form)
     compat.assemble_matrix(matrix, tangent_form)
     matrix.assemble()
@@ -161,7 +162,10 @@ def is_symmetric(tangent_form, u, supports):
     transposed = matrix.transpose(PETSc.Mat())
     transposed.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     u.x.array[:] = saved
-    return transposed.norm() <= 1e-10 * size  # sums of round-off; a real asymmetry is of the order of the entries
+    asymmetry = transposed.norm()
+    for one in (matrix, transposed):
+        one.destroy()
+    return asymmetry <= 1e-10 * size  # sums of round-off; a real asymmetry is of the order of the entries
 
 
 class System:
@@ -179,7 +183,7 @@ class System:
         for term in terms:
             term.timers = self.timers
         self.space = state.u.function_space
-        self.comm = self.space.mesh.comm
+        self.comm = lasting(self.space.mesh.comm)
         self.symmetric = all(term.symmetric for term in terms)
         self.condensed = any(hasattr(term, "add_followed_residual") for term in terms)
         self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
@@ -187,8 +191,7 @@ class System:
         self.matrix = self._new_matrix()
         self.patterns = 1  # matrices made so far
         self.vector = compat.petsc_vector(state.u)
-        self.residual_vector = self.vector.duplicate()
-        self._work = self.vector.duplicate()
+        self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
         self.bulk_over_shear = 1.0  # the largest of the bodies: what slows an iterative solver
@@ -312,10 +315,26 @@ class System:
     def committed_t(self):
         return self._committed[2]
 
+    def new_vector(self):
+        """A PETSc vector like u, of owned and ghost dofs, zero."""
+        vector = self.residual_vector.duplicate()
+        with vector.localForm() as local:
+            local.set(0.0)
+        return vector
+
     @property
-    def rounding(self):
-        """Force scale of rounding [force]: a body that moves without strain has no other, a large tool's gaps no sharper."""
-        return self.stiffness * max(1e-4 * self.vector.norm(PETSc.NormType.NORM_INFINITY), ROUNDED * self.reach)
+    def noise(self):
+        """Out-of-balance force [force] that the last places of the coordinates make: no iteration gets below it."""
+        return self.stiffness * ROUNDED * self.reach
+
+    @property
+    def scale(self):
+        """What out-of-balance forces are compared with [force]: the largest force of any term, now or before.
+
+        A body that moves without strain has no other scale than rounding.
+        """
+        moved = self.vector.norm(PETSc.NormType.NORM_INFINITY)
+        return max(self.forces, self.force_scale, 1e-4 * self.stiffness * moved, self.noise / TOLERANCE)
 
     def update(self, du, dq, share=1.0):
         """Add a PETSc increment (owned part) and a travel increment to the state.
@@ -392,7 +411,7 @@ class System:
 
     def border_vector(self, values):
         """Local array of a border row or column (owned and ghost dofs) -> PETSc vector summed over ranks."""
-        vector = self.vector.duplicate()
+        vector = self.new_vector()
         with vector.localForm() as local:
             local.array_w[:] = values
         sum_to_owners(vector)

@@ -4,7 +4,6 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -111,9 +110,8 @@ class DeformableContact(PairPenalties, SlavePoints):
         values[:] = 0.0
         x = self._X[self._ring] + u.reshape(-1, 3)[self._ring]
         np.add.at(values, self._ring, area_vectors(x)[:, None, :])
-        vector = compat.petsc_vector(self._normal)
-        sum_to_owners(vector)
-        copy_to_ghosts(vector)
+        compat.sum_to_owners(self._normal)
+        compat.copy_to_ghosts(self._normal)
         return values
 
     def _project(self, state):

@@ -7,7 +7,6 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.numbering import node_keys
 
 
@@ -163,5 +162,5 @@ def _sum_at_nodes(space, nodes, values):
     """Sum of values (ne, k) at the owned nodes over the elements of all ranks."""
     sums = compat.Function(space)
     np.add.at(sums.x.array, 3 * nodes, values)
-    sum_to_owners(compat.petsc_vector(sums))
+    compat.sum_to_owners(sums)
     return sums.x.array[: 3 * space.dofmap.index_map.size_local : 3].copy()

@@ -5,7 +5,6 @@ import ufl
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 # How much a point is held, by its status code: the order in which a node's points of different status are averaged.
@@ -85,7 +84,7 @@ class Fields:
         width = values.shape[1]
         owned = function.x.array[: values.size].reshape(-1, width)  # one block per cell, numbered like the cells
         owned[cells] = values[cells]
-        copy_to_ghosts(compat.petsc_vector(function))
+        compat.copy_to_ghosts(function)
 
     def _update_contact(self):
         """Means over the slave points of each node, and tractions per current area."""
@@ -100,7 +99,7 @@ class Fields:
             for target, values in sums:
                 np.add.at(target.x.array, s.nodes, np.einsum("eqk,eq->ek", share, values))
         for function in (area, weight, normal, gap, rank, *tangential):
-            sum_to_owners(compat.petsc_vector(function))
+            compat.sum_to_owners(function)
 
         touched = weight.x.array > 0
         mean = np.where(touched, 1.0 / np.where(touched, weight.x.array, 1.0), 0.0)
@@ -117,7 +116,7 @@ class Fields:
     def _publish(self, function, values):
         source = compat.Function(self._nodal)
         source.x.array[:] = values
-        copy_to_ghosts(compat.petsc_vector(source))
+        compat.copy_to_ghosts(source)
         if self.scene.degree == 1:
             function.x.array[:] = source.x.array
         else:

@@ -13,9 +13,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fenics_contact.assembly.system import TOLERANCE
 from fenics_contact.solvers.augmented import AUGMENTATIONS, augment, forgo, raise_penalties
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
-from fenics_contact.solvers.newton import SHORTEST, StepFailed, StepReport, _finite_residual, _forcing, relative_residual
+from fenics_contact.solvers.newton import (
+    SHORTEST,
+    StepFailed,
+    StepReport,
+    _finite_residual,
+    _forcing,
+    balanced,
+    relative_residual,
+)
 
 # Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
 LOAD_PROBE = 1e-4
@@ -63,7 +72,7 @@ class ArcLength:
     tolerance: out-of-balance force over the largest force seen, as in Newton; limit: largest number of tangent solves.
     """
 
-    def __init__(self, linear, tolerance=1e-8, limit=15):
+    def __init__(self, linear, tolerance=TOLERANCE, limit=15):
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
         self.per_load = None  # L [length]
 
@@ -148,7 +157,7 @@ class ArcLength:
             report.iterations += 1
             report.residuals.append(size)
             try:
-                if size <= self.tolerance:
+                if balanced(system, size, self.tolerance):
                     changed = system.augmented and augment(system, report, AUGMENTATIONS)
                     if not changed:
                         changed = raise_penalties(system, report)

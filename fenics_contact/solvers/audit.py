@@ -139,7 +139,7 @@ def _norm(vector, tools):
 
 def _forces(system, term):
     """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 3), at the state. Collective."""
-    vector, tools = system.vector.duplicate(), np.zeros_like(system.tool_residual)
+    vector, tools = system.new_vector(), np.zeros_like(system.tool_residual)
     with vector.localForm() as local:
         local.set(0.0)
         term.add_residual(system.state, local.array_w, tools)
@@ -152,7 +152,7 @@ def _rate(system, term, du, dq):
     stiffness = system.stiffness
     system.assemble_tangent([term])
     system.stiffness = stiffness
-    move, rate = system.vector.duplicate(), system.matrix.createVecLeft()
+    move, rate = system.new_vector(), system.matrix.createVecLeft()
     move.array[:] = du[: move.getLocalSize()]
     system.matrix.mult(move, rate)
     if system.border is None:

@@ -104,7 +104,7 @@ class Path:
         numbers = dict(numbers)
         self.arc.per_load = numbers.pop("per_load")
         for name, values in fields.items():
-            du, (dq, dt) = self.system.vector.duplicate(), numbers.pop(name)
+            du, (dq, dt) = self.system.new_vector(), numbers.pop(name)
             du.array[:] = values[: len(du.array_r)]
             copy_to_ghosts(du)
             setattr(self, name, Increment(du, np.array(dq).reshape(-1, 3), dt))

@@ -128,7 +128,7 @@ def _rigid_modes(system, nodes):
     x = x - sums[:3] / sums[3]
     modes = []
     for axis in range(6):
-        mode = system.vector.duplicate()
+        mode = system.new_vector()
         mode.set(0.0)
         values = np.zeros((owned, 3))
         turn = np.eye(3)[axis % 3]
@@ -176,7 +176,7 @@ def fold_ahead(system):
     if len(system.accepted) < 2:
         return 0.0
     (u, travel, t), (u_now, travel_now, t_now) = system.accepted[-2:]
-    step = system.vector.duplicate()
+    step = system.new_vector()
     step.array[:] = (u_now - u)[: step.getLocalSize()]
     arc = ArcLength(LinearSolver(system, "direct", afresh=True))
     try:

@@ -136,7 +136,7 @@ class LinearSolver:
         system = self.system
         if self._pivot is None:  # a diagonal of the matrix's own size keeps the multigrid's smoother bounds sane
             self._pivot = max(system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), 1e-300)
-        du, force = system.vector.duplicate(), system.vector.duplicate()
+        du, force = system.new_vector(), system.new_vector()
         for rhs, values in zip(rights, du_supports, strict=True):
             with du.localForm() as local:
                 local.set(0.0)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.system import TOLERANCE
 from fenics_contact.solvers.cycles import StatusWatch
 from fenics_contact.solvers.linear import LinearFailure
 from fenics_contact.solvers.reuse import TIGHTEST
@@ -55,7 +56,7 @@ class Newton:
     the last quadratic iteration usually lands near round-off); limit: largest number of tangents.
     """
 
-    def __init__(self, linear, tolerance=1e-8, limit=20):
+    def __init__(self, linear, tolerance=TOLERANCE, limit=20):
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
 
     def step(self, system, t):
@@ -102,7 +103,7 @@ class Newton:
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
             report.residuals.append(size)
-            if size <= self.tolerance:
+            if balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
             if size > HELD and not shorten:
@@ -204,9 +205,14 @@ def solve_once(system, linear, du, dq, tolerance=TIGHTEST):
 
 
 def relative_residual(system, followed=False):
-    """Out-of-balance norm over the largest force of any term, now or before; StepFailed where it is not a number."""
+    """Out-of-balance norm over its scale; StepFailed where it is not a number."""
     size = system.assemble_residual(followed)
     if not np.isfinite(size):
         raise StepFailed("an element turned inside out")
-    scale = max(system.forces, system.force_scale, system.rounding)
+    scale = system.scale
     return size / scale if scale > 0.0 else size
+
+
+def balanced(system, size, tolerance):
+    """Whether an out-of-balance share meets the tolerance, or is all rounding."""
+    return size <= tolerance or size * system.scale <= system.noise

@@ -95,7 +95,7 @@ def _rates(system, terms, linear):
         return None
     finally:
         system.assemble_residual()
-    copy = system.vector.duplicate()
+    copy = system.new_vector()
     du.copy(copy)
     copy_to_ghosts(copy)
     with copy.localForm() as local:

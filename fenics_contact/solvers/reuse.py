@@ -5,6 +5,7 @@ from petsc4py import PETSc
 
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
+NOT_FINITE = 72  # PETSC_ERR_FP, PETSc's code of a floating-point exception
 # Iterations that cost as much as a new factorisation or hierarchy, measured at 8e3 and 6e4 unknowns.
 BUILD_COST = {"direct": 15, "iterative": 35}
 # A row whose diagonal has grown or shrunk by this factor is one that an old preconditioner no longer knows: a contact that
@@ -52,7 +53,7 @@ class ReusingSolver:
     def __init__(self, comm, size, symmetric, method, near_null_space, timers, afresh=False):
         self.comm, self.symmetric, self.timers = comm, symmetric, timers
         self._near_null_space = near_null_space
-        self.builds = self.iterations = 0
+        self.builds = self.iterations = self._cause = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
         self._copy = self._pattern = self._reuse = None
         self._objects = ()
@@ -114,8 +115,18 @@ class ReusingSolver:
     def solve(self, matrix, pattern, rhs, out, tolerance):
         """out = matrix^-1 rhs to a relative residual; returns PETSc's reason, negative on failure, the same on all ranks.
 
-        pattern: number that changes with the matrix's nonzero pattern.
+        pattern: number that changes with the matrix's nonzero pattern. After a failure nothing is kept: MUMPS goes on
+        reporting the singular matrix that it met last. A solution that is not finite is a failure, whatever PETSc says.
         """
+        reason = self._tried(matrix, pattern, rhs, out, tolerance)
+        if reason >= 0 and not np.isfinite(out.norm()):
+            reason = -NOT_FINITE
+        if reason < 0:
+            self._cause = self._infog()
+            self.use(self.method)
+        return reason
+
+    def _tried(self, matrix, pattern, rhs, out, tolerance):
         reason = -1
         if self._reuses and self._worth_trying(matrix):
             reason = self._run(self._krylov, matrix, rhs, out, tolerance, self._reuse.limit(tolerance))
@@ -151,23 +162,32 @@ class ReusingSolver:
             self._reuse = Reuse(BUILD_COST[self.method])
             self.builds += 1
             self._fresh.setOperators(matrix, self._copy)
-            try:
-                self._fresh.setUp()
-            except PETSc.Error as error:
-                self._reuse = None
-                return -abs(error.ierr)
-        return 0
+            return _code(self._fresh.setUp)
 
     def _run(self, ksp, matrix, rhs, out, tolerance, limit):
         with self.timers("solve"):
             ksp.setOperators(matrix, self._copy)
             ksp.setTolerances(rtol=tolerance, max_it=limit)
-            ksp.solve(rhs, out)
+            if error := _code(lambda: ksp.solve(rhs, out)):
+                return error
         iterations, reason = ksp.getIterationNumber(), ksp.getConvergedReason()
         self.iterations += iterations
         self._reuse.solved(iterations, tolerance)
         return reason
 
     def mumps_code(self):
-        """MUMPS' INFOG(1) of the last factorisation, 0 where there is none."""
-        return self._fresh.getPC().getFactorMatrix().getMumpsInfog(1) if self.method == "direct" else 0
+        """MUMPS' INFOG(1) of the solve that failed last, 0 where there is none."""
+        return self._cause
+
+    def _infog(self):
+        pc = self._fresh.getPC()
+        return pc.getFactorMatrix().getMumpsInfog(1) if self.method == "direct" and self._reuse is not None else 0
+
+
+def _code(call):
+    """0, or PETSc's error code as a negative number: PETSc raises the same on all ranks."""
+    try:
+        call()
+    except PETSc.Error as error:
+        return -abs(error.ierr)
+    return 0

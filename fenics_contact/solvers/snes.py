@@ -3,6 +3,7 @@
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.system import TOLERANCE
 from fenics_contact.solvers.linear import LinearFailure
 from fenics_contact.solvers.newton import StepReport, relative_residual, solve_once
 from fenics_contact.solvers.verdict import StepFailed
@@ -13,7 +14,7 @@ PREFIX = "fc_snes_"
 class Snes:
     """A load step by SNES (newtonls, overridable with options prefixed fc_snes_), after the same predictor as Newton."""
 
-    def __init__(self, linear, tolerance=1e-8, limit=20):
+    def __init__(self, linear, tolerance=TOLERANCE, limit=20):
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
 
     def settle(self, system, t):
@@ -27,8 +28,7 @@ class Snes:
         solve_once(system, self.linear, du, dq)
         report = StepReport(1, [relative_residual(system)])
         problem = _Problem(system, self.linear, np.zeros_like(du), np.zeros_like(dq))
-        scale = max(system.forces, system.force_scale, 1e-300)
-        snes = problem.solver(self.tolerance * scale, self.limit)
+        snes = problem.solver(max(self.tolerance * system.scale, system.noise), self.limit)
         x = problem.start()
         try:
             snes.solve(None, x)
@@ -87,8 +87,8 @@ class _Problem:
     def put(self, x):
         """State <- SNES vector."""
         system = self.system
-        du = system.vector.copy()
-        du.array[:] = x.array_r[: self.owned] - du.array_r
+        du = system.new_vector()
+        du.array[:] = x.array_r[: self.owned] - system.vector.array_r
         travel = system.comm.bcast(x.array_r[self.owned :].copy(), root=self.root)
         dq = np.zeros(system.state.travel.size)
         dq[self.free] = travel - system.state.travel.ravel()[self.free]

@@ -302,7 +302,8 @@ def test_laws_hold(name):
         assert abs(np.linalg.norm(tangential) - limit) < 1e-14 and r["slip"] > 0
     else:
         assert 0.02 * limit < np.linalg.norm(tangential) < limit and -1 < r["slip"] < 0  # a real trial, not a zero one
-    if r["kind"] != INTERIOR:  # there the foot, and with it the elastic slip, does not follow the slave
+    # elsewhere the foot, and with it the elastic slip, does not follow the slave; and without pressure no friction pulls
+    if r["kind"] != INTERIOR or limit == 0.0:
         return
     # dissipation: pulling the slave along +T_T stretches the elastic slip (T_T grows with +g_T)
     slave = pair.slaves[0][0]
