@@ -17,7 +17,7 @@ lint: setup
 	@$(ENV) ruff check . && ruff format --check .
 
 test: lint
-	@$(ENV) python3 -m pytest
+	@$(ENV) python3 -m pytest -n 2
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
 
 # Ratios against FElupe (if installed: .venv/bin/pip install felupe pypardiso), growth, and the kernels alone

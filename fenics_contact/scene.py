@@ -8,10 +8,11 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
+from fenics_contact.assembly.cell_forms import is_symmetric
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import Supports, ToolMotion
-from fenics_contact.assembly.system import FormTerm, State, System, is_symmetric
+from fenics_contact.assembly.system import FormTerm, State, System
 from fenics_contact.checks import (
     AXES,
     SceneError,

@@ -22,7 +22,7 @@ TABLE = {
     "mesh_io": {"gmsh", "numpy", "mpi4py", "compat"},
     "kernels": {"numpy", "numba"},
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing"},
-    "assembly": {"numpy", "petsc4py", "compat", "timing"},
+    "assembly": {"numpy", "mpi4py", "petsc4py", "compat", "timing"},
     "solvers": {"numpy", "petsc4py", "assembly", "timing"},
     "volume_ratio": {"numpy", "mpi4py", "basix", "ufl", "compat", "virtual_power", "assembly"},
     "checks": {"numpy", "compat", "assembly"},

@@ -1,4 +1,4 @@
-"""A bilinear form that goes into the matrix by the fast way wherever a cell's nodes are all of this rank."""
+"""Bilinear forms: into the matrix by the fast way wherever a cell's nodes are all of this rank; symmetric or not."""
 
 import numpy as np
 from petsc4py import PETSc
@@ -38,3 +38,23 @@ def number_own_block(matrix, count):
         own = matrix.getDiagonalBlock()
         numbers = PETSc.LGMap().create(np.arange(count, dtype=PETSc.IntType), bsize=3, comm=own.comm)
         own.setLGMap(numbers, numbers)
+
+
+def is_symmetric(tangent_form, u, supports):
+    """Whether a bilinear form is symmetric on the dofs that no support holds, in a random configuration. Collective."""
+    saved = u.x.array.copy()
+    u.x.array[:] = np.random.default_rng(0).standard_normal(len(saved))
+    u.x.array[supports.dofs] = supports.values(1.0)
+    compat.copy_to_ghosts(u)
+    matrix = compat.create_matrix(tangent_form)
+    compat.assemble_matrix(matrix, tangent_form)
+    matrix.assemble()
+    matrix.zeroRowsColumnsLocal(supports.owned, 0.0)
+    size = matrix.norm()
+    transposed = matrix.transpose(PETSc.Mat())
+    transposed.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    u.x.array[:] = saved
+    asymmetry = transposed.norm()
+    for one in (matrix, transposed):
+        one.destroy()
+    return asymmetry <= 1e-10 * size  # sums of round-off; a real asymmetry is of the order of the entries
