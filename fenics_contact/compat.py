@@ -160,9 +160,11 @@ def mesh_from_gmsh(model, comm, rank, owners=None):
             data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
         finally:
             gmsh_reader.create_mesh = create
-    if hasattr(data, "cell_tags"):
-        return data.mesh, data.cell_tags, data.facet_tags
-    return data[0], data[1], data[2]
+    mesh, cell_tags, facet_tags = data[:3]
+    if facet_tags is None:  # 0.10 and newer, of a model without surface groups
+        none = np.empty(0, dtype=np.int32)
+        facet_tags = dolfinx_mesh.meshtags(mesh, 2, none, none)
+    return mesh, cell_tags, facet_tags
 
 
 def _partitioner(owners):

@@ -1,0 +1,341 @@
+"""A gmsh session: the script's model, what must hold of it, and the plain copy of it that dolfinx reads."""
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import gmsh
+import numpy as np
+
+# gmsh's numbering of a cell's faces by its corners, and the facet's corners
+_FACES = {
+    "Hexahedron": np.array([[0, 1, 2, 3], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5], [2, 3, 7, 6], [4, 5, 6, 7]]),
+    "Tetrahedron": np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
+}
+_CELLS = ("Hexahedron 8", "Hexahedron 27", "Tetrahedron 4", "Tetrahedron 10")  # what dolfinx reads, order 1 and 2
+_SAME_PLACE = 1e-8  # of the model's size: gmsh's own measure in removeDuplicateNodes, so that this remedy helps
+_LONGEST_LOG = 5  # lines
+
+
+@dataclass(frozen=True)
+class Doubled:
+    """Faces of cells that lie on faces with other nodes: how many, where the first is, and the groups of either side."""
+
+    count: int
+    place: tuple
+    volumes: tuple
+    surfaces: tuple
+
+
+@dataclass(frozen=True)
+class Groups:
+    """`volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; `cells`: name -> how many; `doubled`.
+
+    A facet has one tag: every combination of surface groups that meet in a facet has a tag of its own.
+    """
+
+    volumes: dict
+    surfaces: dict
+    cells: dict
+    doubled: tuple
+
+
+# -- session ----------------------------------------------------------------------------------------------------------
+def draw(source, parameters):
+    """Run a script in a new gmsh session, or open a file."""
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.logger.start()
+    if callable(source):
+        with _script_in_our_session():
+            source(**parameters)
+        return
+    if not Path(source).exists():
+        raise ValueError("the file does not exist")
+    with _errors_gathered():
+        gmsh.open(str(source))
+
+
+def close():
+    """End the session."""
+    gmsh.logger.stop()  # the next session starts a log of its own
+    gmsh.finalize()
+
+
+def log(known=""):
+    """The errors that gmsh has written, but for those that `known` says already."""
+    return "; ".join([line for line in _errors() if line not in known][-_LONGEST_LOG:])
+
+
+def _errors(since=0):
+    """The errors in gmsh's log after its first `since` lines, each once."""
+    lines = [line.removeprefix("Error: ").strip() for line in gmsh.logger.get()[since:] if line.startswith("Error")]
+    return list(dict.fromkeys(lines))
+
+
+@contextmanager
+def _errors_gathered():
+    """gmsh throws its errors even out of a parallel region, which ends the process: let it note them, and raise after."""
+    before, as_set = len(gmsh.logger.get()), gmsh.option.getNumber("General.AbortOnError")
+    gmsh.option.setNumber("General.AbortOnError", 1)
+    try:
+        yield
+    finally:
+        gmsh.option.setNumber("General.AbortOnError", as_set)
+    if errors := _errors(before):
+        raise RuntimeError("; ".join(errors[-_LONGEST_LOG:]))
+
+
+@contextmanager
+def _script_in_our_session():
+    """A script's own gmsh.finalize() does not end the session, and its generate() raises the errors it has gathered."""
+    generate, finalize = gmsh.model.mesh.generate, gmsh.finalize
+
+    def gathered(*arguments, **named):
+        with _errors_gathered():
+            generate(*arguments, **named)
+
+    gmsh.model.mesh.generate, gmsh.finalize = gathered, lambda: None
+    try:
+        yield
+    finally:
+        gmsh.model.mesh.generate, gmsh.finalize = staticmethod(generate), finalize
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+def known_group(name, groups, kind):
+    if name not in groups:
+        known = ", ".join(sorted(groups)) or "none"
+        raise ValueError(f"there is no {kind} group '{name}' in the mesh; its {kind} groups are: {known}")
+    return name
+
+
+def group_entities(dim):
+    """{name: (lowest tag, entities)} of the physical groups of a dimension; groups of one name are one."""
+    groups = {}
+    for _, tag in gmsh.model.getPhysicalGroups(dim):
+        name = gmsh.model.getPhysicalName(dim, tag)
+        if not name:
+            raise ValueError(
+                f"physical group {tag} of dimension {dim} has no name of its own; call gmsh.model.setPhysicalName"
+            )
+        first, entities = groups.get(name, (tag, []))
+        found = gmsh.model.getEntitiesForPhysicalGroup(dim, tag)
+        groups[name] = min(first, tag), [*entities, *(e for e in found if e not in entities)]
+    return groups
+
+
+def elements(dim, entity):
+    """(type's number, name, element tags, nodes (n, k)) of every element type of an entity, nodes as gmsh numbers them."""
+    for kind, tags, nodes in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
+        name = gmsh.model.mesh.getElementProperties(kind)[0]
+        yield kind, name, tags, np.asarray(nodes, dtype=np.int64).reshape(len(tags), -1)
+
+
+def places(tags):
+    """Coordinates (n, 3) of nodes."""
+    known, X, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(known)
+    return np.asarray(X).reshape(-1, 3)[order[np.searchsorted(known, tags, sorter=order)]]
+
+
+def key(nodes):
+    """A number per row of nodes (n, k), the same for the same nodes in any order.
+
+    The sum of their hashes (splitmix64): of a million rows two are alike by chance once in ten million meshes, and rows
+    are compared a hundred times faster than node by node.
+    """
+    x = np.asarray(nodes).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return (x ^ (x >> np.uint64(31))).sum(axis=1, dtype=np.uint64)
+
+
+# -- handing over -----------------------------------------------------------------------------------------------------
+def hand_over():
+    """Check the model and put in its place what dolfinx is sure to read: cells of one type in disjoint volume groups, facets
+    in disjoint surface groups, no other node or element. Returns its Groups."""
+    volumes, surfaces = group_entities(3), group_entities(2)
+    kind, shape, cells, owner = _cells(volumes)
+    faces = cells[:, _FACES[shape]]
+    owner_of_face = np.repeat(owner, faces.shape[1])
+    faces = faces.reshape(-1, faces.shape[2])
+    face_keys = key(faces)
+    facets = _facets(surfaces, face_keys)
+    used = np.unique(cells)
+    X = places(used)
+    names = list(volumes)
+
+    def groups_of(face):
+        return names[owner_of_face[face]], facets.names_of(face_keys[face])
+
+    doubled = _doubled(faces, face_keys, used, X, groups_of)
+    volume_tags = {name: tag for name, (tag, _) in volumes.items()}
+    counts = np.bincount(owner, minlength=len(names)).tolist()
+    _replace(used, X, kind, [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())], facets)
+    return Groups(volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled)
+
+
+def _cells(volumes):
+    """Type's number, its shape, nodes (n, k) and index of the volume (n,) of all cells, in the order of the groups' tags."""
+    if not volumes:
+        raise ValueError("it has no physical volume; add one with gmsh.model.addPhysicalGroup(3, ...) and name it")
+    group_of, kinds, rows, owner = {}, {}, [], []
+    for index, (name, (_, entities)) in enumerate(volumes.items()):
+        for entity in entities:
+            if group_of.setdefault(entity, name) != name:
+                raise ValueError(
+                    f"volume {entity} is in two groups, '{group_of[entity]}' and '{name}': a cell has one material"
+                )
+            for kind, label, tags, nodes in elements(3, entity):
+                if label not in _CELLS:
+                    raise ValueError(
+                        f"cells of type '{label}' are not supported; use hexahedra or tetrahedra, of order 1 or 2"
+                    )
+                kinds[kind] = label
+                _check_jacobians(kind, entity, tags)
+                rows.append(nodes)
+                owner.append(np.full(len(nodes), index))
+        if index not in [o[0] for o in owner if len(o)]:
+            raise ValueError(f"volume group '{name}' has no cells; mesh it with gmsh.model.mesh.generate(3)")
+    for _, entity in gmsh.model.getEntities(3):
+        count = sum(len(tags) for _, _, tags, _ in elements(3, entity))
+        if count and entity not in group_of:
+            raise ValueError(
+                f"volume {entity} has {count} cells but is in no group; give it a named group with "
+                "gmsh.model.addPhysicalGroup(3, ...), or remove its mesh with gmsh.model.mesh.clear"
+            )
+    if len(kinds) > 1:
+        raise ValueError(f"it mixes cells of types {' and '.join(kinds.values())}; mesh all volumes with one of them")
+    cells = np.concatenate(rows)
+    _, count = np.unique(key(cells), return_counts=True)
+    if twice := int((count > 1).sum()):
+        raise ValueError(f"{twice} cells are there twice, with the same nodes; draw and mesh each volume once")
+    ((kind, label),) = kinds.items()
+    return kind, label.split()[0], cells, np.concatenate(owner)
+
+
+def _check_jacobians(kind, entity, tags):
+    points, _ = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss2")
+    _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points, entity)
+    worst = np.asarray(determinants).reshape(len(tags), -1).min(axis=1)
+    bad = np.flatnonzero(~(worst > 0.0))
+    if bad.size:
+        raise ValueError(
+            f"{bad.size} inverted or flat elements, the first is element {tags[bad[0]]} with Jacobian {worst[bad[0]]:.3g}; "
+            "mesh the volume again or reverse its orientation"
+        )
+
+
+@dataclass(frozen=True)
+class _Facets:
+    """Facets of cells in surface groups: type, nodes (n, k), keys (n,) in rising order, tag (n,) of their combination of
+    groups, and by group's name the tags of its combinations."""
+
+    kind: int
+    nodes: np.ndarray
+    keys: np.ndarray
+    tag: np.ndarray
+    tags: dict
+
+    def names_of(self, face_key):
+        """Surface groups of the facet with this key, sorted."""
+        at = np.searchsorted(self.keys, face_key)
+        if at == len(self.keys) or self.keys[at] != face_key:
+            return ()
+        return tuple(sorted(name for name, tags in self.tags.items() if self.tag[at] in tags))
+
+
+def _facets(surfaces, face_keys):
+    """_Facets of the groups that are faces of cells; a group that lies on no cell, such as a tool drawn beside, has none."""
+    corners = {"Triangle": 3, "Quadrilateral": 4}
+    kinds, rows, keys = {}, [], {}
+    for name, (_, entities) in surfaces.items():
+        found, keys[name] = 0, [np.empty(0, dtype=np.uint64)]
+        for kind, label, _, nodes in (one for entity in entities for one in elements(2, entity)):
+            own = key(nodes[:, : corners[label.split()[0]]])
+            on_cell = np.isin(own, face_keys)
+            found += len(own)
+            if on_cell.any():
+                kinds[kind] = label
+                rows.append((own[on_cell], nodes[on_cell]))
+                keys[name].append(own[on_cell])
+        if not found:
+            raise ValueError(f"surface group '{name}' has no facets; give it surfaces of a meshed volume or remove it")
+        keys[name] = np.concatenate(keys[name])
+        if 0 < len(keys[name]) < found:
+            raise ValueError(
+                f"surface group '{name}': {found - len(keys[name])} of its {found} facets are on no cell of a volume; "
+                "give them a group of their own, or mesh the volume after its surfaces so that both have the same nodes"
+            )
+    if len(kinds) > 1:
+        raise ValueError(f"the facets of surface groups are of types {' and '.join(kinds.values())}; use one order for all")
+    if not kinds:
+        none = np.empty(0, dtype=np.int64)
+        return _Facets(0, none.reshape(0, 4), none.astype(np.uint64), none, dict.fromkeys(surfaces, ()))
+    known, first = np.unique(np.concatenate([own for own, _ in rows]), return_index=True)
+    combination = np.zeros(len(known), dtype=np.int64)
+    members = {name: np.isin(known, own) for name, own in keys.items()}
+    for member in members.values():
+        _, combination = np.unique(2 * combination + member, return_inverse=True)
+    tag = combination + 1
+    tags = {name: tuple(np.unique(tag[member]).tolist()) for name, member in members.items()}
+    return _Facets(next(iter(kinds)), np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
+
+
+def _doubled(faces, face_keys, used, X, groups_of):
+    """Doubled faces by the groups of their sides. used: node tags in rising order, X (n, 3) their places;
+    groups_of(face): its volume and its surface groups."""
+    _, first, count = np.unique(face_keys, return_index=True, return_counts=True)
+    outer = np.sort(first[count == 1])  # faces with a cell on one side only
+    known = np.unique(faces[outer])
+    points = X[np.searchsorted(used, known)]
+    place = _same_place(points, _SAME_PLACE * np.linalg.norm(np.ptp(X, axis=0)))
+    nodes = place[np.searchsorted(known, faces[outer])]
+    shared = (np.bincount(place, minlength=len(place)) > 1)[nodes].all(axis=1)
+    outer, nodes = outer[shared], nodes[shared]
+    keys = key(nodes + 1)
+    order = np.argsort(keys, kind="stable")
+    found = {}
+    for i in np.flatnonzero(keys[order[1:]] == keys[order[:-1]]):
+        sides = tuple(sorted(groups_of(outer[order[j]]) for j in (i, i + 1)))
+        found.setdefault(sides, []).append(points[nodes[order[i]]].mean(axis=0))
+    return tuple(
+        Doubled(len(middles), tuple(middles[0].tolist()), *zip(*sides, strict=True)) for sides, middles in found.items()
+    )
+
+
+def _same_place(X, tolerance):
+    """For every point (n, 3) the lowest number of those in its place."""
+    along = X @ [0.5377, 0.6180, 0.5734]  # a direction in which points of a lattice rarely lie side by side
+    order, label = np.argsort(along), np.arange(len(X))
+    for step in range(1, len(X)):
+        near = np.flatnonzero(along[order[step:]] - along[order[:-step]] <= tolerance)
+        if not len(near):
+            break
+        a, b = order[near], order[near + step]
+        same = np.abs(X[a] - X[b]).max(axis=1) <= tolerance
+        np.minimum.at(label, a[same], b[same])
+        np.minimum.at(label, b[same], a[same])
+    return label
+
+
+def _replace(used, X, kind, volumes, facets):
+    """Put a model in the place of the current one that holds these nodes, cells and facets, each once, and nothing else."""
+    gmsh.model.remove()
+    gmsh.model.add("for dolfinx")
+    _, tag, _ = volumes[0]
+    for _, entity, _ in volumes:
+        gmsh.model.addDiscreteEntity(3, entity)
+    gmsh.model.mesh.addNodes(3, tag, np.arange(1, len(used) + 1), X.ravel())
+    for name, entity, cells in volumes:
+        _add(3, entity, name, kind, np.searchsorted(used, cells) + 1)
+    for entity in np.unique(facets.tag).tolist():
+        gmsh.model.addDiscreteEntity(2, entity)
+        rows = facets.nodes[facets.tag == entity]
+        _add(2, entity, f"combination {entity}", facets.kind, np.searchsorted(used, rows) + 1)
+
+
+def _add(dim, entity, name, kind, nodes):
+    gmsh.model.mesh.addElementsByType(entity, kind, [], nodes.ravel())
+    gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [entity], entity), name)

@@ -1,0 +1,258 @@
+"""Groups of a gmsh model are sets, and what gmsh or its script does wrong is said before dolfinx sees it."""
+
+import sys
+from functools import cache
+from pathlib import Path
+
+import gmsh
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+
+from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, rigid_surface, solve
+from meshes import box, two_blocks
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RUBBER = neo_hooke(1.0, 5.0)
+SIDES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+
+
+def named(dim, entities, name):
+    gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, entities), name)
+
+
+def faces(name):
+    """Entities of a surface group by its name."""
+    (tag,) = (tag for _, tag in gmsh.model.getPhysicalGroups(2) if gmsh.model.getPhysicalName(2, tag) == name)
+    return list(gmsh.model.getEntitiesForPhysicalGroup(2, tag))
+
+
+def overlapping():
+    """A block 2 x 2 x 1 with its six faces, all of them as `skin`, and two of them once more as `foot`."""
+    box.build(size=(2.0, 2.0, 1.0), cells=(4, 4, 2))
+    named(2, [face for side in SIDES for face in faces(side)], "skin")
+    named(2, faces("zmin") + faces("xmin"), "foot")
+
+
+def copied():
+    """The six faces as discrete copies: an element of its own for each group a facet is in, as other programs write them."""
+    box.build(size=(2.0, 2.0, 1.0), cells=(4, 4, 2))
+    for name, sides in (("skin", SIDES), ("foot", ("zmin", "xmin"))):
+        again = gmsh.model.addDiscreteEntity(2)
+        for side in sides:
+            _, _, (nodes,) = gmsh.model.mesh.getElements(2, faces(side)[0])
+            gmsh.model.mesh.addElementsByType(again, 3, [], nodes)
+        named(2, [again], name)
+
+
+def refused(action, *words):
+    """The action raises ValueError (SceneError is one) on every rank, with all words in its message."""
+    with pytest.raises(ValueError) as caught:
+        action()
+    message = str(caught.value)
+    assert all(word in message for word in words), message
+    assert len(set(COMM.allgather(message))) == 1, "the ranks say different things"
+
+
+def count(mesh, *names):
+    """Facets of groups over all ranks, each once."""
+    facets = mesh.facets(*names)
+    return COMM.allreduce(int((facets < mesh.domain.topology.index_map(2).size_local).sum()))
+
+
+def area(scene, *group):
+    """Reference area of surfaces by the measure of loads."""
+    form = ufl.TestFunction(compat.lagrange_space(scene.mesh.domain, 1)) * scene.ds(group)
+    forces = np.zeros(scene.space.dofmap.index_map.size_local + scene.space.dofmap.index_map.num_ghosts)
+    compat.assemble_vector(forces, compat.compile_form(form))
+    return COMM.allreduce(forces.sum())
+
+
+# -- surfaces ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("draw", [overlapping, copied])
+def test_a_facet_is_in_all_its_groups(draw):
+    mesh = read_gmsh(draw)
+    counts = {"xmin": 8, "xmax": 8, "ymin": 8, "ymax": 8, "zmin": 16, "zmax": 16, "foot": 24, "skin": 64}
+    assert {name: count(mesh, name) for name in counts} == counts
+    assert count(mesh, "xmin", "foot", "skin") == 64  # together, each facet once
+    scene = Scene(Body(mesh, "box", RUBBER))
+    assert [area(scene, *names) for names in (("foot",), ("xmin",), ("xmin", "foot", "xmax"))] == pytest.approx([6, 2, 8])
+
+
+def pulled(*foot):
+    """The block held at its foot and drawn at its top by a traction, and its solution's displacement at the top."""
+    scene = Scene(Body(read_gmsh(overlapping), "box", RUBBER))
+    for name in foot:
+        scene.fix(name)
+    scene.fix("xmax", "y")
+    scene.traction("zmax", (0.05, 0.0, 0.02))
+    u = solve(scene, steps=1, progress=False).require().u
+    nodes = compat.locate_blocks(scene.space, scene.mesh.facets("zmax"))
+    nodes = nodes[nodes < scene.space.dofmap.index_map.size_local]
+    return COMM.allreduce(u.x.array.reshape(-1, 3)[nodes].sum(axis=0))
+
+
+def test_a_support_on_overlapping_groups_holds_all_their_facets():
+    whole = pulled("zmin", "xmin")
+    assert pulled("foot") == pytest.approx(whole, rel=1e-12)
+    assert pulled("foot", "xmin") == pytest.approx(whole, rel=1e-12)
+
+
+def blocks_with_more_groups():
+    two_blocks.build(lower_cells=(4, 4, 2), upper_cells=(3, 3, 2))
+    named(2, faces("lower_top") + faces("upper_bottom"), "interface")
+    named(2, faces("lower_bottom") + faces("lower_top"), "plates")
+
+
+@pytest.mark.parametrize("ranks", [None, {"lower": 0, "upper": COMM.size - 1}])
+def test_contact_and_chosen_ranks_with_overlapping_groups(ranks):
+    mesh = read_gmsh(blocks_with_more_groups, ranks=ranks)
+    assert [count(mesh, name) for name in ("interface", "plates", "lower_top", "upper_bottom")] == [25, 32, 16, 9]
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -1.0)
+    scene.contact("upper_bottom", "lower_top", name="c")
+    force = solve(scene, steps=1, progress=False).require().history[-1]["c_force_z_N"]
+    assert force == pytest.approx(plain_force(), rel=1e-9)
+
+
+@cache
+def plain_force():
+    """Force of the same two blocks without the additional groups."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(4, 4, 2), upper_cells=(3, 3, 2))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -1.0)
+    scene.contact("upper_bottom", "lower_top", name="c")
+    return solve(scene, steps=1, progress=False).require().history[-1]["c_force_z_N"]
+
+
+def partly_beside():
+    """A surface group of one face of the block and of a rectangle beside it; the rectangle alone is `tool`."""
+    beside()
+    named(2, faces("tool") + faces("zmin"), "both")
+
+
+def beside():
+    box.build(cells=(2, 2, 2))
+    plate = gmsh.model.addDiscreteEntity(2)
+    gmsh.model.mesh.addNodes(2, plate, [501, 502, 503], [3.0, 0, 0, 4, 0, 0, 3, 1, 0])
+    gmsh.model.mesh.addElementsByType(plate, 2, [], [501, 502, 503])
+    named(2, [plate], "tool")
+    named(1, [entity for _, entity in gmsh.model.getEntities(1)], "edges")
+
+
+def test_a_surface_without_cells_has_no_facets_and_disturbs_nothing():
+    mesh = read_gmsh(beside)
+    assert count(mesh, "tool") == 0 and count(mesh, "zmin") == 4
+    assert mesh.domain.geometry.index_map().size_global == 27  # the plate's nodes are not the mesh's
+    refused(lambda: Scene(Body(mesh, "box", RUBBER)).fix("tool"), "'tool'", "no facets")
+    refused(lambda: read_gmsh(partly_beside), "'both'", "1 of its 5 facets", "on no cell")
+    assert len(rigid_surface(partly_beside, "both").size) == 5
+
+
+# -- volumes ----------------------------------------------------------------------------------------------------------
+def box_in_two_groups():
+    box.build(cells=(2, 2, 2))
+    named(3, [1], "again")
+
+
+def box_twice():
+    box.build(cells=(2, 2, 2))
+    _, _, (nodes,) = gmsh.model.mesh.getElements(3, 1)
+    again = gmsh.model.addDiscreteEntity(3)
+    gmsh.model.mesh.addElementsByType(again, 5, [], nodes)
+    named(3, [again], "again")
+
+
+def with_a_tetrahedron(group):
+    """A tetrahedron beside a block of hexahedra, in a group of its own or in none."""
+    box.build(cells=(2, 2, 2))
+    volume = gmsh.model.addDiscreteEntity(3)
+    gmsh.model.mesh.addNodes(3, volume, [501, 502, 503, 504], [3.0, 0, 0, 4, 0, 0, 3, 1, 0, 3, 0, 1])
+    gmsh.model.mesh.addElementsByType(volume, 4, [], [501, 502, 503, 504])
+    if group:
+        named(3, [volume], group)
+
+
+def unmeshed():
+    box.build(cells=(2, 2, 2))
+    named(3, [gmsh.model.addDiscreteEntity(3)], "hollow")
+
+
+def of_order_three():
+    box.build(cells=(2, 2, 2))
+    gmsh.model.mesh.setOrder(3)
+
+
+@pytest.mark.parametrize(
+    ("draw", "words"),
+    [
+        (box_in_two_groups, ("volume 1", "'box'", "'again'", "two groups")),
+        (box_twice, ("8 cells", "twice")),
+        (lambda: with_a_tetrahedron("tip"), ("Hexahedron 8", "Tetrahedron 4", "mixes")),
+        (lambda: with_a_tetrahedron(None), ("1 cells", "no group", "addPhysicalGroup")),
+        (unmeshed, ("'hollow'", "no cells", "generate")),
+        (of_order_three, ("Hexahedron 64", "order 1 or 2")),
+    ],
+)
+def test_what_would_end_the_process_inside_dolfinx_is_refused(draw, words):
+    refused(lambda: read_gmsh(draw), *words)
+
+
+# -- gmsh's own failures ----------------------------------------------------------------------------------------------
+def uneven_edges():
+    """Transfinite faces whose opposite edges have different numbers of nodes: gmsh throws inside a parallel region."""
+    volume = gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    for _, curve in gmsh.model.getEntities(1):
+        gmsh.model.mesh.setTransfiniteCurve(curve, 5 if curve == 1 else 3)
+    for _, face in gmsh.model.getEntities(2):
+        gmsh.model.mesh.setTransfiniteSurface(face)
+    gmsh.model.mesh.generate(3)
+    named(3, [volume], "box")
+
+
+def impossible_fillet():
+    volume = gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.fillet([volume], [1], [5.0])
+
+
+def leaving():
+    sys.exit("the script has had enough")
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        (uneven_edges, ("Surface", "transfinite")),
+        (impossible_fillet, ("fillet",)),
+        (leaving, ("had enough",)),
+        ("missing.msh", ("missing.msh", "does not exist")),
+    ],
+)
+def test_what_gmsh_says_is_shown(source, words):
+    refused(lambda: read_gmsh(source), *words)
+    refused(lambda: rigid_surface(source), *words)
+
+
+def test_a_torn_file(tmp_path):
+    path = COMM.bcast(str(tmp_path / "torn.msh"))
+    if COMM.rank == 0:
+        Path(path).write_text("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n1 2\n")
+    COMM.Barrier()
+    refused(lambda: read_gmsh(path), "torn.msh", "Could not read entities")
+
+
+def with_a_session_of_its_own():
+    gmsh.initialize()
+    box.build(cells=(2, 2, 2))
+    gmsh.finalize()
+
+
+def test_a_script_may_open_and_close_gmsh_itself():
+    assert count(read_gmsh(with_a_session_of_its_own), "zmin") == 4
