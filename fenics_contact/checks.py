@@ -110,11 +110,3 @@ def finite(value, what, shape):
     if value.shape != shape or not np.all(np.isfinite(value)):
         raise SceneError(f"{what} must be {'three finite numbers' if shape else 'one finite number'}, not {value}")
     return value
-
-
-def ramp(value, what, shape=(3,)):
-    """Value reached at t = 1, or a function of t, as a function of t."""
-    if callable(value):
-        return lambda t: finite(value(t), f"{what} at t = {t}", shape)
-    end = finite(value, what, shape)
-    return lambda t: t * end

@@ -7,7 +7,9 @@ import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
+from fenics_contact.agreement import ends_together
 from fenics_contact.checks import SceneError
+from fenics_contact.functions import number_of
 from fenics_contact.output.history import history_row, penalty_lines, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
@@ -63,6 +65,7 @@ class Result:
         return np.array([row[name] for row in self.history])
 
 
+@ends_together
 def solve(
     scene,
     move=None,
@@ -88,7 +91,7 @@ def solve(
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
     smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
-    {name: function of the state -> number}, columns added to the history, called on all ranks.
+    {name: function of the state -> number}, columns added to the history, called on all ranks, which must agree on it.
 
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
@@ -191,7 +194,7 @@ class _Record:
         row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
         if self.system.augmented:
             row["augmentations"] = report.augmentations
-        row |= {name: float(value(state)) for name, value in self.extra.items()}
+        row |= {name: number_of(self.system.comm, f"record '{name}'", value, state) for name, value in self.extra.items()}
         return row | ({"limit_point": report.limit_point} if self.continuation else {})
 
 
@@ -253,11 +256,9 @@ def _times(steps):
 
 
 def _refuse_nan(system, times):
-    """Paths, forces and supports given as functions must be finite at every t the run will visit."""
+    """Paths, forces and supports given as functions check themselves: once at every t the run will visit."""
     for t in times:
-        system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t)  # they check themselves
-        if bad := [name for name in system.comm.allgather(system.supports.not_finite(t)) if name]:
-            raise SceneError(f"prescribed displacement of {bad[0]} is not finite at t = {t:g}; mend its function")
+        system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t), system.supports.values(t)
     system.set_loads(0.0)
 
 

@@ -11,13 +11,12 @@ from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.cell_forms import is_symmetric
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.size import bodies_size
-from fenics_contact.assembly.supports import Supports, ToolMotion
+from fenics_contact.assembly.supports import ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System
 from fenics_contact.checks import (
     AXES,
     SceneError,
     bonded_bodies,
-    ramp,
     refuse_behind,
     refuse_deep_start,
     refuse_inside,
@@ -30,7 +29,9 @@ from fenics_contact.contact.penalties import penalties
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
+from fenics_contact.drives import supports_of
 from fenics_contact.elements import quadrature_degree, refuse_element, solid_term
+from fenics_contact.functions import ramp
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
@@ -102,7 +103,10 @@ class Scene:
             self.prescribe(group, letter, 0.0)
 
     def prescribe(self, group, axis, value):
-        """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t)."""
+        """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
+
+        X (n, 3): reference positions of all nodes of the surface, on every rank [length].
+        """
         if axis not in AXES:
             raise SceneError(f"axis '{axis}' is not one of x, y, z")
         if not callable(value) and not np.isfinite(value):
@@ -113,7 +117,7 @@ class Scene:
     def traction(self, group, vector):
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
         refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
-        self.loads.append((_names(group), ramp(vector, f"traction on '{group}'")))
+        self.loads.append((_names(group), ramp(self.mesh.comm, vector, f"traction on '{group}'")))
 
     def pressure(self, group, value):
         """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
@@ -121,11 +125,11 @@ class Scene:
         value: reached at t = 1, or a function of t.
         """
         refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
-        self.pressures.append((_names(group), ramp(value, f"pressure on '{group}'", ())))
+        self.pressures.append((_names(group), ramp(self.mesh.comm, value, f"pressure on '{group}'", ())))
 
     def body_force(self, vector):
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
-        self.loads.append((None, ramp(vector, "body force")))
+        self.loads.append((None, ramp(self.mesh.comm, vector, "body force")))
 
     def contact(
         self,
@@ -220,7 +224,7 @@ class Scene:
         state = State(u, np.zeros((len(self.tools), 3)))
         loads = [(compat.Constant(self.mesh.domain, np.zeros(3)), group, path) for group, path in self.loads]
         pressures = [(compat.Constant(self.mesh.domain, 0.0), group, path) for group, path in self.pressures]
-        supports = self._support_dofs()
+        supports = supports_of(self.mesh, self.space, self._supports)
         timers = timers or Timers()
         with timers("compile"):
             solid, stress_laws = self._solid(u, loads)
@@ -308,21 +312,6 @@ class Scene:
         on_tools = size * min(young(body.material) for body in self.bodies)
         return Grounding(share, reference, residual, tangent, on_tools, free, (energy, energies))
 
-    def _support_dofs(self):
-        X = self.space.tabulate_dof_coordinates()
-        entries, names = [], []
-        for group, axis, value in self._supports:
-            blocks = compat.locate_blocks(self.space, self.mesh.facets(*group))
-            prescribed = (lambda value, axis: lambda X, t: value(X, t))(value, axis) if callable(value) else value
-            entries.append((3 * blocks + axis, prescribed, X[blocks]))
-            names.append(f"{'+'.join(group)} along {'xyz'[axis]}")
-        owned = 3 * self.space.dofmap.index_map.size_local
-        supports = Supports(entries, owned, names)
-        conflicts = [c for c in self.mesh.comm.allgather(supports.conflict) if c]
-        if conflicts:
-            raise SceneError(f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}")
-        return supports
-
     def _motion(self, move, push):
         for tool in [*move, *push]:
             if tool not in self.tools:
@@ -331,8 +320,8 @@ class Scene:
         for tool in self.tools:
             if tool in move and tool in push:
                 raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
-            paths.append(ramp(move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
-            forces.append(ramp(push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
+            paths.append(ramp(self.mesh.comm, move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
+            forces.append(ramp(self.mesh.comm, push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
             free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
             if tool in push and not free[-1].any():
                 raise SceneError(f"push of '{tool.name}' has no force in any direction")

@@ -1,11 +1,13 @@
 """Targets at which a continuation ends: a load, the displacement of a surface, or the travel of a tool."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.checks import AXES, SceneError
+from fenics_contact.functions import number_of
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,8 @@ def distances(until, scene, system):
             found[str(target)] = target.distance(scene, system)
         elif callable(target):
             name = getattr(target, "__name__", "function").replace("<lambda>", "function")
-            found[f"target {len(found) + 1}, {name} = 0"] = lambda target=target: float(target(system.state))
+            words = f"target {len(found) + 1}, {name} = 0"
+            found[words] = functools.partial(number_of, system.comm, words, target, system.state)
         else:
             raise SceneError(f"until = {target!r}: give Load, Displacement, Travel or a function of the state, or a list")
     return found

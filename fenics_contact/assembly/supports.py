@@ -6,12 +6,12 @@ import numpy as np
 class Supports:
     """Dofs with prescribed displacement.
 
-    entries: (dofs, value, X) with local dofs (ghosts included), value a number (ramped with t) or a function
-    value(X, t), X (n, 3) reference positions. ValueError if two entries contradict each other at t = 0 or t = 1.
+    entries: (dofs, value) with local dofs (n,) (ghosts included), value a number (ramped with t) or a function of t that
+    gives (n,) and that all ranks call. conflict: names of two entries that contradict each other, or None.
     """
 
     def __init__(self, entries, owned_dofs, names):
-        self._entries, self._names = entries, names
+        self._entries = entries
         dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
         self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
         self.owned = self.dofs[self.dofs < owned_dofs]
@@ -26,15 +26,8 @@ class Supports:
                 self.conflict = (names[first], names[second])
 
     def _all(self, t):
-        parts = [value(X, t) if callable(value) else np.full(len(dofs), value * t) for dofs, value, X in self._entries]
+        parts = [value(t) if callable(value) else np.full(len(dofs), value * t) for dofs, value in self._entries]
         return np.concatenate(parts) if parts else np.empty(0)
-
-    def not_finite(self, t):
-        """Name of the first entry with a value that is no finite number at t, or None."""
-        for name, (_, value, X) in zip(self._names, self._entries, strict=True):
-            if callable(value) and not np.all(np.isfinite(value(X, t))):
-                return name
-        return None
 
     def values(self, t):
         """Prescribed displacements [length] of `dofs` at load parameter t."""

@@ -1,0 +1,100 @@
+"""What goes wrong on one rank alone ends all of them, with one error: users' functions and files may fail anywhere."""
+
+import functools
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+from mpi4py import MPI
+
+# Seconds that a rank which has failed waits for the others: they may wait for it in turn, in a sum over ranks within the
+# same function, and nobody but this rank can end that.
+PATIENCE = 30.0
+ALIKE = 1e-9  # of its size: what a sum over ranks may differ by from rank to rank is round-off
+
+
+class Lost(RuntimeError):
+    """Another rank has failed in a way that this one cannot know more of."""
+
+
+@contextmanager
+def agreed(comm, what, kind):
+    """A block that may fail on any rank: then `kind` is raised on all, naming `what`, the rank and the error. Collective.
+
+    A block that raises `kind` itself has said it all: its words are kept.
+    """
+    failure = None
+    try:
+        yield
+    except Exception as error:
+        failure = error
+    if _anyone(comm, failure, what):
+        texts = comm.allgather(None if failure is None else _words(failure, what, kind))
+        ranks = [rank for rank, text in enumerate(texts) if text is not None]
+        text, said = texts[ranks[0]]
+        where = "" if said or len(ranks) == comm.size else f" on rank {ranks[0]}"
+        raise kind(text.replace("{where}", where)) from failure
+
+
+def _words(failure, what, kind):
+    """What to say of a failure, and whether it is said in the failure's own words."""
+    if isinstance(failure, kind):
+        return str(failure), True
+    return f"{what} failed{{where}}: {type(failure).__name__}: {failure}", False
+
+
+def alike(comm, what, call, kind):
+    """call() made on every rank, a number or an array that must be the same on all: rank 0's. Collective."""
+    with agreed(comm, what, kind):
+        here = call()
+    everywhere = comm.allgather(here) if comm.size > 1 else [here]
+    for rank, there in enumerate(everywhere):
+        size = np.abs(everywhere[0]).max(initial=0.0) if np.ndim(here) else abs(everywhere[0])
+        if not np.allclose(there, everywhere[0], rtol=0.0, atol=ALIKE * size, equal_nan=True):
+            raise kind(
+                f"{what} gives {everywhere[0]} on rank 0 and {there} on rank {rank}: it must not depend on the part of the "
+                "mesh that a rank holds; sum or compare over the ranks first, e.g. by comm.allreduce"
+            )
+    return everywhere[0]
+
+
+def ends_together(function):
+    """Of a function of a scene: an exception on one rank alone ends the others too, wherever they are. Collective."""
+
+    @functools.wraps(function)
+    def together(scene, *arguments, **options):
+        comm = scene.mesh.comm
+        try:
+            result = function(scene, *arguments, **options)
+        except BaseException as error:
+            _anyone(comm, error, function.__name__)
+            raise
+        if _anyone(comm, None, function.__name__):
+            raise Lost(f"{function.__name__} failed on another rank; its error says why")
+        return result
+
+    return together
+
+
+def _anyone(comm, failure, what):
+    """Whether any rank has a failure, once all have come here. Collective.
+
+    A non-blocking sum, which no sum of the user's own can be taken for. A rank that has failed ends the run where the
+    others do not come.
+    """
+    if comm.size == 1:
+        return failure is not None
+    failed, here = np.zeros(1, dtype=int), np.array([failure is not None], dtype=int)
+    request = comm.Iallreduce(here, failed, op=MPI.SUM)
+    if failure is None:
+        request.Wait()
+        return bool(failed[0])
+    end = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            sys.stderr.write(f"{what} failed on rank {comm.rank} alone: {type(failure).__name__}: {failure}\n")
+            sys.stderr.flush()
+            MPI.COMM_WORLD.Abort(1)
+        time.sleep(0.01)
+    return True

@@ -1,0 +1,180 @@
+"""Whatever goes wrong on one rank, in a function of the user's or in a file, ends all ranks with one error that names it."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import Body, Load, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
+from meshes import box
+
+ROOT = Path(__file__).resolve().parent.parent
+COMM = MPI.COMM_WORLD
+
+
+def bar(cells=(8, 1, 1)):
+    """A bar held at one end: on two ranks only one of them has points there."""
+    scene = Scene(Body(read_gmsh(box.build, size=(8.0, 1.0, 1.0), cells=cells), "box", neo_hooke(1.0, 5.0)))
+    scene.fix("xmin")
+    return scene
+
+
+def refused(action, *words):
+    """The action raises SceneError on every rank, with all words in its one message; returns it."""
+    with pytest.raises(SceneError) as caught:
+        action()
+    message = str(caught.value)
+    assert all(word in message for word in words), message
+    assert len(set(COMM.allgather(message))) == 1, "the ranks say different things"
+    return message
+
+
+def broken(answer, after=0.4):
+    """A function of t, or of X and t, that fails on the last rank alone, beyond a t."""
+
+    def function(*arguments):
+        if COMM.rank == COMM.size - 1 and arguments[-1] > after:
+            raise RuntimeError("the table ends here")
+        return answer(*arguments)
+
+    return function
+
+
+def drives(name):
+    """(scene, its drive) with one function of the user's that fails on one rank, and what names it."""
+    scene, drive = bar(), {}
+    if name == "traction":
+        scene.traction("xmax", broken(lambda t: (0.1 * t, 0, 0)))
+    elif name == "pressure":
+        scene.pressure("xmax", broken(lambda t: 0.1 * t))
+    elif name == "body force":
+        scene.body_force(broken(lambda t: (0, 0, -0.1 * t)))
+    elif name == "prescribed displacement of xmax along x":
+        scene.prescribe("xmax", "x", broken(lambda X, t: np.full(len(X), 0.1 * t)))
+    else:
+        tool = rigid_plane((8, 0, 0), (-1, 0, 0), name="plate")
+        scene.contact("xmax", tool)
+        drive = {name.split()[0]: {tool: broken(lambda t: (-0.1 * t, 0, 0))}}
+    return scene, drive
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(
+    "name",
+    ["traction", "pressure", "body force", "prescribed displacement of xmax along x", "move of 'plate'", "push of 'plate'"],
+)
+def test_a_function_that_fails_on_one_rank_is_named_on_all(name):
+    scene, drive = drives(name)
+    message = refused(lambda: solve(scene, **drive, steps=2, progress=False), name, "RuntimeError: the table ends here")
+    assert COMM.size == 1 or f"failed on rank {COMM.size - 1}:" in message
+
+
+@pytest.mark.parallel
+def test_functions_of_the_state_that_fail_on_one_rank():
+    scene = bar()
+    scene.prescribe("xmax", "x", 0.1)
+
+    def late(state):
+        if state.t > 0.6 and COMM.rank == COMM.size - 1:
+            raise KeyError("no such thing")
+        return 1.0 - state.t
+
+    refused(
+        lambda: solve(scene, steps=2, record={"mine": late}, progress=False), "record 'mine'", "KeyError", "no such thing"
+    )
+    arc = {"method": "arc_length", "until": late, "progress": False}
+    refused(lambda: solve(scene, **arc), "target 1, late = 0", "KeyError")
+
+
+@pytest.mark.parallel
+def test_a_record_must_be_a_number_and_the_same_on_all_ranks():
+    scene = bar()
+    scene.prescribe("xmax", "x", 0.1)
+    for value, words in ((None, "None"), (np.ones(3), "an array of shape (3,)"), ("1", "'1'"), ([1.0], "[1.0]")):
+        run = lambda value=value: solve(scene, steps=1, record={"mine": lambda state: value}, progress=False)  # noqa: E731
+        refused(run, "record 'mine'", words, "one number")
+    for value in (np.float32(2.0), np.array(2.0), 2, True, float("nan")):
+        result = solve(scene, steps=1, record={"mine": lambda state, value=value: value}, progress=False)
+        np.testing.assert_equal(result.column("mine"), [float(value)])
+    local = {"size": lambda state: float(len(state.u.x.array) + COMM.rank)}
+    if COMM.size > 1:
+        refused(lambda: solve(scene, steps=1, record=local, progress=False), "record 'size'", "on rank 0", "allreduce")
+        arc = {"method": "arc_length", "until": [Load(1.0), local["size"]], "progress": False}
+        refused(lambda: solve(scene, **arc), "target 2", "on rank 0", "allreduce")
+
+
+@pytest.mark.parallel
+def test_a_function_of_points_sees_all_of_them_on_any_rank():
+    """On two ranks one has no point of xmax; what a function makes of its points together does not depend on that."""
+    scene, shapes = bar(), set()
+
+    def ramped(X, t):
+        shapes.add(X.shape)
+        return 0.1 * t * (X[:, 1] + X[:, 2]) / (X[:, 1] + X[:, 2]).max()
+
+    scene.prescribe("xmax", "x", ramped)
+    result = solve(scene, steps=1, progress=False).require()
+    assert shapes == {(4, 3)}
+    X, owned = scene.space.tabulate_dof_coordinates(), scene.space.dofmap.index_map.size_local
+    u = result.u.x.array.reshape(-1, 3)
+    end = np.flatnonzero(X[:owned, 0] > 8 - 1e-9)
+    np.testing.assert_allclose(u[end, 0], 0.05 * (X[end, 1] + X[end, 2]), atol=1e-12)
+    assert COMM.allreduce(len(end)) == 4
+    assert COMM.size == 1 or min(COMM.allgather(len(end))) == 0
+
+
+@pytest.mark.parallel
+def test_what_a_function_of_points_must_give():
+    for value, words in (
+        (lambda X, t: 0.1 * t, "shape ()"),
+        (lambda X, t: X * t, "shape (4, 3)"),
+        (lambda X, t: None, "xmax along x"),
+    ):
+        scene = bar()
+        scene.prescribe("xmax", "x", value)
+        refused(lambda scene=scene: solve(scene, steps=1, progress=False), "xmax along x", words)
+
+
+ALONE = """
+import sys, numpy as np
+from mpi4py import MPI
+from fenics_contact import agreement, run, solve
+from tests.test_faults import bar
+agreement.PATIENCE = 1.0
+scene = bar()
+def inside_a_sum(X, t):
+    if MPI.COMM_WORLD.rank == 1:
+        raise RuntimeError("alone in the function")
+    return np.full(len(X), 0.1 * t * MPI.COMM_WORLD.allreduce(1))
+class Failing(run.LinearSolver):
+    def __init__(self, *arguments, **options):
+        if MPI.COMM_WORLD.rank == 1:
+            raise MemoryError("alone in the solver")
+        super().__init__(*arguments, **options)
+if sys.argv[1] == "function":
+    scene.prescribe("xmax", "x", inside_a_sum)
+else:
+    run.LinearSolver = Failing
+    scene.prescribe("xmax", "x", 0.1)
+solve(scene, steps=1, progress=False)
+print("came to its end")
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("where", ["function", "solver"])
+def test_a_rank_that_fails_while_others_wait_for_it_ends_the_run(where):
+    """Within a user's own sum over ranks, or somewhere in the package: nobody can raise the error on the waiting rank."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
+    env |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
+    command = ["mpirun", "--oversubscribe", "-n", "2", sys.executable, "-c", ALONE, where]
+    start = time.monotonic()
+    done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0 and "came to its end" not in done.stdout
+    assert f"failed on rank 1 alone: {'RuntimeError' if where == 'function' else 'MemoryError'}: alone in the" in done.stderr
+    assert time.monotonic() - start < 40.0
