@@ -38,7 +38,7 @@ def refuse_loose(scene, contacts, supports, state):
     for contact in contacts:
         met = [i for i, (_, blocks) in enumerate(groups) if comm.allreduce(contact.touches(blocks))]
         axes = contact.held_axes(state, comm)
-        if hasattr(contact, "tool"):
+        if contact.grounded:
             for i in met:
                 held[i] |= axes
         elif len(met) > 1:

@@ -11,10 +11,12 @@ import pytest
 
 from fenics_contact import (
     Body,
+    Displacement,
     Scene,
     SceneError,
     mooney_rivlin,
     read_gmsh,
+    rigid_plane,
     rigid_punch,
     rigid_sphere,
     rigid_surface,
@@ -199,6 +201,25 @@ def test_sliding_plate_obeys_coulomb():
     assert result.converged and result.history[-1]["c_sticking_points"] == 0
     x, _, z = (result.history[-1][name] for name in NAMES)
     assert abs(x / -z - FRICTION) < 1e-6
+
+
+@pytest.mark.parallel
+def test_a_meshed_floor_holds_a_body_alone():
+    """A block that lies loose on a rough floor and is pushed down and aside: the flat mesh is as good as the plane."""
+    found = []
+    for floor in (rigid_plane((0, 0, -6.0)), rigid_surface(plate, "face", height=-6.0)):
+        mesh = read_gmsh(box.build, size=(12.0, 12.0, 6.0), cells=(3, 3, 2), origin=(-6.0, -6.0, -6.0))
+        scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)))
+        scene.contact("zmin", floor, FRICTION, points=3, name="c")
+        scene.traction("zmax", (0.005, 0.0, -0.05))
+        result = solve(scene, steps=2, tolerance=1e-10, progress=False)
+        assert result.converged, result.verdict.reason
+        forces = [result.history[-1][name] for name in NAMES]
+        np.testing.assert_allclose(forces, (-0.72, 0.0, 7.2), atol=1e-8)  # the load on 144 mm^2, in balance to 1e-10
+        found.append([Displacement("zmax", axis, 0.0).distance(scene, result.system)() for axis in "xz"])
+    # Gauss points on the plane itself: only the way from a point to it, along the body's normal or the floor's, differs,
+    # by the square of the sole's slope: strains of 0.05 / 2.3 make it 5e-4
+    np.testing.assert_allclose(*found, rtol=1e-3)
 
 
 def test_pushed_is_moved():

@@ -43,6 +43,7 @@ class DeformableContact(PairPenalties, SlavePoints):
 
     edge = "none"
     foresees = True
+    grounded = False
 
     def __init__(self, name, master_name, surface, facets, master, friction, normal_penalty, tangential_penalty, space):
         self.name, self.master_name, self.surface, self.master = name, master_name, surface, master

@@ -14,6 +14,8 @@ SAMPLES = 300  # slave points of a rank that are asked for it
 class MeshedToolContact(DeformableContact):
     """DeformableContact whose master's forces, rows and columns are summed to those of the tool's travel."""
 
+    grounded = True
+
     def __init__(self, name, surface, facets, tool, index, friction, normal_penalty, tangential_penalty, space):
         master = ToolSurface(tool, index)
         super().__init__(name, tool.name, surface, facets, master, friction, normal_penalty, tangential_penalty, space)

@@ -19,7 +19,8 @@ class SlavePoints(Penalties):
     """Mixed into contact terms.
 
     Needs their name and surface, and per element and point status, gap, cover, traction, met (has been in contact) and
-    shift (multiplier over penalty, [length]); also slips(state) and shift_anchors(state).
+    shift (multiplier over penalty, [length]); also slips(state) and shift_anchors(state); and `grounded`: whether the master
+    holds a body by itself, as a tool does, or only as far as it is held, as another body.
 
     A contact with a tolerance [length] is augmented: the penalty carries only what multipliers do not yet carry. Between
     accepted steps these grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <- min(lambda

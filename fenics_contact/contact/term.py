@@ -20,6 +20,8 @@ class RigidContact(SlavePoints):
     normal_penalty, tangential_penalty (ne,) [pressure/length]. Evaluation is pure; `commit` writes the anchors.
     """
 
+    grounded = True
+
     def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
         self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
