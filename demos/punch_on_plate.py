@@ -118,13 +118,13 @@ def main():
     moved = [press(mesh, case, OUT / f"moved_{name(*case)}") for case in CASES]
     force = moved[0]["force"]
     pushed = [press(mesh, case, OUT / f"pushed_{name(*case)}", force) for case in CASES]
-    share = {s: press(mesh, (1.0, 0.0), None, None, s)["force"] for s in (0.01, 1.0)}
+    share = {s: press(mesh, (1.0, 0.0), None, None, s)["force"] for s in (0.01, 0.1, 1.0)}
 
     lines = [f"punch edge: {moved[0]['edge']}; second invariant: the paper's, tr(B.B)", *table(moved, pushed)]
     lines += statements(moved, pushed)
     lines.append(
-        f"tangential penalty, μ1 = 1, 2 mm: {share[0.01]:.3f} N at 0.01, {moved[2]['force']:.3f} N at 0.1 (default), "
-        f"{share[1.0]:.3f} N at 1 times the normal one"
+        f"tangential penalty, μ1 = 1, 2 mm: {share[0.01]:.3f} N at 0.01, {share[0.1]:.3f} N at 0.1, "
+        f"{moved[2]['force']:.3f} N at 1/3 (default), {share[1.0]:.3f} N at 1 times the normal one"
     )
     if ROOT:
         four_quarters(moved, OUT / "deformed_quarters.png")

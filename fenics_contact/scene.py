@@ -149,11 +149,11 @@ class Scene:
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
         friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
         slave point, raised where points sink in too far; penalty_factor: on that stiffness where no number is given
-        (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given (TANGENTIAL_SHARE), see
-        `contact.penalties`, where both are; points: Gauss points per direction of each facet, or "nodes", which on a body
-        look along the normals of the slave's facets as Gauss points do, and on a tool along the tool's, or "closest": nodes
-        and their closest points on a body (the paper), where the force jumps at the master's edges; by default nodes on an
-        analytic tool, and 3 on a body or a meshed tool; penetration:
+        (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given (TANGENTIAL_SHARE, more
+        at high friction), see `contact.penalties`, where both are; points: Gauss points per direction of each facet, or
+        "nodes", which on a body look along the normals of the slave's facets as Gauss points do, and on a tool along the
+        tool's, or "closest": nodes and their closest points on a body (the paper), where the force jumps at the master's
+        edges; by default nodes on an analytic tool, and 3 on a body or a meshed tool; penetration:
         how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
         multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with one
         point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone holds.

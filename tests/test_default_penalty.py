@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.studies.punch import punched_plate
-from meshes import disc, ironing, tubes
+from meshes import disc, ironing, punch_plate, tubes
 
 pytestmark = pytest.mark.serial
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
@@ -13,6 +13,17 @@ RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 
 def sharp(factor, points="nodes", fillet=0.0):
     scene, tool = punched_plate(6, 0.3, points, factor, 0.1, fillet)
+    return scene, {"move": {tool: (0, 0, -2.0)}, "steps": 4}
+
+
+def flat(factor, friction, degree):
+    """A punch on three layers of degree 2 or four of degree 1, with the default tangential penalty."""
+    mesh = read_gmsh(punch_plate.build, inside=4, outside=3, layers=5 - degree, ratio=1.1)
+    scene = Scene(Body(mesh, "plate", RUBBER), degree=degree)
+    for group, axis in (("symmetry_x", "x"), ("symmetry_y", "y"), ("bottom", "z")):
+        scene.fix(group, axis)
+    tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10.0))
+    scene.contact("top", tool, friction, name="top", penalty_factor=factor)
     return scene, {"move": {tool: (0, 0, -2.0)}, "steps": 4}
 
 
@@ -51,6 +62,9 @@ def ironed(factor, points, drawn, cells):
 
 DEFAULT = {
     "punch": sharp,
+    "rough punch": lambda factor: flat(factor, 1.0, 1),
+    "punch, degree 2": lambda factor: flat(factor, 0.3, 2),
+    "rough punch, degree 2": lambda factor: flat(factor, 1.0, 2),
     "punch, Gauss points": lambda factor: sharp(factor, 3),
     "filleted punch": lambda factor: sharp(factor, 3, 3.0),
     "cylinder": cylinder,

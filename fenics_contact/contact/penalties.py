@@ -4,13 +4,16 @@ import numpy as np
 
 from fenics_contact.kernels.status import OPEN
 
-# Default penalty over (Young's modulus at rest / cell height): the force it costs is reported in the README.
+# Default penalty over (Young's modulus at rest / distance of nodes below each other): the force it costs is reported in the
+# README.
 PENALTY_FACTOR = 100.0
-# Default tangential over normal penalty: ten times more elastic slip, for far fewer iterations; its price in force is
-# a fraction of a percent (README, tangential penalty).
+# Default tangential over normal penalty: ten times more elastic slip, for far fewer iterations, as long as a point on the
+# Coulomb cone has slipped elastically no further than SLIPS times its penetration, mu / share: beyond a friction of 0.3 the
+# share grows with it, or the elastic slip would cost several percent of the force (README, penalties).
 TANGENTIAL_SHARE = 0.1
+SLIPS = 3.0
 # Of the height of the cell beneath: a deeper point raises a default penalty. The default gets there where the pressure is
-# twice Young's modulus: strains of order one, a corner, or rubber that cannot escape.
+# twice Young's modulus (degree 2: four times): strains of order one, a corner, or rubber that cannot escape.
 DEEPEST = 0.02
 AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under the same pressure
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
@@ -27,7 +30,8 @@ def penalties(statement, surface):
 
     A number that the user has given stays what it is.
     """
-    factor, share = statement.penalty_factor or PENALTY_FACTOR, statement.tangential_share or TANGENTIAL_SHARE
+    factor = statement.penalty_factor or PENALTY_FACTOR
+    share = statement.tangential_share or max(TANGENTIAL_SHARE, statement.friction / SLIPS)
     normal = np.full_like(surface.stiffness, statement.penalty) if statement.penalty else factor * surface.stiffness
     typed = statement.tangential_penalty
     tangential = np.full_like(normal, typed) if typed else share * normal

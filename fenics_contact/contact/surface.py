@@ -15,10 +15,10 @@ class SlaveSurface:
     """Slave points this rank evaluates, grouped into elements whose points move with the same nodes.
 
     nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point; area (ne, nq) tributary reference
-    area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the height of
-    the cell beneath [pressure/length]; height (ne,): that height [length]; spacing (ne,): shortest side of its facets over
-    the points along it [length]; cell_height: largest height [length] over all ranks; key (ne,): the element's number on
-    any number of ranks.
+    area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the distance of
+    nodes below each other [pressure/length]; height (ne,): of the cell beneath, that distance times the degree [length];
+    spacing (ne,): shortest side of its facets over the points along it [length]; cell_height: largest height [length] over
+    all ranks; key (ne,): the element's number on any number of ranks.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
     the body; None for points that are nodes. corners: the points are corners of their facets.
     """
@@ -63,7 +63,7 @@ def slave_surface(space, facets, modulus, points="nodes"):
     owner = np.concatenate(where[3])
     key = compat.original_cells(mesh)[owner].astype(np.int64) * 6 + np.sort(local)
     height = _cell_volumes(mesh)[owner] / np.maximum(area.sum(axis=1), 1e-300)
-    stiffness = modulus[owner] / height
+    stiffness = modulus[owner] * degree / height  # of the layer that a node moves: an element of degree 2 has two
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     X = space.tabulate_dof_coordinates()
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points in ("nodes", "corners") else points)
