@@ -23,36 +23,13 @@ def refuse_inside(mesh, facets, what):
         )
 
 
-def refuse_loose(scene, contacts, supports, state):
-    """Nothing may be free to translate that neither a support nor a tool holds; bodies sharing nodes are bonded.
-
-    A contact with another body holds only as far as that body is held itself.
-    """
-    comm = scene.mesh.comm
-    groups = bonded_bodies(scene)
-    held = []
-    for _, blocks in groups:
-        dofs = {letter: 3 * blocks + axis for letter, axis in AXES.items()}
-        held.append({letter for letter in AXES if comm.allreduce(int(np.isin(dofs[letter], supports.dofs).sum()))})
-    ties = []
-    for contact in contacts:
-        met = [i for i, (_, blocks) in enumerate(groups) if comm.allreduce(contact.touches(blocks))]
-        axes = contact.held_axes(state, comm)
-        if contact.grounded:
-            for i in met:
-                held[i] |= axes
-        elif len(met) > 1:
-            ties.append((met, axes))
-    for _ in groups:  # a chain is no longer than the bodies are many
-        for met, axes in ties:
-            for i in met:
-                held[i] |= axes & set().union(*(held[j] for j in met if j != i))
-    for (names, _), axes in zip(groups, held, strict=True):
-        if loose := sorted(set("xyz") - axes):
-            raise SceneError(
-                f"nothing holds body '{names}' along {', '.join(loose)}: fix a surface, use a symmetry plane, or "
-                "add a contact that holds it; bodies that hold only each other are loose together"
-            )
+def refuse_loose(holds, state, comm):
+    """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
+    for i, axes in holds.loose(lambda contact: contact.held_axes(state, comm)).items():
+        raise SceneError(
+            f"nothing holds body '{holds.bodies[i][0]}' along {', '.join(axes)}: fix a surface, use a symmetry plane, or "
+            "add a contact that holds it; bodies that hold only each other are loose together"
+        )
 
 
 def bonded_bodies(scene):

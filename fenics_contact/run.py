@@ -18,6 +18,7 @@ from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import ArcSteps, Path
 from fenics_contact.solvers.control import run
+from fenics_contact.solvers.held import Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.penalty_error import penalty_error
@@ -159,7 +160,7 @@ class _Record:
 
     def __init__(self, scene, system, folder, keeper, extra, continuation, progress):
         self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
-        self.continuation = continuation
+        self.continuation, self._augments = continuation, bool(system.augmented)
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
         with system.timers("compile"):
             self._smallest_J = scene.volume_ratio(system.state.u).smallest
@@ -192,7 +193,7 @@ class _Record:
         travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
         measures = {contact.name: contact.measures(state, self.system.comm) for contact in self.system.contacts}
         row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
-        if self.system.augmented:
+        if self._augments:
             row["augmentations"] = report.augmentations
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, state) for name, value in self.extra.items()}
         return row | ({"limit_point": report.limit_point} if self.continuation else {})
@@ -265,7 +266,8 @@ def _refuse_nan(system, times):
 def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     stepper = STEPPERS[method](solver, **options)
-    if system.grounding and isinstance(stepper, ArcLength | Incremental):
+    springs = system.grounding
+    if springs and springs.always and isinstance(stepper, ArcLength | Incremental):
         raise SceneError(
             f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
             "choose one of these"
@@ -274,7 +276,9 @@ def _stepper(method, solver, tolerance, system):
         return stepper  # it minds multipliers and penalties itself
     if isinstance(stepper, Newton):
         stepper = Softened(stepper)
-    return Adapted(Augmented(stepper) if system.augmented else stepper)
+    springs = None if isinstance(stepper, Incremental) else springs
+    stepper = Adapted(Augmented(stepper) if system.augmented or springs else stepper)
+    return Held(stepper) if springs else stepper
 
 
 def _summary(scene, system, solver, method, verdict, history):
@@ -333,8 +337,8 @@ def limit_points(history):
 
 
 def _stabilisation(system):
-    """Largest energy left in the springs at the end of a step, also over the strain energy; {} without springs."""
-    if system.grounding is None:
+    """Largest energy left in the springs at the end of a step, also over the strain energy; {} where none were needed."""
+    if system.grounding is None or not system.grounding.used:
         return {}
     most, units = system.grounding.most, system.units
     return {f"energy_{units.force}{units.length}": most["energy"], "energy_share": most["energy_share"]}

@@ -10,6 +10,7 @@ from fenics_contact import compat
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.cell_forms import is_symmetric
 from fenics_contact.assembly.grounding import Grounding
+from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import ToolMotion
 from fenics_contact.assembly.system import FormTerm, State, System
@@ -228,11 +229,7 @@ class Scene:
         timers = timers or Timers()
         with timers("compile"):
             solid, stress_laws = self._solid(u, loads)
-            terms = [solid]
-            if pressures:
-                terms.append(self._pressure(u, pressures, supports))
-            grounding = self._grounding(u, motion.free) if stabilise else None
-            terms += [grounding] if stabilise else []
+            terms = [solid] + ([self._pressure(u, pressures, supports)] if pressures else [])
             check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
         contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
@@ -241,15 +238,19 @@ class Scene:
         with timers("compile"):  # the first call of a kernel loads or compiles it
             for term in contacts:
                 term.initialise(state)
-        refuse_loose(self, contacts, supports, state)
+        bodies = bonded_bodies(self)
+        holds = Holds(self.mesh.comm, bodies, supports, contacts)
+        refuse_loose(holds, state, self.mesh.comm)
+        grounding = self._grounding(u, motion.free, stabilise) if stabilise or (holds.reliant and contacts) else None
+        terms += [grounding] if grounding else []
 
         def set_loads(t):
             for constant, _, path in [*loads, *pressures]:
                 constant.value[...] = path(t)
 
-        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bonded_bodies(self), timers)
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bodies, timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
-        system.grounding = grounding
+        system.grounding, system.holds = grounding, holds
         if grounding:
             grounding.bind(system)
         refuse_behind(system)
@@ -298,8 +299,8 @@ class Scene:
         term.symmetric = is_symmetric(term.tangent_form, u, supports)
         return term
 
-    def _grounding(self, u, free):
-        """The stabilisation of bodies and free tools that nothing holds yet."""
+    def _grounding(self, u, free, always):
+        """The springs of bodies that nothing holds yet or any more, and, where asked for, of free tools."""
         domain, v, du = self.mesh.domain, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
         share, reference = compat.Constant(domain, 0.0), compat.Function(self.space)
         energies = compat.Function(compat.constant_space(domain))
@@ -310,7 +311,8 @@ class Scene:
         tangent = sum(vp.spring_power(k, du, v, dx) for k, dx in soft)
         energy = sum(vp.strain_energy(body.material, u, w, self.dx(body)) for body in self.bodies)
         on_tools = size * min(young(body.material) for body in self.bodies)
-        return Grounding(share, reference, residual, tangent, on_tools, free, (energy, energies))
+        free = free if always else np.zeros_like(free)
+        return Grounding(share, reference, (residual, tangent, energy), energies, on_tools, free, always)
 
     def _motion(self, move, push):
         for tool in [*move, *push]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_sphere, solve
-from meshes import box
+from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
@@ -71,3 +71,55 @@ def test_what_meets_nothing_is_said_to_be_loose():
 def test_a_step_that_ends_out_of_balance_is_refused():
     with pytest.raises(SceneError, match="stabilise"):
         solve(block(1.0, 0.3), steps=1, method="incremental", stabilise=True, progress=False)
+
+
+def rolled(steps, **options):
+    """A block on another one, which a side pressure bulges beneath it before a ball comes down, presses it and drags it."""
+    lower = {"lower": (7, 6, 2.5), "lower_cells": (5, 4, 2), "lower_origin": (0, 0, -2.5)}
+    upper = {"upper": (4, 4, 2), "upper_cells": (3, 3, 2), "upper_origin": (1.2, 0.9, 0)}
+    mesh = read_gmsh(two_blocks.build, **lower, **upper)
+    scene = Scene(Body(mesh, "lower", mooney_rivlin(0.3, 0.05, 6.0)), Body(mesh, "upper", neo_hooke(0.5, 3.0)))
+    scene.fix("lower_bottom")
+    scene.pressure("lower_xmax", 0.06)
+    scene.contact("upper_bottom", "lower_top", 0.4, name="joint")
+    ball = rigid_sphere(5.0, (3.1, 3.0, 7.0), name="ball")
+    scene.contact("upper_top", ball, 0.5, name="top")
+
+    def path(t):
+        aside = max(t - 0.4, 0.0)
+        return 0.7 * aside, 0.14 * aside, -0.5 * min(t / 0.4, 1.0)
+
+    return solve(scene, move={ball: path}, steps=steps, progress=False, **options)
+
+
+@pytest.mark.parametrize("steps", [10, 30, 200])
+def test_a_body_that_has_lost_its_contact_stays(steps):
+    """In short first steps nothing presses the upper block: any place is in balance, and Newton's method would throw it
+    away. The answer is the one of long steps, to what a step more or less changes of the friction's path (0.1 % from 10 to
+    30 steps, less beyond)."""
+    result = rolled(steps).require()
+    assert abs(result.history[-1]["joint_force_z_N"] - 2.351) < 2e-3 * 2.351
+    loose = [note for note in result.verdict.notes if "nothing held body 'upper'" in note]
+    assert len(loose) == (steps > 10)
+    assert (result.summary["stabilisation"] != {}) == (steps > 10)
+    if steps > 10:
+        assert result.summary["stabilisation"]["energy_share"] < ENERGY
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_plate_stays_where_a_punch_leaves_it(friction):
+    """Pressed on a floor that alone holds it, and let go: it lies there without strain, and says that nothing holds it."""
+    mesh = read_gmsh(box.build, size=(4.0, 4.0, 1.0), cells=(4, 4, 2), origin=(-2.0, -2.0, 0.0))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    ball = rigid_sphere(3.0, (0, 0, 4.0), name="ball")
+    scene.contact("zmax", ball, friction, name="top")
+    scene.contact("zmin", rigid_plane(), friction, name="floor")
+    way = {ball: lambda t: (0, 0, -min(t, 0.85 - t))}
+    result = solve(scene, move=way, steps=10, progress=False).require()
+    forces, u = result.column("floor_force_z_N"), result.u.x.array.reshape(-1, 3)
+    assert forces.max() > 0.1 and abs(forces[-1]) < 1e-6 * forces.max()
+    assert any("nothing held body 'box'" in note for note in result.verdict.notes)
+    # friction holds some of what slid while it was pressed
+    assert np.abs(u).max(initial=0.0) < (1e-6 if friction == 0.0 else 0.05)

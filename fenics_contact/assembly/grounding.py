@@ -3,11 +3,12 @@
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
+from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import FormTerm
 
 SHARE = 1e-2  # stiffness of the springs over E V / L^2 of a body of volume V and size L: a hundredth of its own
-ALLOWED = 1e-7  # of the largest force: what the springs may still pull when a step ends
 SOFTER = 0.25  # change of stiffness where the springs pull as before: nothing has been met yet
 LEAST = 1e-6  # of that stiffness
 
@@ -17,38 +18,57 @@ class Grounding(FormTerm):
 
     Within a load step u_0 follows u, solve by solve, until the springs pull less than ALLOWED of the largest force
     (proximal point iteration, Rockafellar 1976, doi:10.1137/0314056): what balances then is the scene without them.
-    share: Constant, kappa over E/L^2; reference: Function u_0; residual, tangent: forms; on_tools [force/length]: stiffness
-    at share 1 of free (tools, 3) components of the tools' travel; energy: (the bodies' strain energy as a form of one test
-    value per cell, Function of these values).
+    share: Constant, kappa over E/L^2; reference: Function u_0; forms: (residual, tangent, the bodies' strain energy with
+    one test value per cell), compiled when first needed; energies: Function of these values; on_tools [force/length]:
+    stiffness at share 1 of free (tools, 3) components of the tools' travel; always: asked for by the user, in every step;
+    else in those alone for which `engaged` is set.
     """
 
-    tolerance = ALLOWED
-
-    def __init__(self, share, reference, residual, tangent, on_tools, free, energy):
-        super().__init__("stabilisation", residual, tangent)
+    def __init__(self, share, reference, forms, energies, on_tools, free, always):
+        super().__init__("stabilisation", None, None)
         self._share, self._reference, self._free, self._on_tools = share, reference, free, on_tools
-        self._energy, self._cells = compat.compile_form(energy[0]), energy[1]
+        self._forms, self._energy, self._cells = forms, None, energies
         self._travel = np.zeros(free.shape)
-        self._pull, self._left = None, 0.0
+        self._pull, self._left, self._engaged = None, 0.0, False
+        self.always, self.used = always, False
         self.most = {"energy": 0.0, "energy_share": 0.0}  # largest of all accepted steps, [force length]
-        self.drop()
 
     def bind(self, system):
         """Forces are compared with the largest of this System; the committed state is where its springs begin."""
         self._system = system
+        self.engaged = self.always
+
+    @property
+    def engaged(self):
+        return self._engaged
+
+    @engaged.setter
+    def engaged(self, wanted):
+        """Put the springs in, from the last accepted state on, or take them out. Collective."""
+        if wanted and self._energy is None:
+            residual, tangent, energy = self._forms
+            self._residuals, self._tangents = [compat.compile_form(residual)], [CellForm(tangent)]
+            self._energy = compat.compile_form(energy)
+        self._engaged, self._left, self.used = wanted, 0.0, self.used or wanted
+        self.drop()
+
+    @property
+    def tolerance(self):
+        return ALLOWED if self._engaged else None
 
     def drop(self):
         if self._pull is not None:
             self._left = self._pull
         self._pull, self._share.value = None, SHARE
-        if hasattr(self, "_system"):
-            self._follow(self._system._committed[0], self._system._committed[1])
+        self._follow(*self._system.committed)
 
     def _follow(self, u, travel):
         self._reference.x.array[:] = u
         self._travel = travel.copy()
 
     def add_residual(self, state, residual, tool_residual):
+        if not self._engaged:
+            return
         super().add_residual(state, residual, tool_residual)
         if self._rank == 0:
             tool_residual += self._tool_pull(state)
@@ -61,6 +81,8 @@ class Grounding(FormTerm):
         return np.where(self._free, float(self._share.value) * self._on_tools * (state.travel - self._travel), 0.0)
 
     def add_tangent(self, state, matrix, border):
+        if not self._engaged:
+            return
         super().add_tangent(state, matrix, border)
         if border is not None and self._rank == 0:
             border.corner += np.diag(float(self._share.value) * self._on_tools * self._free.ravel())
@@ -88,6 +110,8 @@ class Grounding(FormTerm):
         self._follow(state.u.x.array, state.travel)
 
     def commit(self, state):
+        if not self._engaged:
+            return
         _, energy = self._work(state)
         cells = np.zeros(len(self._cells.x.array))
         compat.assemble_vector(cells, self._energy)

@@ -9,6 +9,8 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
+from fenics_contact.assembly.finding import RIGID_MOTION, Finding
+from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.timing import Timers
@@ -184,7 +186,6 @@ class System:
         self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
-        self.augmented = [term for term in terms if getattr(term, "tolerance", None) is not None]
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
@@ -282,14 +283,24 @@ class System:
         for term in self.contacts:
             term.release()
 
+    @property
+    def augmented(self):
+        """The terms with multipliers, or with springs that follow, in this step."""
+        return [term for term in self.terms if getattr(term, "tolerance", None) is not None]
+
     def misfit(self):
         """Largest error of the augmented terms over their tolerances. Collective."""
-        return max(self.comm.allgather(max(term.misfit(self.state) for term in self.augmented)))
+        return max(self.comm.allgather(max((term.misfit(self.state) for term in self.augmented), default=0.0)))
 
     def augment(self):
         """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
         for term in self.augmented:
             term.augment(self.state)
+
+    @property
+    def committed(self):
+        """Displacement (local array) and travel (tools, 3) of the last accepted state."""
+        return self._committed[:2]
 
     @property
     def committed_t(self):
@@ -331,7 +342,22 @@ class System:
         found = self.check()
         for term in self.terms:
             found = found or term.objection(self.state)
-        return found
+        return found or self.adrift()
+
+    def loose(self):
+        """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
+        if not self.holds.reliant:
+            return set()
+        least = ALLOWED * max(self.forces, self.force_scale)
+        return set(self.holds.loose(lambda contact: contact.holding(self.state, least)))
+
+    def adrift(self):
+        """None, or the Finding that a body has lost what holds it: then any place is in balance, and none is the answer."""
+        if self.grounding is None or self.grounding.engaged or not (loose := self.loose()):
+            return None
+        names = ", ".join(self.bodies[i][0] for i in sorted(loose))
+        remedy = "solve(..., stabilise=True), fix a surface, or end the path before"
+        return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def assemble_residual(self, followed=False):

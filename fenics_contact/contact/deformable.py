@@ -336,10 +336,14 @@ class DeformableContact(PairPenalties, SlavePoints):
         return np.where(keys < 0, -1, nodes), np.ascontiguousarray(weights.reshape(-1, 4))
 
     # -- output ---------------------------------------------------------------------------------------------------
+    def normals(self, state):
+        """Unit normals (ne, nq, 3) along which pressure acts on this rank's slave points; zero without a partner."""
+        projection = self._project(state)[2]
+        return np.where((projection[1] != NONE)[:, None], projection[5], 0.0).reshape(self.traction.shape)
+
     def split_traction(self, state):
         """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
-        projection = self._project(state)[2]
-        normal = np.where((projection[1] != NONE)[:, None], projection[5], 0.0).reshape(self.traction.shape)
+        normal = self.normals(state)
         pressure = -np.einsum("eqc,eqc->eq", self.traction, normal)
         return pressure, -self.traction - pressure[..., None] * normal
 

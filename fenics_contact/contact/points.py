@@ -78,6 +78,17 @@ class SlavePoints(Penalties):
         self.evaluate(state)
         return self.status.reshape(-1, 1).copy()
 
+    def holding(self, state, least):
+        """Letters of the axes along which the contact holds a body at a state: none where it presses with no more than
+        `least` [force] in all; with friction all, else those that the normals of closed points have a part in. Collective.
+        """
+        self.evaluate(state)
+        closed, pressing = self.status != OPEN, np.linalg.norm(self.traction, axis=2) * self.surface.area
+        along = np.abs(self.normals(state)[closed]).max(axis=0, initial=0.0) > 1e-6
+        along = along | (self.friction > 0.0 and bool(closed.any()))
+        sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
+        return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
+
     @property
     def key(self):
         return self.surface.key

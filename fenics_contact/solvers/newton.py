@@ -11,7 +11,7 @@ from fenics_contact.solvers.linear import LinearFailure
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
 
-FARTHEST = 1e3  # sizes of the bodies; a tangent that moves a node by more than that is singular to round-off
+FARTHEST = 10.0  # sizes of the bodies; a solve that moves a node by more than that and its supports has met no resistance
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3

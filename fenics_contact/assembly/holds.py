@@ -1,0 +1,44 @@
+"""What holds each body: its supports along some axes, contacts along the others, and nothing where these have opened."""
+
+import numpy as np
+
+AXES = "xyz"
+ALLOWED = 1e-7  # of the largest force: a contact that presses less holds nothing, a spring that pulls less has let go
+
+
+class Holds:
+    """Bodies, what their supports hold, and the contacts between them and with tools.
+
+    bodies: (name, local nodes) of each group of bonded bodies; supports: Supports; contacts: terms that say whether they are
+    `grounded`, held by no body, and which nodes they touch. Construction is collective.
+    """
+
+    def __init__(self, comm, bodies, supports, contacts):
+        self.bodies, self._supported, self._ties = bodies, [], []
+        for _, blocks in bodies:
+            counts = [int(np.isin(3 * blocks + axis, supports.dofs).sum()) for axis in range(3)]
+            counts = comm.allreduce(np.array(counts))
+            self._supported.append({letter for letter, count in zip(AXES, counts, strict=True) if count})
+        for contact in contacts:
+            met = comm.allreduce(np.array([contact.touches(blocks) for _, blocks in bodies], dtype=int))
+            self._ties.append((contact, np.flatnonzero(met)))
+
+    @property
+    def reliant(self):
+        """Numbers of the bodies that supports alone do not hold along all axes."""
+        return [i for i, axes in enumerate(self._supported) if len(axes) < len(AXES)]
+
+    def loose(self, axes_of):
+        """{number of a body: letters of the axes along which nothing holds it}, where there are such.
+
+        axes_of(contact) -> letters of the axes along which it holds. A contact of two bodies holds one of them only as far
+        as the other is held itself.
+        """
+        held = [set(axes) for axes in self._supported]
+        axes = [axes_of(contact) for contact, _ in self._ties]
+        for _ in self.bodies:  # a chain is no longer than the bodies are many
+            for (contact, met), along in zip(self._ties, axes, strict=True):
+                for i in met:
+                    others = (held[j] for j in met if j != i)
+                    held[i] |= along if contact.grounded else along & set().union(*others)
+        return {i: "".join(sorted(set(AXES) - axes)) for i, axes in enumerate(held) if len(axes) < len(AXES)}

@@ -1,0 +1,73 @@
+"""Steps in which a body that contact alone holds loses it: soft springs keep it in its place, where no load moves it."""
+
+import numpy as np
+
+from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
+from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.solvers.verdict import StepFailed
+
+NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with what holds a body
+
+
+class Held:
+    """A stepper, and where a body has lost all that held it the same with the springs of `Grounding`.
+
+    Such a body may stay wherever it touches nothing, and Newton's method takes it anywhere. The springs choose the place
+    next to the last one, and let go before the step is accepted: what is left is a state in balance by itself. A body with
+    a load on it has no such state: it flies, and the user must say what is to hold it. stepper: a stepper that augments.
+    """
+
+    def __init__(self, stepper):
+        self.stepper, self._said = stepper, False
+
+    def step(self, system, t):
+        """Carry the system from its committed state to t; StepFailed if it does not get there."""
+        springs = system.grounding
+        if springs is None or springs.always:
+            return self.stepper.step(system, t)
+        springs.engaged = False
+        system.begin_step(t)
+        unloaded = _unloaded(system)
+        started = system.committed_t > 0.0  # before that nothing presses yet
+        loose, reason = unloaded & system.loose() if started else set(), "nothing pressed on it before"
+        if not loose:
+            try:
+                report = self.stepper.step(system, t)
+                if not (wrong := system.adrift()):
+                    self._said = False
+                    return report
+                failure = StepFailed.of(wrong)
+            except StepFailed as tried:
+                failure = tried
+            loose, reason = unloaded & system.loose(), str(failure)
+            if failure.finding.kind in NO_HELP or not loose:
+                raise failure
+        system.rollback()
+        springs.engaged = True
+        report = self.stepper.step(system, t)
+        if not self._said:
+            names = " and ".join(f"'{system.bodies[i][0]}'" for i in sorted(loose))
+            how = "soft springs did, which pull no more, as in the steps after it until something presses"
+            report.notes.append(f"nothing held body {names} ({reason}): {how}")
+        self._said = True
+        return report
+
+    def settle(self, system, t):
+        """Into balance at t from the present state, after multipliers or penalties have changed."""
+        return self.stepper.settle(system, t)
+
+
+def _unloaded(system):
+    """Numbers of the reliant bodies on which the loads have no resultant, at the present loads. Collective."""
+    local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
+    for term in system.terms:
+        if term not in system.contacts:
+            term.add_residual(system.state, local, tools)
+    forces = local.reshape(-1, 3)  # a node on a rank's border has a part on each: sums over ranks are right as they are
+    largest = system.comm.allreduce(float(np.abs(forces).sum()))
+    found = set()
+    for i in system.holds.reliant:
+        load = system.comm.allreduce(forces[system.bodies[i][1]].sum(axis=0))
+        if np.abs(load).max() <= ALLOWED * largest:
+            found.add(i)
+    return found
