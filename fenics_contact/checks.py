@@ -3,12 +3,26 @@
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.finding import spot
+from fenics_contact.assembly.parts import connected_parts
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class SceneError(ValueError):
     """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
+
+
+def refuse_volumes(mesh, groups):
+    """Every volume has one body. groups: the bodies' volumes."""
+    for group in groups:
+        mesh.volume_tag(group)
+        if groups.count(group) > 1:
+            raise SceneError(
+                f"volume '{group}' is in {groups.count(group)} bodies: its cells have one material; give one Body"
+            )
+    if left := set(mesh.volumes) - set(groups):
+        raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
 
 
 def refuse_inside(mesh, facets, what):
@@ -23,6 +37,24 @@ def refuse_inside(mesh, facets, what):
         )
 
 
+def refuse_doubled(scene):
+    """Faces of cells that lie on one another without sharing nodes are joined by a contact, or were meant to be bonded."""
+    stated = [(set(one.slave), set(one.master)) for one in scene.contacts if isinstance(one.master, tuple)]
+
+    def joined(a, b):
+        return any((slave & a and master & b) or (slave & b and master & a) for slave, master in stated)
+
+    left = [found for found in scene.mesh.doubled if not joined(*map(set, found.surfaces))]
+    if left:
+        names = " and ".join(f"'{name}'" for name in dict.fromkeys(left[0].volumes))
+        raise SceneError(
+            f"{sum(found.count for found in left)} faces of cells lie on other ones with nodes of their own, the first at "
+            f"{spot(left[0].place)} in body {names}: they come apart or pass through each other. Bond them with "
+            "gmsh.model.occ.fragment before meshing or gmsh.model.mesh.removeDuplicateNodes() after it, state a contact "
+            "between their surfaces, or draw them with a gap"
+        )
+
+
 def refuse_loose(holds, state, comm):
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
     for i, axes in holds.loose(lambda contact: contact.held_axes(state, comm)).items():
@@ -33,26 +65,28 @@ def refuse_loose(holds, state, comm):
 
 
 def bonded_bodies(scene):
-    """Groups of bodies that share nodes: (names, local nodes) of each."""
-    tags, groups = scene.mesh.cell_tags, []
-    for body in scene.bodies:
+    """What moves as one: parts of the mesh that hang together, several bodies where they share nodes. Collective.
+
+    Returns (name, local nodes) of each; a piece of a body that lies in several is named by its middle too.
+    """
+    space, comm = scene.space, scene.mesh.comm
+    part, count = connected_parts(space)
+    tags, first_node = scene.mesh.cell_tags, compat.cell_dofs(space)[:, 0]
+    holds = np.zeros((count, len(scene.bodies)), dtype=bool)
+    for j, body in enumerate(scene.bodies):
         cells = tags.indices[tags.values == scene.mesh.volume_tag(body.group)]
-        names, blocks = body.group, _nodes_of(scene.space, cells)
-        for group in list(groups):
-            if scene.mesh.comm.allreduce(len(np.intersect1d(group[1], blocks))):
-                groups.remove(group)
-                names, blocks = f"{group[0]}, {names}", np.union1d(group[1], blocks)
-        groups.append((names, blocks))
+        holds[part[first_node[cells]], j] = True
+    holds = np.any(comm.allgather(holds), axis=0)
+    owned = space.dofmap.index_map.size_local
+    X = np.column_stack([np.ones(owned), space.tabulate_dof_coordinates()[:owned]])
+    sums = sum(comm.allgather(np.stack([np.bincount(part[:owned], x, minlength=count) for x in X.T], axis=1)))
+    groups = []
+    for i in range(count):
+        name = ", ".join(body.group for body, inside in zip(scene.bodies, holds[i], strict=True) if inside)
+        if holds[:, holds[i]].sum(axis=0).max() > 1:
+            name = f"{name}, the piece around {spot(sums[i, 1:] / sums[i, 0])}"
+        groups.append((name, np.flatnonzero(part == i)))
     return groups
-
-
-def _nodes_of(space, cells):
-    """Local nodes of cells, also where the cells themselves are another rank's."""
-    touched = compat.Function(space)
-    touched.x.array[3 * compat.cell_dofs(space)[cells]] = 1.0
-    compat.sum_to_owners(touched)
-    compat.copy_to_ghosts(touched)
-    return np.flatnonzero(touched.x.array[::3] > 0.0)
 
 
 def refuse_behind(system):

@@ -297,7 +297,8 @@ def _doubled(faces, face_keys, used, X, groups_of):
     keys = key(nodes + 1)
     order = np.argsort(keys, kind="stable")
     found = {}
-    for i in np.flatnonzero(keys[order[1:]] == keys[order[:-1]]):
+    twins = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+    for i in twins[np.argsort(order[twins])]:  # by the cells' order
         sides = tuple(sorted(groups_of(outer[order[j]]) for j in (i, i + 1)))
         found.setdefault(sides, []).append(points[nodes[order[i]]].mean(axis=0))
     return tuple(

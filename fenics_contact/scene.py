@@ -20,8 +20,10 @@ from fenics_contact.checks import (
     bonded_bodies,
     refuse_behind,
     refuse_deep_start,
+    refuse_doubled,
     refuse_inside,
     refuse_loose,
+    refuse_volumes,
 )
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
@@ -85,11 +87,7 @@ class Scene:
         self.mesh = bodies[0].mesh
         if any(body.mesh is not self.mesh for body in bodies):
             raise SceneError("all bodies of a scene live in one mesh: give them as named volumes of one gmsh model")
-        left = set(self.mesh.volumes) - {body.group for body in bodies}
-        for body in bodies:
-            self.mesh.volume_tag(body.group)
-        if left:
-            raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
+        refuse_volumes(self.mesh, [body.group for body in bodies])
         tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
         laws = {body.group: body.material for body in bodies}
         refuse_element(element, degree, tetrahedra, laws, accept_locking)
@@ -220,6 +218,7 @@ class Scene:
     def system(self, move=None, push=None, timers=None, stabilise=False):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
+        refuse_doubled(self)
         motion = self._motion(move or {}, push or {})
         u = compat.Function(self.space, name="displacement")
         state = State(u, np.zeros((len(self.tools), 3)))

@@ -23,7 +23,7 @@ TABLE = {
     "mesh_io": {"gmsh", "numpy", "mpi4py", "compat", "gmsh_model"},
     "kernels": {"numpy", "numba"},
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing"},
-    "assembly": {"numpy", "mpi4py", "petsc4py", "compat", "timing"},
+    "assembly": {"numpy", "mpi4py", "petsc4py", "kernels", "compat", "timing"},
     "solvers": {"numpy", "petsc4py", "assembly", "timing"},
     "volume_ratio": {"numpy", "mpi4py", "basix", "ufl", "compat", "virtual_power", "assembly"},
     "agreement": {"numpy", "mpi4py"},
@@ -49,6 +49,7 @@ ONLY = {
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"exchange"},
     ("output", "kernels"): {"status"},
+    ("assembly", "kernels"): {"sets"},
     ("__init__", "contact"): {"tools"},
     ("__init__", "output"): {"units"},
 }

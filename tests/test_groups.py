@@ -256,3 +256,63 @@ def with_a_session_of_its_own():
 
 def test_a_script_may_open_and_close_gmsh_itself():
     assert count(read_gmsh(with_a_session_of_its_own), "zmin") == 4
+
+
+# -- nodes that are there twice, and pieces ---------------------------------------------------------------------------
+def halves(groups=("lower", "upper"), gap=0.0, shift=0.0, merge=False):
+    """Two blocks 1 x 1 x 1, one on the other, meshed apart and brought together; `groups` of the halves may be one."""
+    two_blocks.build((1.0,) * 3, (2, 2, 2), (0.0, 0.0, -1.0), (1.0,) * 3, (2, 2, 2), (shift, 0.0, gap))
+    if merge:
+        gmsh.model.mesh.removeDuplicateNodes()
+    if groups[0] == groups[1]:
+        gmsh.model.removePhysicalGroups(gmsh.model.getPhysicalGroups(3))
+        named(3, [entity for _, entity in gmsh.model.getEntities(3)], groups[0])
+    else:
+        assert groups == ("lower", "upper")
+
+
+def stretched(mesh, contact=None, **solving):
+    """Held below, drawn by a tenth above: the force that a bonded column of 2 mm takes is not zero."""
+    scene = Scene(*(Body(mesh, name, RUBBER) for name in mesh.volumes))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", 0.1)
+    if contact:
+        scene.contact(*contact, name="c")
+    return solve(scene, steps=1, progress=False, **solving)
+
+
+@pytest.mark.parametrize("groups", [("lower", "upper"), ("block", "block")])
+def test_faces_with_nodes_of_their_own_are_bonded_or_in_contact(groups):
+    mesh = read_gmsh(halves, groups=groups)
+    place = ("4 faces", "'" + "' and '".join(dict.fromkeys(groups)) + "'", "(0.25, 0.25, 0)")
+    refused(lambda: stretched(mesh), *place, "removeDuplicateNodes", "contact")
+    refused(lambda: stretched(mesh, ("upper_xmin", "lower_top")), *place)  # a contact that speaks of one side only
+    assert stretched(mesh, ("upper_bottom", "lower_top")).converged
+    assert stretched(read_gmsh(halves, groups=groups, gap=1e-4)).converged
+    assert stretched(read_gmsh(halves, groups=groups, shift=0.3)).converged  # faces that cross others are not their twins
+
+    bonded = stretched(read_gmsh(halves, groups=groups, merge=True)).require()
+    space = bonded.u.function_space
+    middle = np.abs(space.tabulate_dof_coordinates()[:, 2]) < 1e-9
+    moved = np.concatenate(COMM.allgather(bonded.u.x.array[2::3][middle]))
+    assert moved.mean() == pytest.approx(0.05, rel=1e-6)  # by symmetry
+
+
+def test_a_loose_piece_of_a_body_is_refused_by_its_place():
+    mesh = read_gmsh(halves, groups=("block", "block"), gap=0.5)
+    scene = Scene(Body(mesh, "block", RUBBER))
+    scene.fix("lower_bottom")
+    refused(lambda: solve(scene, steps=1, progress=False), "'block, the piece around (0.5, 0.5, 1)'", "along x, y, z")
+    scene.fix("upper_top", "xy")
+    refused(lambda: solve(scene, steps=1, progress=False), "'block, the piece around (0.5, 0.5, 1)'", "along z")
+    scene.contact("upper_bottom", "lower_top", name="c")  # it holds the piece along its normal
+    names, nodes = zip(*scene.system().bodies, strict=True)
+    assert names == ("block, the piece around (0.5, 0.5, -0.5)", "block, the piece around (0.5, 0.5, 1)")
+    owned = scene.space.dofmap.index_map.size_local
+    assert [COMM.allreduce(int((part < owned).sum())) for part in nodes] == [27, 27]
+
+
+def test_one_volume_in_two_bodies():
+    mesh = read_gmsh(box.build)
+    refused(lambda: Scene(Body(mesh, "box", RUBBER), Body(mesh, "box", RUBBER)), "'box'", "2 bodies", "one material")
