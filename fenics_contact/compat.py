@@ -1,26 +1,19 @@
 """Every difference between dolfinx 0.5, 0.9 and newer, chosen once at import by what the library can do."""
 
-try:
-    import dolfinx
-    from dolfinx import fem
-    from dolfinx.io import XDMFFile  # noqa: F401 - the one door to dolfinx
-except ImportError as error:  # the one dependency pip cannot bring
-    raise ImportError(
-        "dolfinx is missing: install Debian's package python3-dolfinx and use /usr/bin/python3 or a virtual "
-        "environment made from it with --system-site-packages (`make demo` does both)"
-    ) from error
-
 import inspect
 import logging
 import platform
 from contextlib import contextmanager
 
 import basix
+import dolfinx
 import dolfinx.fem.petsc as fem_petsc
 import dolfinx.mesh as dolfinx_mesh
 import numba
 import numpy as np
 import petsc4py
+from dolfinx import fem
+from dolfinx.io import XDMFFile  # noqa: F401 - the one door to dolfinx
 
 try:
     from dolfinx.io import gmsh as gmsh_reader  # 0.10 and newer

@@ -232,14 +232,34 @@ def test_unwritable_folder(mesh, tmp_path):
     assert blocker.read_text() == "not a folder"
 
 
-@pytest.mark.parametrize("missing", ["dolfinx", "dolfinx ufl basix ffcx petsc4py"])
-def test_missing_dolfinx_names_the_debian_package(missing):
+@pytest.mark.parametrize(
+    ("missing", "package"),
+    [
+        *((name, f"python3-{name}") for name in "dolfinx gmsh numba petsc4py mpi4py tqdm matplotlib ufl".split()),
+        ("dolfinx ufl basix ffcx petsc4py", "python3-dolfinx"),
+    ],
+)
+def test_a_missing_module_is_named_with_its_debian_package(missing, package):
     if COMM.rank != 0:
         return
     block = f"import sys; sys.modules.update(dict.fromkeys({missing.split()!r})); import fenics_contact"
+    said = last_line(block)
+    assert said.startswith(f"ImportError: {missing.split()[0]} is missing") and f"package {package} " in said, said
+
+
+def test_studies_name_scipy():
+    if COMM.rank == 0:
+        assert "package python3-scipy " in last_line(
+            "import sys; sys.modules['scipy'] = None; import fenics_contact.studies.sphere"
+        )
+
+
+def last_line(code):
+    """What a Python process that fails says last."""
     root = Path(__file__).resolve().parent.parent
-    done = subprocess.run([sys.executable, "-c", block], cwd=root, capture_output=True, text=True, timeout=60)
-    assert done.returncode != 0 and "python3-dolfinx" in done.stderr.strip().splitlines()[-1], done.stderr[-500:]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0
+    return done.stderr.strip().splitlines()[-1]
 
 
 def test_frictionless_punch_does_not_hold_sideways(mesh, out):

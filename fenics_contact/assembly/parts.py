@@ -3,7 +3,6 @@
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.kernels.sets import join
 
 
@@ -19,7 +18,7 @@ def connected_parts(space):
     label = numbers[here]  # of the parts that this rank sees: one of its nodes
     shared = compat.Function(space)
     shared.x.array[::3] = label
-    copy_to_ghosts(compat.petsc_vector(shared))
+    compat.copy_to_ghosts(shared)
     seen_twice = np.stack([label, shared.x.array[::3].astype(np.int64)], axis=1)  # by this rank and by the node's owner
     labels, pairs = np.unique(np.concatenate(mesh.comm.allgather(np.unique(seen_twice, axis=0))), return_inverse=True)
     root = np.arange(len(labels))

@@ -1,8 +1,12 @@
 """Exact solutions that studies compare with: radial problems of rubber, half-spaces under point, line and Hertz loads."""
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+
+from fenics_contact.packages import require
+
+require("scipy")
+from scipy.integrate import solve_ivp  # noqa: E402 - after its package has been asked for
+from scipy.optimize import brentq  # noqa: E402
 
 A1, A2 = 0.1863, 0.0098  # Mooney's constants of the paper [MPa]
 TINY = 1e-30  # derivatives by a complex step this small are exact

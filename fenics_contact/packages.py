@@ -1,0 +1,25 @@
+"""The modules that the package needs and the Debian packages that bring them: a missing one is named with its package."""
+
+from importlib import import_module
+
+PACKAGES = {
+    name: f"python3-{name}"
+    for name in ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "numpy", "gmsh", "numba", "matplotlib", "tqdm", "scipy")
+}
+
+
+def require(*names):
+    """Import modules of PACKAGES. Raises ImportError that names the first missing one, or the one that it needs itself."""
+    for name in names:
+        try:
+            import_module(name)
+        except ImportError as error:
+            root = (error.name or name).partition(".")[0]
+            missing = root if root in PACKAGES else name
+            raise ImportError(
+                f"{missing} is missing ({error}): install Debian's package {PACKAGES[missing]} and use /usr/bin/python3 or "
+                "a virtual environment made from it with --system-site-packages (`make demo` does both)"
+            ) from error
+
+
+require(*(name for name in PACKAGES if name != "scipy"))  # that one is for the studies alone
