@@ -10,7 +10,7 @@ from fenics_contact import compat
 from fenics_contact.agreement import ends_together
 from fenics_contact.checks import SceneError
 from fenics_contact.functions import number_of
-from fenics_contact.output.history import history_row, penalty_lines, penalty_summary
+from fenics_contact.output.history import history_row, penalty_lines, penalty_notes, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
@@ -139,12 +139,15 @@ def solve(
     summary = _summary(scene, system, solver, method, verdict, record.history)
     with timers("penalty error"):
         error = penalty_error(system, solver) if verdict.converged else None
-    summary["penalty_error"] = penalty_summary(error, [tool.name for tool in scene.tools], scene.units)
+    travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
+    summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
+    costs = penalty_notes(summary["penalty_error"], travel, scene.units)
+    verdict.notes += costs
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if record.writer:
         record.writer.finish(summary)
     if progress and system.comm.rank == 0:
-        lines = [*penalty_lines(summary["penalty_error"], scene.units), _stages_line(summary["seconds"])]
+        lines = [*penalty_lines(summary["penalty_error"], scene.units), *costs, _stages_line(summary["seconds"])]
         if verdict.residuals:
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")

@@ -2,6 +2,7 @@
 
 import json
 
+import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -11,6 +12,7 @@ from fenics_contact import (
     Scene,
     mooney_rivlin,
     read_gmsh,
+    rigid_cylinder,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -70,8 +72,76 @@ def test_force(build, penalty, stiffer):
     assert abs(true) > 0.05 * abs(stiff.history[-1]["c_force_z_N"])  # the penalty is soft enough to matter
     assert 0.5 < said["force_change_N"][2] / true < 2.0  # the bound asked for; first order in 1/penalty
     change = np.linalg.norm(said["force_change_N"])
-    force = np.linalg.norm([soft.history[-1][f"c_force_{a}_N"] for a in "xyz"])
-    np.testing.assert_allclose(said["force_change_share"], change / force, rtol=1e-9)
+    np.testing.assert_allclose(said["force_change_over_load"], change / said["load_N"], rtol=1e-9)
+    normal = abs(soft.history[-1]["c_force_z_N"])  # the pressure on a flat surface, and friction where it is curved
+    assert 0.9 * normal < said["load_N"] < 1.1 * normal
+
+
+def ring_on_a_shaft(penalty):
+    """A ring pressed from outside on a rigid shaft: all forces on the shaft cancel."""
+    mesh = read_gmsh(full_ring)
+    scene = Scene(Body(mesh, "ring", RUBBER))
+    scene.fix("ends", "z")
+    scene.pressure("outside", 0.2)
+    scene.contact("inside", rigid_cylinder(10.0, (0, 0, 0), (0, 0, 1)), 0.3, penalty=penalty, name="c")
+    return scene, {}
+
+
+def full_ring(inner=10.0, outer=14.0, depth=2.0, around=6, across=2):
+    """A ring in four sectors of hexahedra."""
+    occ, mesh = gmsh.model.occ, gmsh.model.mesh
+    corners = [[occ.addPoint(r * c, r * s, 0) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))] for r in (inner, outer)]
+    centre = occ.addPoint(0, 0, 0)
+    spokes = [occ.addLine(*ends) for ends in zip(*corners, strict=True)]
+    arcs = [[occ.addCircleArc(ring[i - 1], centre, ring[i]) for i in range(4)] for ring in corners]
+    loops = [occ.addCurveLoop([spokes[i - 1], arcs[1][i], -spokes[i], -arcs[0][i]]) for i in range(4)]
+    sectors = [(2, occ.addPlaneSurface([loop])) for loop in loops]
+    occ.synchronize()
+    for curves, cells in ((spokes, across), (arcs[0] + arcs[1], around)):
+        for curve in curves:
+            mesh.setTransfiniteCurve(curve, cells + 1)
+    for _, face in sectors:
+        mesh.setTransfiniteSurface(face)
+        mesh.setRecombine(2, face)
+    made = np.array(occ.extrude(sectors, 0, 0, depth, [1], recombine=True))[:, 1].reshape(4, 6).tolist()
+    occ.synchronize()
+    mesh.generate(3)
+    tops, volumes, _, outside, _, inside = zip(*made, strict=True)  # of each sector
+    for name, faces in (("ends", [*tops, *(tag for _, tag in sectors)]), ("outside", outside), ("inside", inside)):
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), name)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, volumes), "ring")
+
+
+def test_a_ring_on_a_shaft_has_a_load_and_no_resultant():
+    soft, stiff = pair(ring_on_a_shaft, 1.0, 50.0)
+    said, at_fifty = (r.summary["penalty_error"]["contacts"]["c"] for r in (soft, stiff))
+    assert said["force_change_over_load"] < 1e-6  # Newton's tolerance 1e-8, enlarged by a free turn that friction holds
+    true = at_fifty["load_N"] / said["load_N"] - 1.0
+    assert true > 0.02
+    assert 0.5 < said["load_change_over_load"] / true < 2.0
+
+
+def test_a_cost_above_a_percent_is_noted(tmp_path, capsys):
+    folder, notes = COMM.bcast(tmp_path), []
+    for i, penalty in enumerate((5.0, 250.0)):
+        scene, drive = punch(penalty)
+        result = solve(scene, **drive, steps=2, out=folder / str(i))
+        COMM.Barrier()
+        notes.append([note for note in result.verdict.notes if "penalties change the force" in note])
+        assert json.loads((folder / str(i) / "summary.json").read_text())["verdict"]["notes"] == result.verdict.notes
+        printed = capsys.readouterr().err
+        assert all(note in printed for note in notes[-1]) or COMM.rank > 0
+    assert len(notes[0]) == 2 and not notes[1]
+    assert "contact 'c'" in notes[0][0] and "raise penalty_factor=" in notes[0][0]
+
+
+def test_a_pushed_tool_too_deep_by_a_percent_is_noted():
+    soft, stiff = pair(punch, 5.0, 50.0, pushed=True)
+    said = [
+        [note for note in r.verdict.notes if note.startswith("tool 'punch': penalties change its travel")]
+        for r in (soft, stiff)
+    ]
+    assert [len(notes) for notes in said] == [1, 0]
 
 
 def test_peak_pressure_and_summary(tmp_path):

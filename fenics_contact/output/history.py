@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 AXES = "xyz"
+COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
+STIFFER = "raise penalty_factor= or penalty= of the contact, or give it penetration=, a smaller one where it has one"
 
 
 def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
@@ -31,16 +33,19 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
 def penalty_summary(error, tools, units):
     """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known.
 
-    A share of None: more than a first order in 1/penalty can tell.
+    Changes of a contact's force, a resultant, and of its load, the pressure integrated over its surface, are shares of the
+    load: a ring closed on a shaft has no resultant. A share of None: more than a first order in 1/penalty can tell.
     """
     if error is None:
         return {}
     out = {}
     for name, e in error["contacts"].items():
-        size, peak = float(np.linalg.norm(e["force"])), e["peak"]
+        load, peak = e["load"], e["peak"]
         out[name] = {
             f"force_change_{units.force}": list(e["force_change"]),
-            "force_change_share": float(np.linalg.norm(e["force_change"])) / size if size else 0.0,
+            f"load_{units.force}": load,
+            "force_change_over_load": float(np.linalg.norm(e["force_change"])) / load if load > 0.0 else 0.0,
+            "load_change_over_load": e["load_change"] / load if load > 0.0 else 0.0,
             f"peak_pressure_{units.pressure}": peak,
             f"peak_pressure_at_{units.length}": e["peak_at"],
             "peak_pressure_change_share": e["peak_change"] / peak
@@ -56,7 +61,8 @@ def penalty_lines(summary, units):
     lines = []
     for name, e in summary.get("contacts", {}).items():
         text = (
-            f"contact '{name}': with endless penalties the force would change by {e['force_change_share']:.2g} of itself, "
+            f"contact '{name}': with endless penalties the force would change by {e['force_change_over_load']:.2g} and the "
+            f"load by {e['load_change_over_load']:+.2g} of the load, {e[f'load_{units.force}']:.4g} {units.force}, "
         )
         peak, change = e[f"peak_pressure_{units.pressure}"], e["peak_pressure_change_share"]
         if peak > 0.0:
@@ -66,6 +72,22 @@ def penalty_lines(summary, units):
             )
             lines.append(f"{text}the peak pressure, {peak:.4g} {units.pressure} at ({where}), {how}")
     return lines
+
+
+def penalty_notes(summary, travel, units):
+    """A note per contact whose penalties cost more than COSTLY of its load, and per tool whose travel {name: (3,)} is so far
+    off by them."""
+    notes = []
+    for name, e in summary.get("contacts", {}).items():
+        share = max(e["force_change_over_load"], abs(e["load_change_over_load"]))
+        if share > COSTLY:
+            notes.append(f"contact '{name}': its penalties change the force by about {share:.1%} of the load; {STIFFER}")
+    for name, gone in travel.items() if summary else ():
+        change, size = (float(np.linalg.norm(v)) for v in (summary["travel_change"][f"{name}_{units.length}"], gone))
+        if change > COSTLY * size:
+            share = change / size if size > 0.0 else np.inf
+            notes.append(f"tool '{name}': penalties change its travel by about {share:.1%}; {STIFFER}")
+    return notes
 
 
 class HistoryFile:

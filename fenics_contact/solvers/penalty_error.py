@@ -18,8 +18,9 @@ def penalty_error(system, linear):
     With s the logarithm of all penalties, K du/ds = -dR_C/ds and dF/ds is the change of F that is left, to first order in
     1/penalty. Terms say what their forces would be with other penalties, see their `stiffen`: multipliers stay, and what
     sticks has come to rest under the same traction. Changes of the contact area and of the path before are left out. Of a
-    contact: force (3,), force_change (3,), peak pressure, peak_at, its reference position, and peak_change, None where it is
-    too great for a first order. Collective.
+    contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
+    load_change; peak pressure, peak_at, its reference position, and peak_change, None where it is too great for a first
+    order. Collective.
     """
     terms = [term for term in system.terms if term.penalised]
     if not terms or not (rates := _rates(system, terms, linear)):
@@ -33,11 +34,13 @@ def penalty_error(system, linear):
     system.assemble_residual()  # the state itself is what the terms remember
     found = {}
     for term, ahead, behind, here in zip(terms, values[1.0], values[-1.0], values[0.0], strict=True):
-        force, pressure = here
+        pressure, area = here[1], term.surface.area.ravel()
         to_force, to_pressure = ((a - b) / (2.0 * NUDGE) for a, b in zip(ahead, behind, strict=True))
+        load, to_load = system.comm.allreduce(np.array([pressure @ area, to_pressure @ area]))
         peak, place = max(system.comm.allgather(_highest(pressure, term.spots())))
         change = max(system.comm.allgather((pressure + to_pressure).max(initial=0.0))) - peak
-        found[term.name] = {"force": force, "force_change": to_force, "peak": peak, "peak_at": list(place)}
+        found[term.name] = {"force_change": to_force, "load": load, "load_change": to_load, "peak": peak}
+        found[term.name]["peak_at"] = list(place)
         found[term.name]["peak_change"] = change if abs(change) <= UNSETTLED * peak else None
     return {"contacts": found, "travel_change": dq}
 
