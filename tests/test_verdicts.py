@@ -5,15 +5,27 @@ import subprocess
 import sys
 from pathlib import Path
 
+import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
-from fenics_contact.solvers.diagnosis import fold_ahead
+from fenics_contact import (
+    Body,
+    Displacement,
+    Scene,
+    SceneError,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
+from fenics_contact.solvers.softness import fold_ahead
 from fenics_contact.studies.punch import punched_plate
-from meshes import box, two_blocks
+from meshes import box, dome, two_blocks
 
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
@@ -86,13 +98,13 @@ def pressed(penalty):
     return scene, {}
 
 
-def ball_through():
-    """A penalty so soft that the ball sinks in to its middle before it is held."""
-    scene = cube(cells=(6, 6, 2), size=(10.0, 10.0, 4.0), origin=(-5.0, -5.0, -4.0))
+def ball_through(cells=(6, 6, 2), penalty=0.05):
+    """A penalty so soft that the ball sinks in to its middle before it is held: on high cells not deep by their size."""
+    scene = cube(cells=cells, size=(10.0, 10.0, 4.0), origin=(-5.0, -5.0, -4.0))
     scene.fix("zmin")
     ball = rigid_sphere(3.0, (0, 0, 3.0))
-    scene.contact("zmax", ball, penalty=0.05, name="ball")
-    return scene, {"push": {ball: (0, 0, -20.0)}}
+    scene.contact("zmax", ball, penalty=penalty, name="ball")
+    return scene, {"push": {ball: (0, 0, -8.0)}}
 
 
 def over_the_edge():
@@ -126,6 +138,63 @@ def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
     return scene, {"smallest_step": smallest}
 
 
+def tall_block(smallest=0.1):
+    """A tall block dragged over a rough floor in steps too long for Newton's method, which turns elements inside out."""
+    return dragged(size=(0.8, 1.0, 5.0), cells=(3, 2, 8), friction=0.8, press=0.8, drag=6.0, steps=10, smallest=smallest)
+
+
+def dragged(size, cells, friction, press, drag, steps, smallest=None):
+    """A block pressed on a rough floor until t = 0.2 and then dragged by its top."""
+    scene = cube(cells=cells, size=size)
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -press * min(t / 0.2, 1.0)))
+    scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), drag * max(t - 0.2, 0.0)))
+    scene.fix("zmax", "y")
+    scene.contact("zmin", rigid_plane(), friction, name="floor")
+    return scene, {"steps": steps, "smallest_step": smallest}
+
+
+def dragged_by_force(friction=0.3, drive="force"):
+    """A block on a rough floor, pushed by 101 % of what friction holds at 0.3; or drawn by its top as far as it likes."""
+    scene = cube(cells=(3, 3, 2), size=(4.0, 4.0, 2.0))
+    scene.traction("zmax", lambda t: (0, 0, -0.1 * min(2 * t, 1)))
+    scene.contact("zmin", rigid_plane(), friction, name="floor")
+    if drive == "force":
+        scene.body_force(lambda t: (1.01 * 0.3 * 0.1 / 2.0 * max(2 * t - 1, 0), 0, 0))
+    else:
+        scene.prescribe("xmax", "x", lambda X, t: np.full(len(X), 0.5 * max(2 * t - 1, 0)))
+    return scene, {}
+
+
+def two_in_one_group():
+    """Two blocks that nothing joins, as one volume group."""
+    two_blocks.build(lower_cells=(4, 4, 1), upper_cells=(3, 3, 1), upper_origin=(5.0, 10.0, 1.0))
+    gmsh.model.removePhysicalGroups(gmsh.model.getPhysicalGroups(3))
+    volumes = [tag for _, tag in gmsh.model.getEntities(3)]
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, volumes), "box")
+
+
+def loose_half():
+    """The lower half of a body is fixed, the upper one, not joined to it, hangs 1 mm above."""
+    scene = Scene(Body(read_gmsh(two_in_one_group), "box", RUBBER))
+    scene.fix("lower_bottom")
+    scene.contact("upper_bottom", "lower_top", 0.3, name="c")
+    scene.traction("upper_top", (0, 0, -0.1))
+    return scene, {}
+
+
+def pushed_through(drive="push", smallest=5e-3):
+    """A ball pushed onto a dome by more than the dome can bear, or moved so far."""
+    mesh = read_gmsh(dome.build, thickness=1.0, boss=5.0, cells=2)
+    scene = Scene(Body(mesh, "dome", RUBBER), degree=2)
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    scene.fix("rim")
+    ball = rigid_sphere(8.0, (0, 0, 48.5), name="ball")
+    scene.contact("outer", ball, 0.3, name="top")
+    way = {"push": -2.0, "move": -16.0}[drive]
+    return scene, {drive: {ball: (0, 0, way)}, "steps": 10, "smallest_step": smallest}
+
+
 def snapping():
     """Nodes of a coarse mesh snap over a punch's fillet: a kink that no step is short enough for. It is no fold, although
     the softest motion there has little stiffness, and less than none."""
@@ -142,6 +211,21 @@ CATALOGUE = {
     "tool": (tool_in_the_air, "rigid-body motion", "tool 'ball'", "bring it into contact before the force acts, or solve"),
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
     "soft": (ball_through, "penalty too soft", "contact 'ball' at (", "raise penalty="),
+    "soft on high cells": (
+        lambda: ball_through((4, 4, 1), 0.2),
+        "penalty too soft",
+        "contact 'ball' at (",
+        "raise penalty=",
+    ),
+    "long steps": (tall_block, "no convergence", "", "take more steps, or allow shorter ones (smallest_step=)"),
+    "too great a push": (
+        dragged_by_force,
+        "friction used up",
+        "contact 'floor'",
+        "raise friction=, fix a surface, or prescribe",
+    ),
+    "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
+    "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
     "stumbling": (lambda: stumbling(1e-2), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
     "cycling": (lambda: stumbling(0.1), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
@@ -150,7 +234,7 @@ CATALOGUE = {
 
 def failed(name, **options):
     scene, more = CATALOGUE[name][0]()
-    result = solve(scene, steps=5, progress=False, **more, **options)
+    result = solve(scene, progress=False, **({"steps": 5} | more), **options)
     assert not result.converged
     assert len(set(COMM.allgather(result.verdict.reason))) == 1  # all ranks say the same
     return result
@@ -165,6 +249,37 @@ def test_verdict_names_cause_place_and_remedy(name):
     assert place in verdict.place and remedy in verdict.remedy, verdict.reason
     for part in (verdict.kind, verdict.place, verdict.remedy, f"step {verdict.step}"):
         assert part in verdict.reason
+
+
+def with_options(scene, **options):
+    """A failing scene of the catalogue with other options of solve."""
+    stated, drive = scene()
+    return stated, drive | options
+
+
+# what the verdict advises, done
+CURES = {
+    "limit point": [lambda: with_options(crushed, method="arc_length", until=Displacement("zmax", "z", -1.0))],
+    "gap": [lambda: with_options(hanging, stabilise=True)],
+    "ice": [lambda: with_options(on_ice, stabilise=True)],
+    "tool": [lambda: with_options(tool_in_the_air, stabilise=True)],
+    "stiff": [lambda: pressed(None)],
+    "soft": [lambda: ball_through(penalty=None)],
+    "soft on high cells": [lambda: ball_through((4, 4, 1), penalty=None)],
+    "long steps": [lambda: tall_block(None)],
+    "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
+    "loose half": [lambda: with_options(loose_half, stabilise=True)],
+    "pushed over a limit": [lambda: pushed_through("move")],
+}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", CURES)
+def test_remedy_cures(name):
+    for cure in CURES[name]:
+        scene, options = cure()
+        result = solve(scene, progress=False, **({"steps": 5} | options))
+        assert result.converged, result.verdict.reason
 
 
 @pytest.mark.parallel

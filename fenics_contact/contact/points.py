@@ -65,6 +65,22 @@ class SlavePoints(Penalties):
             self.friction = friction
             self.weigh(area)
 
+    @contextmanager
+    def with_friction(self, friction):
+        """Within it the contact has another coefficient of friction."""
+        own, self.friction = self.friction, friction
+        try:
+            yield
+        finally:
+            self.friction = own
+
+    def grip(self, state):
+        """(friction, what Coulomb's law allows): sums of their sizes over this rank's points at a state [force]."""
+        self.evaluate(state)
+        pressure, along = self.split_traction(state)
+        area = self.surface.area
+        return float((np.linalg.norm(along, axis=2) * area).sum()), self.friction * float((pressure * area).sum())
+
     def weigh(self, area):
         """Take other areas (ne, nq) [length^2] for the points."""
         self.surface.area = area
@@ -112,18 +128,30 @@ class SlavePoints(Penalties):
             text = f"{lost / met:.0%} of the area that was in contact has no partner on '{self.master_name}' any more"
             remedy = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
             return Finding(LOST, text, self._worst(comm, np.where(gone, area, 0.0))[1], remedy)
+        return self._sunk(SUNK, comm)
+
+    def deep(self, state):
+        """None, or the Finding that a point lies deep enough to be distrusted. Collective."""
+        self.evaluate(state)
+        return self._sunk(DEEP, state.u.function_space.mesh.comm)
+
+    def _sunk(self, share, comm):
+        """None, or the Finding that a point lies deeper than a share of a cell's height. Collective."""
+        depth, place = self._deepest(comm)
+        height = self.surface.cell_height
+        if depth <= share * height:
+            return None
+        text = f"a point lies {depth:.3g} inside '{self.master_name}', where a cell is {height:.3g} high"
+        return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
+
+    def _deepest(self, comm):
+        """(penetration [length], place) of the deepest point at the state evaluated last. Collective."""
         held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0).ravel()
-        depth, place = self._worst(comm, held)
-        if depth > SUNK * self.surface.cell_height:
-            height = self.surface.cell_height
-            text = f"a point lies {depth:.3g} inside '{self.master_name}', where a cell is {height:.3g} high"
-            return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
-        return None
+        return self._worst(comm, held)
 
     def remark(self, state):
         """None, or at the first accepted step where it is so, that points lie deep in the master. Collective."""
-        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0).ravel()
-        depth, place = self._worst(state.u.function_space.mesh.comm, held)
+        depth, place = self._deepest(state.u.function_space.mesh.comm)
         if self._remarked or depth <= DEEP * self.surface.cell_height:
             return None
         self._remarked = True
@@ -131,13 +159,15 @@ class SlavePoints(Penalties):
         return f"{text}: penetration= keeps it out, or raise penalty="
 
     def objection(self, state):
-        """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, or
-        penetrations are too small for a number beside the coordinates. Collective."""
+        """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, a
+        point is held by nothing, or penetrations are too small for a number beside the coordinates. Collective."""
         comm = state.u.function_space.mesh.comm
         depth = self.lost_depth(state, comm)
         if depth > self.touch:
             text = f"'{self.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
             return Finding(LOST, text, f"contact '{self.name}'", "take smaller steps, or raise the penalty")
+        if sunk := self._sunk(SUNK, comm):
+            return sunk
         pressure = np.linalg.norm(self.traction, axis=2).ravel()
         largest, place = self._worst(comm, pressure)
         soft = self.surface.stiffness.min(initial=np.inf)

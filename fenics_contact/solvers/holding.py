@@ -1,0 +1,148 @@
+"""Bodies and pushed tools that nothing holds any more: free rigid motions, and those that friction alone resists."""
+
+from contextlib import ExitStack
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact.assembly.finding import RIGID_MOTION, SLIDES, Finding
+from fenics_contact.solvers.motions import resistance, rigid_motions
+
+# A motion is free where its nodes resist it, each by itself, a million times more than all together. Squared: sums of
+# products know it to 1e-16, and what holds a body least, one corner in contact among n nodes, gives 1/n.
+FREE = 1e-12
+# Of what it resists where all points stick: a motion that keeps less without friction is held by friction.
+HELD = 0.1
+# Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
+# cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
+USED_UP = 0.99
+ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
+
+
+def supported(system):
+    """Copy of the tangent in which supports hold as stiffly as the stiffest node."""
+    matrix = system.matrix.copy()
+    matrix.setLGMap(*system.matrix.getLGMap())
+    largest = matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
+    matrix.zeroRowsColumnsLocal(system.supports.owned, largest)
+    return matrix
+
+
+def closed(system, contact):
+    """Whether a contact has a closed point (status 0: open) at the state evaluated last. Collective."""
+    return bool(system.comm.allreduce(int(contact.statuses().any())))
+
+
+# -- rigid-body motion ------------------------------------------------------------------------------------------------
+def rigid_motion(system):
+    """A finding if some bodies and tools can move as rigid ones without any resistance."""
+    system.assemble_tangent()
+    matrix, motions = supported(system), rigid_motions(system)
+    diagonal = matrix.getDiagonal()
+    diagonal.abs()
+    largest = diagonal.norm(PETSc.NormType.NORM_INFINITY)
+    forces = [resistance(system, motion, matrix) for _, motion, _ in motions]
+    softness = diagonal.copy()
+    softness.reciprocal()
+    gram = _products(forces, softness, 1.0 / largest)
+    values, vectors = _lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
+    free = vectors[:, np.abs(values) < FREE]
+    if not free.size:
+        return None
+    parts = _parts(motions, free)
+    text = [f"{_kind_of_owner(system, name)} '{name}' {', '.join(how)} without resistance" for name, how in parts]
+    waiting = _open_contacts(system, {name for name, _ in parts})
+    remedy = "fix a surface or use a symmetry plane"
+    if waiting:
+        crossed = "" if system.grounding else " or cross it with prescribe or solve(..., stabilise=True)"
+        remedy = f"fix a surface, use a symmetry plane, close the gap of {waiting}, which is open,{crossed}"
+    place = f"body '{', '.join(name for name, _ in parts)}'"
+    return Finding(RIGID_MOTION, " and ".join(text), place, remedy)
+
+
+def _kind_of_owner(system, name):
+    return "tool" if name in system.tools.names else "body"
+
+
+def _products(vectors, weights, on_tools):
+    """Weighted products of Motions with each other. Collective."""
+    out = np.zeros((len(vectors),) * 2)
+    for j, one in enumerate(vectors):
+        scaled = one.du.copy()
+        scaled.pointwiseMult(weights, one.du)
+        out[:, j] = [other.du.dot(scaled) + on_tools * float(np.sum(other.dq * one.dq)) for other in vectors]
+    return out
+
+
+def _parts(motions, combined):
+    """Of combined motions (len(motions), n): (owner, words) of each owner that moves."""
+    size, found = np.linalg.norm(combined, axis=1), {}
+    for (name, _, words), share in zip(motions, size, strict=True):
+        found.setdefault(name, []).append((share, words))
+    out = []
+    for name, shares in found.items():
+        largest = max(share for share, _ in shares)
+        if largest > 0.1 * size.max():
+            out.append((name, list(dict.fromkeys(words for share, words in shares if share > 0.3 * largest))))
+    return out
+
+
+def _open_contacts(system, names):
+    """Contacts of these bodies without a closed point at the state evaluated last, in words. Collective."""
+    waiting = [contact for contact in _contacts_of(system, names) if not closed(system, contact)]
+    return " or ".join(f"contact '{contact.name}'" for contact in waiting)
+
+
+def _contacts_of(system, names):
+    """Contacts of bodies and tools of these names. Collective."""
+    blocks = [nodes for name, nodes in system.bodies if name in names]
+    touching = [system.comm.allreduce(sum(contact.touches(nodes) for nodes in blocks)) for contact in system.contacts]
+    return [c for c, touched in zip(system.contacts, touching, strict=True) if touched or c.master_name in names]
+
+
+def _lowest(energy, weight):
+    """Eigenvalues and vectors of the symmetric part of energy against weight."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(weight), 1e-300))
+    energy, weight = (scale[:, None] * part * scale for part in (energy, weight))
+    sizes, axes = np.linalg.eigh(weight)
+    good = sizes > 1e-12 * sizes.max()
+    whiten = axes[:, good] / np.sqrt(sizes[good])
+    values, vectors = np.linalg.eigh(whiten.T @ (0.5 * (energy + energy.T)) @ whiten)
+    vectors = whiten @ vectors
+    return values, vectors / np.linalg.norm(vectors, axis=0)
+
+
+# -- friction used up -------------------------------------------------------------------------------------------------
+def sliding(system):
+    """A finding if bodies or pushed tools are held along some way by friction alone, and no more of it can be had."""
+    rough = [contact for contact in system.contacts if contact.friction > 0.0 and closed(system, contact)]
+    if not rough:
+        return None
+    motions = rigid_motions(system)
+    smooth, stuck = (_energies(system, rough, motions, friction) for friction in (0.0, ENDLESS))
+    values, vectors = _lowest(smooth, stuck)
+    held = vectors[:, np.abs(values) < HELD]
+    if not held.size:
+        return None
+    parts = _parts(motions, held)
+    contacts = [contact for contact in _contacts_of(system, {name for name, _ in parts}) if contact in rough]
+    grips = [contact.grip(system.state) for contact in contacts]
+    taken, most = system.comm.allreduce(np.sum(grips, axis=0)) if grips else (0.0, 0.0)
+    if not taken > USED_UP * most > 0.0:
+        return None
+    names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
+    where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
+    text = f"friction alone holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}; a greater push has no balance"
+    remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
+    return Finding(SLIDES, text, where, remedy)
+
+
+def _energies(system, rough, motions, friction):
+    """Work of motions with each other's resistance if these contacts had another coefficient of friction. Collective."""
+    with ExitStack() as stack:
+        for contact in rough:
+            stack.enter_context(contact.with_friction(friction))
+        system.assemble_tangent()
+    matrix = supported(system)
+    forces = [resistance(system, motion, matrix) for _, motion, _ in motions]
+    return np.array([[motion.dot(force) for force in forces] for _, motion, _ in motions])

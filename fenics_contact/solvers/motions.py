@@ -1,0 +1,102 @@
+"""Motions of bodies and pushed tools against which a tangent is probed: rigid ones, and the one that it resists least."""
+
+from typing import NamedTuple
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+
+SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
+MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
+ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent be factorised
+
+
+class Motion(NamedTuple):
+    """du: PETSc Vec (owned part, zero on supports) and dq (tools, 3), zero where a tool is not free [lengths alike]."""
+
+    du: object
+    dq: np.ndarray
+
+    def dot(self, other):
+        """Work of the other's forces, or the inner product. Collective."""
+        return self.du.dot(other.du) + float(np.sum(self.dq * other.dq))
+
+
+def resistance(system, motion, matrix):
+    """Forces of the assembled tangent, its block of the bodies being `matrix`, against a motion. Collective."""
+    force = system.new_vector()
+    matrix.mult(motion.du, force)
+    tools = np.zeros_like(motion.dq)
+    if system.border is not None:
+        border, flat = system.border, motion.dq.ravel()
+        for c in np.flatnonzero(system.tools.free.ravel()):
+            force.axpy(flat[c], system.border_vector(border.columns[c]))
+            tools.flat[c] = system.border_vector(border.rows[c]).dot(motion.du)
+        tools += (border.corner @ flat).reshape(-1, 3)
+    return Motion(force, np.where(system.tools.free, tools, 0.0))
+
+
+def softest(system):
+    """Motion that the assembled tangent resists least, by inverse iteration; None where it cannot be factorised.
+
+    Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. The supports are eliminated from the tangent
+    here. Collective.
+    """
+    linear, nodes = LinearSolver(system, "direct", afresh=True), system.vector.getSize() / 3
+    system.matrix.shift(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
+    free, resting = system.tools.free, np.zeros(len(system.supports.dofs))
+    mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
+    mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
+    for sweep in range(SWEEPS):
+        mode.du.array_w[system.supports.owned] = 0.0
+        size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))
+        if not (np.isfinite(size) and size > 0.0):
+            return None
+        mode.du.scale(1.0 / size)
+        mode = Motion(mode.du, mode.dq / size)
+        side = mode.du.copy()
+        side.scale(-1.0 / nodes)
+        try:
+            increment = linear.solve_sides([(side, -mode.dq, resting, np.zeros_like(mode.dq))], again=sweep > 0)
+        except LinearFailure:
+            return None
+        mode = Motion(*increment[0])
+    size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))
+    mode.du.scale(1.0 / size)
+    return Motion(mode.du, mode.dq / size) if np.isfinite(size) else None
+
+
+def rigid_motions(system):
+    """(owner, Motion, words): six rigid motions of every group of bonded bodies, then the free ones of the tools."""
+    found = []
+    for name, nodes in system.bodies:
+        still = np.zeros_like(system.state.travel)
+        found += [(name, Motion(du, still), how) for du, how in zip(_of_body(system, nodes), MOVES, strict=True)]
+    for i, axis in zip(*np.nonzero(system.tools.free), strict=True):
+        dq = np.zeros_like(system.state.travel)
+        dq[i, axis] = 1.0
+        still = system.new_vector()
+        still.set(0.0)
+        found.append((system.tools.names[i], Motion(still, dq), MOVES[axis]))
+    return found
+
+
+def _of_body(system, nodes):
+    """Six rigid motions of a body from its current place, as PETSc vectors of unit size; turns about its own centre."""
+    owned = system.space.dofmap.index_map.size_local
+    nodes = nodes[nodes < owned]
+    x = system.space.tabulate_dof_coordinates()[nodes] + system.state.u.x.array.reshape(-1, 3)[nodes]
+    sums = system.comm.allreduce(np.append(x.sum(axis=0), len(nodes)))
+    x = x - sums[:3] / sums[3]
+    modes = []
+    for axis in range(6):
+        mode = system.new_vector()
+        mode.set(0.0)
+        values = np.zeros((owned, 3))
+        turn = np.eye(3)[axis % 3]
+        values[nodes] = turn if axis < 3 else np.cross(turn, x)
+        mode.array[:] = values.ravel()
+        mode.normalize()
+        modes.append(mode)
+    return modes

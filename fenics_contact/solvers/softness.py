@@ -1,0 +1,169 @@
+"""The motion that a tangent resists least, and what it says: a tool sinks in, a part is loose or topples, a path folds."""
+
+import numpy as np
+
+from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
+from fenics_contact.solvers.arc_length import ArcLength
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.motions import resistance, rigid_motions, softest
+from fenics_contact.solvers.verdict import StepFailed
+
+# A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
+FOLDED = 0.1
+# Lengths of the failing step, within which a fold must lie ahead to be its cause: Newton's method fails a few before it.
+AHEAD = 10.0
+TAKEN = 0.5  # of the bodies' largest motion: a tool that moves more takes part in it
+NEAR = 1e-2  # of the load: a longer step that fails says nothing of a fold
+SUNK = 0.5  # of a tool's way: a gap that takes more of it gives way more than the bodies do
+NUDGE = 1e-6  # of the bodies' size: moved by that, gaps tell how far
+LOOSE = 1e-9  # of what its nodes resist each alone: round-off, and what softest() adds, are a thousandth of it
+RIGID = 0.99  # share of a motion's square that rigid motions of bodies make up, above which it is one
+TOPPLES = 1e-3  # of what its nodes resist each alone: less holds no body upright
+
+
+def soft_motion(system, goal=None):
+    """A finding if the softest motion at the accepted state explains the failure, by what moves in it. Collective.
+
+    goal: t at which the failing step was to end; None on an arc.
+    """
+    system.assemble_tangent()
+    diagonal = system.matrix.getDiagonal()
+    mode = softest(system)
+    if mode is None:
+        return None
+    now, alone = mode.dot(resistance(system, mode, system.matrix)), diagonal.copy()
+    alone.pointwiseMult(diagonal, mode.du)
+    share = now / max(abs(alone.dot(mode.du)), 1e-300)
+    return _sinking(system, mode) or _loose(system, mode, share) or limit_point(system, mode, now, goal)
+
+
+# -- a penalty too soft -----------------------------------------------------------------------------------------------
+def _sinking(system, mode):
+    """A finding if in a motion a pushed tool goes into bodies that stay behind: its penalty gives way more than they do."""
+    found, largest = None, np.abs(mode.dq).max(initial=0.0)
+    for contact in system.contacts if largest > 0.0 else []:
+        if contact.master_name in system.tools.names and (deep := contact.deep(system.state)):
+            own = np.abs(mode.dq[system.tools.names.index(contact.master_name)]).max()
+            size = NUDGE * system.extent / largest
+            if own > 0.0 and _gap_change(system, contact, mode, size) > SUNK * size * own:
+                found = found or deep
+    return found
+
+
+def _gap_change(system, contact, mode, size):
+    """Largest change of the gap of a closed point when the state moves by `size` times a motion [length]. Collective."""
+    state, before = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
+    contact.evaluate(state)
+    closed, gap = contact.statuses() != 0, contact.gap.ravel().copy()
+    du = mode.du.copy()
+    du.scale(size)
+    system.update(du, size * mode.dq)
+    contact.evaluate(state)
+    change = np.abs(contact.gap.ravel() - gap)[closed].max(initial=0.0)
+    state.u.x.array[:], state.travel[:] = before
+    contact.evaluate(state)
+    return max(system.comm.allgather(change))
+
+
+# -- a part that is loose or topples ----------------------------------------------------------------------------------
+def _loose(system, mode, share):
+    """A finding if a part that is not joined to the rest moves freely, or a body that contact alone holds topples."""
+    if abs(share) < LOOSE:
+        name, place, _ = _where(system, mode)
+        text = f"a part around {place} moves without resistance: it is not joined to the rest of its body"
+        remedy = "join it to the rest (fragment in the gmsh script), fix a surface of it, or close its gap to what holds it"
+        remedy += "" if system.grounding else ", also by solve(..., stabilise=True)"
+        return Finding(RIGID_MOTION, text, f"body '{name}' around {place}", remedy)
+    if not share < TOPPLES or not system.contacts:
+        return None
+    name, part, how = _rigid_part(system, mode)
+    if part < RIGID:
+        return None
+    text = f"what touches body '{name}' does not hold it: it {how} with hardly any resistance, or topples"
+    return Finding(
+        RIGID_MOTION, text, f"body '{name}'", "fix a surface, use a symmetry plane, or support it by another contact"
+    )
+
+
+def _rigid_part(system, mode):
+    """(body, share, words): the body whose rigid motions make up the greatest share of a motion's square. Collective."""
+    found, square = {}, max(mode.du.dot(mode.du), 1e-300)
+    for name, motion, words in rigid_motions(system):
+        if not motion.dq.any():
+            found.setdefault(name, []).append((motion.du.dot(mode.du) ** 2 / square, words))
+    name = max(found, key=lambda name: sum(share for share, _ in found[name]))
+    largest = max(share for share, _ in found[name])
+    how = ", ".join(words for share, words in found[name] if share > 0.1 * largest)
+    return name, sum(share for share, _ in found[name]), how
+
+
+def _where(system, mode):
+    """Body and reference position of the node that moves most in a motion, and how far [of its size]. Collective."""
+    size = np.linalg.norm(mode.du.array_r.reshape(-1, 3), axis=1)
+    here = (-1.0, "", "")
+    if len(size):
+        node = int(size.argmax())
+        name = next((name for name, nodes in system.bodies if node in nodes), "")
+        here = (float(size[node]), name, spot(system.space.tabulate_dof_coordinates()[node]))
+    largest, name, place = max(system.comm.allgather(here))
+    return name, place, largest
+
+
+# -- limit point ------------------------------------------------------------------------------------------------------
+def limit_point(system, mode, now, goal=None):
+    """A finding if the softest motion, of stiffness `now`, has lost nearly all that it has in the unloaded bodies, and the
+    path's rate says that the fold lies no further ahead than a few times the step to `goal`.
+
+    A soft motion alone stops no step: sliding bodies have one, and so has a point on a fillet. Forks are found by the rate
+    too, for only an imperfect one stops Newton's method, and before that the path bends.
+    """
+    unloaded = _unloaded_stiffness(system, mode)
+    if not abs(now) < FOLDED * unloaded:
+        return None
+    step = 0.0 if goal is None else abs(goal - system.committed_t)
+    if step > NEAR or (goal is not None and not fold_ahead(system) <= AHEAD * step):
+        return None
+    name, place, largest = _where(system, mode)
+    text = (
+        f"its softest motion keeps {now / unloaded:.2g} of the stiffness it has unloaded: the load path folds back or forks"
+    )
+    going = np.linalg.norm(mode.dq, axis=1)
+    tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
+    held = f"move {' and '.join(tools)} instead of pushing" if tools else "prescribe a displacement in place of the load"
+    place = ", ".join([*tools, f"body '{name}' at {place}"])
+    return Finding(LIMIT_POINT, text, place, f"follow the path by arc length or {held}")
+
+
+def fold_ahead(system):
+    """How far [t] ahead of the accepted state the load path folds back, as its last step and its rate tell. Collective.
+
+    Before a fold at t_f displacements are u_f - a sqrt(t_f - t). So the rate du/dt over the mean rate of a last step of
+    length h is q = (1 + sqrt((d + h) / d)) / 2, d = t_f - t: endless where the rate does not grow from step to step, zero
+    where the tangent is singular. A first step, which has none before it, may have any fold ahead: zero.
+    """
+    if len(system.accepted) < 2:
+        return 0.0
+    (u, travel, t), (u_now, travel_now, t_now) = system.accepted[-2:]
+    step = system.new_vector()
+    step.array[:] = (u_now - u)[: step.getLocalSize()]
+    arc = ArcLength(LinearSolver(system, "direct", afresh=True))
+    try:
+        arc.start(system)
+    except StepFailed:
+        return 0.0
+    moved = np.sqrt(step.dot(step) / (step.getSize() / 3) + np.sum((travel_now - travel) ** 2))
+    q = arc.per_load * (t_now - t) / moved if moved > 0.0 else np.inf
+    return (t_now - t) / (4.0 * q * (q - 1.0)) if q > 1.0 else np.inf
+
+
+def _unloaded_stiffness(system, mode):
+    """Rayleigh quotient of a motion in the undeformed bodies, contacts and loads away."""
+    solid = system.terms[0]
+    system.state.u.x.array[:] = 0.0
+    system.matrix.zeroEntries()
+    solid.add_tangent(system.state, system.matrix, None)
+    system.matrix.assemble()
+    force = system.matrix.createVecLeft()
+    system.matrix.mult(mode.du, force)
+    system.rollback()
+    return mode.du.dot(force)
