@@ -21,7 +21,7 @@ import ufl
 from fenics_contact import compat, materials
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.condensed import CondensedPressure
-from fenics_contact.assembly.system import FormTerm
+from fenics_contact.assembly.term import FormTerm
 from fenics_contact.checks import SceneError
 
 ELEMENTS = ("displacement", "reduced", "mixed")

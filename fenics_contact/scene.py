@@ -13,7 +13,8 @@ from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import ToolMotion
-from fenics_contact.assembly.system import FormTerm, State, System
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import FormTerm, State
 from fenics_contact.checks import (
     AXES,
     SceneError,

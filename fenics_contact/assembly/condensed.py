@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.system import FormTerm
+from fenics_contact.assembly.term import FormTerm
 
 
 class CellBlocks:

@@ -6,7 +6,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
-from fenics_contact.assembly.system import FormTerm
+from fenics_contact.assembly.term import FormTerm
 
 SHARE = 1e-2  # stiffness of the springs over E V / L^2 of a body of volume V and size L: a hundredth of its own
 SOFTER = 0.25  # change of stiffness where the springs pull as before: nothing has been met yet
