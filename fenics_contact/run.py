@@ -269,8 +269,7 @@ def _refuse_nan(system, times):
 def _stepper(method, solver, tolerance, system):
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     stepper = STEPPERS[method](solver, **options)
-    springs = system.grounding
-    if springs and springs.always and isinstance(stepper, ArcLength | Incremental):
+    if system.stabilised and isinstance(stepper, ArcLength | Incremental):
         raise SceneError(
             f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
             "choose one of these"
@@ -279,7 +278,7 @@ def _stepper(method, solver, tolerance, system):
         return stepper  # it minds multipliers and penalties itself
     if isinstance(stepper, Newton):
         stepper = Softened(stepper)
-    springs = None if isinstance(stepper, Incremental) else springs
+    springs = None if isinstance(stepper, Incremental) else system.grounding
     stepper = Adapted(Augmented(stepper) if system.augmented or springs else stepper)
     return Held(stepper) if springs else stepper
 

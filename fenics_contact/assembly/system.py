@@ -210,6 +210,11 @@ class System:
             found = found or term.objection(self.state)
         return found or self.adrift()
 
+    @property
+    def stabilised(self):
+        """Whether the user has asked for springs in every step."""
+        return self.grounding is not None and self.grounding.always
+
     def loose(self):
         """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
         if not self.holds.reliant:

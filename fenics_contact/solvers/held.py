@@ -14,7 +14,8 @@ class Held:
 
     Such a body may stay wherever it touches nothing, and Newton's method takes it anywhere. The springs choose the place
     next to the last one, and let go before the step is accepted: what is left is a state in balance by itself. A body with
-    a load on it has no such state: it flies, and the user must say what is to hold it. stepper: a stepper that augments.
+    a load on it has no such state: it flies, and the user must say what is to hold it. For a System with springs; stepper:
+    one that augments.
     """
 
     def __init__(self, stepper):
@@ -22,14 +23,15 @@ class Held:
 
     def step(self, system, t):
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        springs = system.grounding
-        if springs is None or springs.always:
+        if system.stabilised:
             return self.stepper.step(system, t)
+        springs = system.grounding
         springs.engaged = False
         system.begin_step(t)
-        unloaded = _unloaded(system)
+        loaded = _loaded(system)
         started = system.committed_t > 0.0  # before that nothing presses yet
-        loose, reason = unloaded & system.loose() if started else set(), "nothing pressed on it before"
+        loose, reason = system.loose() if started else set(), "nothing pressed on it before"
+        loose = set() if loose & loaded else loose
         if not loose:
             try:
                 report = self.stepper.step(system, t)
@@ -39,8 +41,8 @@ class Held:
                 failure = StepFailed.of(wrong)
             except StepFailed as tried:
                 failure = tried
-            loose, reason = unloaded & system.loose(), str(failure)
-            if failure.finding.kind in NO_HELP or not loose:
+            loose, reason = system.loose(), str(failure)
+            if failure.finding.kind in NO_HELP or not loose or loose & loaded:
                 raise failure
         system.rollback()
         springs.engaged = True
@@ -57,8 +59,8 @@ class Held:
         return self.stepper.settle(system, t)
 
 
-def _unloaded(system):
-    """Numbers of the reliant bodies on which the loads have no resultant, at the present loads. Collective."""
+def _loaded(system):
+    """Numbers of the reliant bodies on which the loads have a resultant, at the present loads. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in system.terms:
         if term not in system.contacts:
@@ -68,6 +70,6 @@ def _unloaded(system):
     found = set()
     for i in system.holds.reliant:
         load = system.comm.allreduce(forces[system.bodies[i][1]].sum(axis=0))
-        if np.abs(load).max() <= ALLOWED * largest:
+        if np.abs(load).max() > ALLOWED * largest:
             found.add(i)
     return found

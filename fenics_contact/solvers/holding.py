@@ -54,7 +54,7 @@ def rigid_motion(system):
     waiting = _open_contacts(system, {name for name, _ in parts})
     remedy = "fix a surface or use a symmetry plane"
     if waiting:
-        crossed = "" if system.grounding else " or cross it with prescribe or solve(..., stabilise=True)"
+        crossed = "" if system.stabilised else " or cross it with prescribe or solve(..., stabilise=True)"
         remedy = f"fix a surface, use a symmetry plane, close the gap of {waiting}, which is open,{crossed}"
     place = f"body '{', '.join(name for name, _ in parts)}'"
     return Finding(RIGID_MOTION, " and ".join(text), place, remedy)

@@ -72,7 +72,7 @@ def _loose(system, mode, share):
         name, place, _ = _where(system, mode)
         text = f"a part around {place} moves without resistance: it is not joined to the rest of its body"
         remedy = "join it to the rest (fragment in the gmsh script), fix a surface of it, or close its gap to what holds it"
-        remedy += "" if system.grounding else ", also by solve(..., stabilise=True)"
+        remedy += "" if system.stabilised else ", also by solve(..., stabilise=True)"
         return Finding(RIGID_MOTION, text, f"body '{name}' around {place}", remedy)
     if not share < TOPPLES or not system.contacts:
         return None
