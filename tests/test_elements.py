@@ -30,7 +30,7 @@ from fenics_contact import (
 from fenics_contact.output.fields import Fields
 from fenics_contact.solvers import linear
 from fenics_contact.solvers.newton import Newton
-from meshes import box, cook, disc, patch_block, rod, sphere_shell
+from meshes import box, cook, disc, patch_block, rod, sphere_shell, two_blocks
 
 A1, A2 = 0.1863, 0.0098
 MU = 2 * (A1 + A2)
@@ -468,3 +468,42 @@ def test_linear_tetrahedra_have_nothing_to_gain():
         scene.prescribe("zmax", "z", -0.2)
         ends.append(solve(scene, steps=2, progress=False, tolerance=1e-11).u.x.array.copy())
     assert np.abs(ends[0] - ends[1]).max() < 1e-9  # tolerance
+
+
+def sheared_cell(comm, degree, element):
+    """The smallest J of a sheared block of one cell, which one process holds."""
+    scene = Scene(Body(read_gmsh(box.build, comm), "box", rubber(20 * MU)), degree=degree, element=element)
+    scene.fix("zmin")
+    scene.fix("zmax", "yz")
+    scene.prescribe("zmax", "x", 0.2)
+    return scene, solve(scene, steps=1, progress=False, tolerance=1e-11).require().history[-1]["smallest_J"]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("element", ["reduced", "mixed"])
+def test_a_process_may_have_no_cell(element, degree):
+    scene, shared = sheared_cell(MPI.COMM_WORLD, degree, element)
+    cells = scene.mesh.comm.allgather(scene.mesh.domain.topology.index_map(3).size_local)
+    assert sorted(cells) == [0] * (len(cells) - 1) + [1]
+    assert shared == pytest.approx(sheared_cell(MPI.COMM_SELF, degree, element)[1], rel=1e-9)
+
+
+def two_squeezed_blocks(comm, ranks=None):
+    """The smallest J of two blocks of two cells, far from one another and squeezed by 5 and 10 %."""
+    cells = {"lower": (1.0,) * 3, "lower_cells": (1, 1, 2), "lower_origin": (0.0,) * 3, "upper": (1.0,) * 3}
+    cells |= {"upper_cells": (1, 1, 2), "upper_origin": (0.0, 0.0, 2.0)}
+    mesh = read_gmsh(two_blocks.build, comm, ranks=ranks, **cells)
+    scene = Scene(*(Body(mesh, name, rubber(20 * MU)) for name in ("lower", "upper")), element="mixed")
+    for name, moved in (("lower_bottom", 0.0), ("lower_top", -0.05), ("upper_bottom", 0.0), ("upper_top", -0.1)):
+        scene.fix(name, "xy")
+        scene.prescribe(name, "z", moved)
+    return solve(scene, steps=1, progress=False, tolerance=1e-11).require().history[-1]["smallest_J"]
+
+
+@pytest.mark.parallel
+def test_a_process_may_be_given_no_body():
+    """Four cells, all on one process, whichever it is."""
+    alone = two_squeezed_blocks(MPI.COMM_SELF)
+    for rank in range(MPI.COMM_WORLD.size):
+        assert two_squeezed_blocks(MPI.COMM_WORLD, {"lower": rank, "upper": rank}) == pytest.approx(alone, rel=1e-9)

@@ -34,7 +34,7 @@ def _dofs(space, blocks=None):
     size = space.dofmap.index_map_bs
     cells = compat.cell_dofs(space)
     cells = cells if blocks is None else blocks[cells]
-    return (size * cells[..., None] + np.arange(size)).reshape(len(cells), -1)
+    return (size * cells[..., None] + np.arange(size)).reshape(len(cells), size * cells.shape[1])  # of no cells too
 
 
 class CondensedPressure(FormTerm):
