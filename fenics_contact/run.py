@@ -131,6 +131,7 @@ def solve(
     record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
     setup = timers.table()["total"]
     verdict = record.verdict
+    verdict.notes += [note for note in scene.notes if note not in verdict.notes]  # a resumed run has them
     if continuation:
         path.follow(record, verdict)
     else:

@@ -34,7 +34,7 @@ from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import RigidContact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.drives import supports_of
-from fenics_contact.elements import quadrature_degree, refuse_element, solid_term
+from fenics_contact.elements import locking_notes, quadrature_degree, refuse_element, solid_term
 from fenics_contact.functions import ramp
 from fenics_contact.materials import Hyperelastic, Isotropic
 from fenics_contact.mesh_io import NamedMesh
@@ -92,6 +92,7 @@ class Scene:
         tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
         laws = {body.group: body.material for body in bodies}
         refuse_element(element, degree, tetrahedra, laws, accept_locking)
+        self.notes = locking_notes(degree, tetrahedra, laws)
         self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
         self.contacts, self.loads, self.pressures, self._supports = [], [], [], []

@@ -445,24 +445,51 @@ def test_an_energy_without_parts_is_refused_by_mixed_elements():
 
 
 @pytest.mark.parametrize(
-    ("element", "tetrahedra", "remedy"),
-    [("displacement", False, "element='mixed'"), ("mixed", True, "degree=2"), ("displacement", True, "degree=2")],
+    ("element", "tetrahedra", "remedy", "allowed"),
+    [
+        ("displacement", False, "element='mixed'", 50),
+        ("mixed", True, "degree=2", 5),
+        ("displacement", True, "degree=2", 5),
+        ("reduced", True, "degree=2", 5),
+    ],
 )
-def test_an_element_that_locks_is_refused_and_another_named(element, tetrahedra, remedy):
+def test_an_element_that_locks_is_refused_and_another_named(element, tetrahedra, remedy, allowed):
     mesh = read_gmsh(draw_tetrahedra) if tetrahedra else read_gmsh(box.build)
-    body = Body(mesh, "box", rubber(2000 * MU))
-    with pytest.raises(SceneError, match=f"K / mu = 2e.03.*{remedy}"):
-        Scene(body, element=element)
-    Scene(body, element=element, accept_locking=True)
-    Scene(body, element="mixed", degree=2)
-    Scene(Body(mesh, "box", rubber(50 * MU)), element=element)
+    for ratio in (2000, *([5.1, 20] if tetrahedra else [])):
+        body = Body(mesh, "box", rubber(ratio * MU))
+        with pytest.raises(SceneError, match=f"K / mu = .*{remedy}"):
+            Scene(body, element=element)
+        Scene(body, element=element, accept_locking=True)
+        Scene(body, element="mixed", degree=2)
+    Scene(Body(mesh, "box", rubber(allowed * MU)), element=element)
+
+
+def bonded_block(size, degree, ratio):
+    """A block 2 x 2 x 1 between two plates, squeezed by a tenth: the force, and the notes of the verdict. Tetrahedra."""
+    mesh = read_gmsh(draw_tetrahedra, size=size)
+    mesh.domain.geometry.x[:, :2] *= 2.0
+    element = "displacement" if degree == 1 else "mixed"
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, ratio)), degree=degree, element=element, accept_locking=True)
+    scene.fix("zmin")
+    scene.fix("zmax", "xy")
+    scene.prescribe("zmax", "z", -0.1)
+    result = solve(scene, steps=1, progress=False).require()
+    return reaction(result, 2, 1.0, 2), " ".join(result.verdict.notes)
+
+
+@pytest.mark.parametrize(("ratio", "least", "most"), [(2.0, 0.0, 0.03), (5.0, 0.05, 0.12), (20.0, 0.3, 0.6)])
+def test_what_linear_tetrahedra_lose_is_said(ratio, least, most):
+    """The figures beside the bounds in `elements`, on a mesh of as many cells."""
+    (linear, said), (quadratic, nothing) = (bonded_block(0.25, degree, ratio) for degree in (1, 2))
+    assert least < linear / quadratic - 1 < most
+    assert ("tetrahedra of degree 1 lock" in said) == (ratio > 2.0) and not nothing
 
 
 def test_linear_tetrahedra_have_nothing_to_gain():
     """One dilatation per cell is what they have anyway: the mixed element is the plain one, which is why it is refused."""
     ends = []
     for element in ("displacement", "mixed"):
-        scene = Scene(Body(distorted_cube(tetrahedra=True), "box", rubber(20.0)), element=element)
+        scene = Scene(Body(distorted_cube(tetrahedra=True), "box", rubber(20.0)), element=element, accept_locking=True)
         scene.fix("zmin")
         scene.fix("zmax", "xy")
         scene.prescribe("zmax", "z", -0.2)
