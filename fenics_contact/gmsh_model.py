@@ -50,7 +50,7 @@ def draw(source, parameters):
         with _script_in_our_session():
             source(**parameters)
         return
-    if not Path(source).exists():
+    if not Path(source).is_file():
         raise ValueError("the file does not exist")
     with _errors_gathered():
         gmsh.open(str(source))
@@ -249,12 +249,12 @@ class _Facets:
 def _facets(surfaces, face_keys):
     """_Facets of the groups that are faces of cells; a group that lies on no cell, such as a tool drawn beside, has none."""
     corners = {"Triangle": 3, "Quadrilateral": 4}
-    kinds, rows, keys = {}, [], {}
+    kinds, rows, keys, of_cells = {}, [], {}, np.unique(face_keys)
     for name, (_, entities) in surfaces.items():
         found, keys[name] = 0, [np.empty(0, dtype=np.uint64)]
         for kind, label, _, nodes in (one for entity in entities for one in elements(2, entity)):
             own = key(nodes[:, : corners[label.split()[0]]])
-            on_cell = np.isin(own, face_keys)
+            on_cell = of_cells[np.minimum(np.searchsorted(of_cells, own), len(of_cells) - 1)] == own
             found += len(own)
             if on_cell.any():
                 kinds[kind] = label
