@@ -41,7 +41,7 @@ def slide():
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", down)
     scene.contact(slave="upper_bottom", master="lower_top", friction=FRICTION, name="interface")
-    result = solve(scene, steps=25, out=OUT).require()
+    result = solve(scene, steps=25, out=OUT, overwrite=True).require()
     return scene, result
 
 

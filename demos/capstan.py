@@ -49,7 +49,7 @@ def wind(thickness):
     drum = rigid_cylinder(RADIUS, point=(0, 0, 0), axis=(0, 0, 1), name="drum")
     scene.contact("ymin", drum, friction=FRICTION, name="wrap")
     times = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(STEPS)]) / len(STEPS)
-    result = solve(scene, steps=times, out=OUT / f"thickness_{thickness:g}", progress=False).require()
+    result = solve(scene, steps=times, out=OUT / f"thickness_{thickness:g}", overwrite=True, progress=False).require()
     # wound by 90 degrees, one end pulls along -y and the other along -x; the drum balances both
     wound = 3 * result.column("t") > 2 - 1e-9
     ratio = (result.column("wrap_force_y_N") / np.maximum(result.column("wrap_force_x_N"), 1e-12))[wound]

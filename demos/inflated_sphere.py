@@ -92,7 +92,7 @@ def inflate(mesh, reading, K, out=None):
     scene.pressure("inner", SCALE)
     radial = inner_radial(scene)
     arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": lambda state: radial(state) - LAST}
-    result = solve(scene, **arc, record={"inner_radial_mm": radial}, out=out, progress=False)
+    result = solve(scene, **arc, record={"inner_radial_mm": radial}, out=out, overwrite=True, progress=False)
     if not result.converged:
         raise SystemExit(f"reading {reading}, K = {K}: {result.verdict.reason}")
     return result.column("inner_radial_mm"), SCALE * result.column("t"), int(np.argmax(result.column("limit_point") == 1))

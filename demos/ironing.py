@@ -48,7 +48,7 @@ def iron():
 
     press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 81)[1:], np.linspace(2, 3, 11)[1:]
     result = solve(
-        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, progress=False, record={"shape": keep}
+        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, overwrite=True, progress=False, record={"shape": keep}
     ).require()
     return scene, result, shapes
 

@@ -97,7 +97,9 @@ def inflate(around, points):
     scene.pressure("inner_inside", exact(LARGEST)[0])
     scene.contact("inner_outside", "outer_inside", points=points, name="interface")
     record = {"inner": radius(scene, "inner_inside"), "interface": radius(scene, "outer_inside")}
-    result = solve(scene, steps=STEPS, out=OUT / f"{points}_{around[0]}", progress=False, record=record).require()
+    result = solve(
+        scene, steps=STEPS, out=OUT / f"{points}_{around[0]}", overwrite=True, progress=False, record=record
+    ).require()
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on the symmetry plane
     contact = -result.column("interface_force_x_N") / result.column("interface") / depth
     inside = result.column("t") * exact(LARGEST)[0]

@@ -37,7 +37,7 @@ def press(mesh, case, out, force=None, tangential_share=None):
     scene.contact("top", punch, case[0], name="top", tangential_share=tangential_share)
     scene.contact("bottom", floor, case[1], name="bottom", tangential_share=tangential_share)
     drive = {"move": {punch: (0, 0, -TRAVEL)}} if force is None else {"push": {punch: (0, 0, -force)}}
-    result = solve(scene, **drive, steps=10, out=out)
+    result = solve(scene, **drive, steps=10, out=out, overwrite=True)
     if not result.converged:
         raise SystemExit(f"friction {case}: {result.verdict.reason}")
     u = result.u.x.array[2::3]

@@ -57,6 +57,7 @@ def push(mesh):
         back=Load(0.02),
         record={"shape": keep},
         out=OUT / "pushed",
+        overwrite=True,
     )
     if not result.converged:
         raise SystemExit(f"pushed: {result.verdict.reason}")
@@ -66,7 +67,7 @@ def push(mesh):
 def move(mesh, travels):
     """The same travels prescribed to the ball."""
     scene, ball = scene_of(mesh)
-    result = solve(scene, move={ball: (0, 0, -travels[-1])}, steps=travels / travels[-1], out=OUT / "moved")
+    result = solve(scene, move={ball: (0, 0, -travels[-1])}, steps=travels / travels[-1], out=OUT / "moved", overwrite=True)
     if not result.converged:
         raise SystemExit(f"moved: {result.verdict.reason}")
     return result

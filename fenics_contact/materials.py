@@ -10,6 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import ufl
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.constantvalue import ConstantValue
+from ufl.core.multiindex import MultiIndex
+from ufl.corealg.traversal import traverse_unique_terminals
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,18 @@ class Hyperelastic:
     psi: Callable
     shear_modulus: float
     bulk_modulus: float
+
+
+def sampled_energy(material):
+    """The energy [pressure] at a few deformations, which tells apart laws of one name; [] where it varies in space."""
+    if isinstance(material, Isotropic):
+        energies = [material.psi(*(ufl.as_ufl(value) for value in at)) for at in ((3.3, 3.4, 1.1), (3.1, 3.05, 0.9))]
+    else:
+        energies = [material.psi(ufl.as_matrix([[1.1, 0.2, 0.0], [0.0, 0.9, 0.1], [0.05, 0.0, 1.2]]))]
+    energies = [apply_algebra_lowering(ufl.as_ufl(energy)) for energy in energies]
+    if any(not isinstance(end, ConstantValue | MultiIndex) for e in energies for end in traverse_unique_terminals(e)):
+        return []
+    return [float(energy(())) for energy in energies]
 
 
 def _positive(law, **moduli):

@@ -7,9 +7,10 @@ import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
-from fenics_contact.agreement import ends_together
+from fenics_contact.agreement import agreed, ends_together
 from fenics_contact.checks import SceneError
 from fenics_contact.functions import number_of
+from fenics_contact.output.files import clear_results, prepare_folder, results_in, writing
 from fenics_contact.output.history import history_row, penalty_lines, penalty_notes, penalty_summary
 from fenics_contact.output.writer import Writer, prepare_folder
 from fenics_contact.restart import Keeper
@@ -25,6 +26,7 @@ from fenics_contact.solvers.penalty_error import penalty_error
 from fenics_contact.solvers.snes import Snes
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.statement import statement
 from fenics_contact.targets import distances
 from fenics_contact.timing import Timers
 
@@ -79,6 +81,7 @@ def solve(
     progress=True,
     checkpoint=False,
     resume=False,
+    overwrite=False,
     smallest_step=None,
     until=None,
     back=None,
@@ -98,7 +101,9 @@ def solve(
 
     checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
     on from the last checkpoint in `out`, where there is one, on any number of ranks. A continuation's holds, beside the
-    state and the history of its contacts, the last increment, the path's direction, the arc that is due and the leg.
+    state and the history of its contacts, the last increment, the path's direction, the arc that is due and the leg. A
+    checkpoint of another statement is refused, as are damaged ones. overwrite: replace the results of an earlier run in
+    `out`, which otherwise is refused.
 
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
@@ -118,7 +123,7 @@ def solve(
     if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
         raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
-    folder = prepare_folder(out, scene.mesh.comm) if out is not None else None
+    folder = _folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
     system = scene.system(move, push, timers, stabilise)
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
@@ -127,8 +132,10 @@ def solve(
     solver = LinearSolver(system, linear, afresh=continuation)
     stepper = _stepper(method, solver, tolerance, system)
     path = Path(system, stepper, arcs, legs) if continuation else None
-    keeper = Keeper(folder, scene, system, path or stepper, every, resume) if every else None
-    record = _Record(scene, system, folder, keeper, record or {}, continuation, progress)
+    record = record or {}
+    stated = statement(scene, system, method, record) if every else None
+    keeper = Keeper(folder, system, path or stepper, stated, every, resume) if every else None
+    record = _Record(scene, system, folder, keeper, record, continuation, progress)
     setup = timers.table()["total"]
     verdict = record.verdict
     verdict.notes += [note for note in scene.notes if note not in verdict.notes]  # a resumed run has them
@@ -169,11 +176,20 @@ class _Record:
         with system.timers("compile"):
             self._smallest_J = scene.volume_ratio(system.state.u).smallest
         with system.timers("output"):
-            resumed = list(self.history) if self.history else None
             clock = (lambda: len(self.history)) if continuation else (lambda: system.state.t)
-            self.writer = Writer(folder, scene, system, clock, keeper is not None, resumed) if folder else None
+            if folder and not (keeper and keeper.resumed):
+                self._start_anew(folder)
+            self.writer = Writer(folder, scene, system, clock, list(self.history)) if folder else None
         layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
         self.bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format=layout)
+
+    def _start_anew(self, folder):
+        """An earlier run's files go; then comes a checkpoint of the start: what is killed from here on can be resumed."""
+        with writing(self.system.comm, folder, "in the place of older results"):
+            if self.system.comm.rank == 0:
+                clear_results(folder)
+        if self.keeper:
+            self.keeper.keep()
 
     def __call__(self, report, seconds, on_schedule):
         with self.system.timers("output"):
@@ -211,6 +227,22 @@ def _stages_line(seconds):
         if stage != "total" and t >= 0.005
     )
     return f"{seconds['total']:.3g} s: {stages}"
+
+
+def _folder(out, comm, overwrite, resume):
+    """The folder for results, which may be written; one that holds results only where the user says what is to become of
+    them. Collective."""
+    if overwrite and resume:
+        raise SceneError("overwrite=True starts anew and resume=True goes on: give one of them")
+    folder = prepare_folder(out, comm)
+    with agreed(comm, f"reading output folder '{out}'", SceneError):
+        found = results_in(folder) if comm.rank == 0 and not (overwrite or resume) else []
+        if found:
+            raise SceneError(
+                f"output folder '{out}' holds results of an earlier run, {found[0].name}: choose another with out=..., give "
+                "overwrite=True to replace them, or resume=True to go on from their last checkpoint"
+            )
+    return folder
 
 
 def _checkpoint_steps(checkpoint, resume, out):

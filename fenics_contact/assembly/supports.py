@@ -11,7 +11,7 @@ class Supports:
     """
 
     def __init__(self, entries, owned_dofs, names):
-        self._entries = entries
+        self._entries, self._names = entries, names
         dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
         self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
         self.owned = self.dofs[self.dofs < owned_dofs]
@@ -28,6 +28,14 @@ class Supports:
     def _all(self, t):
         parts = [value(t) if callable(value) else np.full(len(dofs), value * t) for dofs, value in self._entries]
         return np.concatenate(parts) if parts else np.empty(0)
+
+    def sampled(self, times):
+        """{name: prescribed displacements [length] at these t, of a function at a few points}. Collective."""
+        out = {}
+        for (_, value), name in zip(self._entries, self._names, strict=True):
+            at = [value.few(t) if callable(value) else [value * t] for t in times]
+            out[name] = out.get(name, []) + np.concatenate(at).tolist()
+        return out
 
     def values(self, t):
         """Prescribed displacements [length] of `dofs` at load parameter t."""

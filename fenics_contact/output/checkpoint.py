@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fenics_contact.output.files import CHECKPOINTS
 from fenics_contact.output.history import plain
 
-GENERATIONS = 2
 BROKEN = (EOFError, OSError, ValueError, KeyError, zipfile.BadZipFile)  # what a file that is no checkpoint raises
 
 
@@ -17,31 +17,36 @@ class CheckpointFiles:
     """checkpoint_0.npz and checkpoint_1.npz of a folder, written in turn. Used on rank 0 alone."""
 
     def __init__(self, folder):
-        self._folder = Path(folder)
-
-    def _path(self, step):
-        return self._folder / f"checkpoint_{step % GENERATIONS}.npz"
+        self._paths = [Path(folder) / name for name in CHECKPOINTS]
+        self._turn = 0  # which of them is written next
 
     def write(self, step, arrays, content):
         """Keep arrays {name: array} and content (plain values) of accepted step number `step`."""
         text = json.dumps({"step": step, **content}, default=plain)
-        target = self._path(step)
+        target = self._paths[self._turn]
         draft = target.with_suffix(".part")
-        with open(draft, "wb") as file:
-            np.savez(file, **arrays, content=np.frombuffer(text.encode(), dtype=np.uint8))
-            file.flush()
-            os.fsync(file.fileno())
-        replace(draft, target)
+        try:
+            with open(draft, "wb") as file:
+                np.savez(file, **arrays, content=np.frombuffer(text.encode(), dtype=np.uint8))
+                file.flush()
+                os.fsync(file.fileno())
+            replace(draft, target)
+        except OSError:
+            draft.unlink(missing_ok=True)
+            raise
+        self._turn = 1 - self._turn
 
     def read(self):
-        """(arrays, content) of the newest complete checkpoint, or None where there is none."""
-        found = [self._load(self._path(i)) for i in range(GENERATIONS)]
-        return max(filter(None, found), key=lambda pair: pair[1]["step"], default=None)
-
-    def clear(self):
-        """A run from the start must not leave older ones to be taken for its own."""
-        for i in range(GENERATIONS):
-            self._path(i).unlink(missing_ok=True)
+        """(arrays, content) of the newest complete checkpoint, or None where there is no file. Torn: none is complete."""
+        there = [i for i, path in enumerate(self._paths) if path.exists()]
+        if not there:
+            return None
+        found = {i: pair for i in there if (pair := self._load(self._paths[i])) is not None}
+        if not found:
+            raise Torn(f"{' and '.join(self._paths[i].name for i in there)}: damaged, none can be read")
+        newest = max(found, key=lambda i: found[i][1]["step"])
+        self._turn = 1 - newest
+        return found[newest]
 
     def _load(self, path):
         try:
@@ -50,6 +55,10 @@ class CheckpointFiles:
             return arrays, json.loads(arrays.pop("content").tobytes())
         except BROKEN:
             return None
+
+
+class Torn(ValueError):
+    """There are checkpoints, and none of them is complete."""
 
 
 def replace(draft, target):

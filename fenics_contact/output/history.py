@@ -1,10 +1,15 @@
 """history.csv, a row per accepted step, and summary.json, both with units in their names."""
 
 import csv
+import errno
+import io
 import json
+import os
 from pathlib import Path
 
 import numpy as np
+
+from fenics_contact.output.files import complete
 
 AXES = "xyz"
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
@@ -91,23 +96,31 @@ def penalty_notes(summary, travel, units):
 
 
 class HistoryFile:
-    """Appends rows to history.csv and flushes each, so that a killed run keeps its accepted steps."""
+    """Appends rows to history.csv, each written at once or not at all, so that a killed run keeps its accepted steps."""
 
     def __init__(self, folder, rows=()):
         """rows: those of the steps before, where a run is resumed; they replace what a killed run left of the file."""
-        draft = Path(folder) / "history.part"
-        self._file = open(draft, "w", newline="")  # noqa: SIM115 - lives as long as the run
-        self._writer = None
-        for row in rows:
-            self.write(row)
-        draft.replace(draft.with_suffix(".csv"))
+        self._columns = None
+        with complete(Path(folder) / "history.csv") as draft:
+            self._file = open(draft, "wb", buffering=0)  # noqa: SIM115 - lives as long as the run
+            for row in rows:
+                self.write(row)
 
     def write(self, row):
-        if self._writer is None:
-            self._writer = csv.DictWriter(self._file, list(row))
-            self._writer.writeheader()
-        self._writer.writerow({k: f"{v:.12g}" if isinstance(v, float) else v for k, v in row.items()})
-        self._file.flush()
+        text = io.StringIO()
+        writer = csv.DictWriter(text, self._columns or list(row))
+        if self._columns is None:
+            writer.writeheader()
+        writer.writerow({k: f"{v:.12g}" if isinstance(v, float) else v for k, v in row.items()})
+        data, end = text.getvalue().encode(), self._file.tell()
+        try:
+            if self._file.write(data) < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            self._file.seek(end)
+            self._file.truncate()  # a full disk takes a part of a row
+            raise
+        self._columns = list(row)
 
     def close(self):
         self._file.close()
@@ -115,10 +128,8 @@ class HistoryFile:
 
 def write_summary(folder, content):
     """summary.json, replaced in one move so that readers never see half of it."""
-    target = Path(folder) / "summary.json"
-    draft = target.with_suffix(".part")
-    draft.write_text(json.dumps(content, indent=2, default=plain) + "\n")
-    draft.replace(target)
+    with complete(Path(folder) / "summary.json") as draft:
+        draft.write_text(json.dumps(content, indent=2, default=plain) + "\n")
 
 
 def plain(value):

@@ -52,4 +52,4 @@ def body_picture(path, corners, values, label, title="", view=(28, 40)):
     scale = draw_body(axes, corners, values, view=view)
     figure.colorbar(scale, ax=axes, label=label, shrink=0.7, pad=0.12)
     axes.set_title(title)
-    figure.savefig(Path(path), dpi=150)
+    figure.savefig(Path(path), dpi=150, format="png")

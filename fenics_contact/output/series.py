@@ -1,84 +1,100 @@
-"""Fields over the steps for ParaView: results.xdmf with one file for all steps, or one per step, which a kill spares."""
+"""Fields over the steps for ParaView: a file per step, which is whole or not there, and a table of contents."""
 
 import xml.etree.ElementTree as ET
-from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 from fenics_contact import compat
+from fenics_contact.output.files import FIELDS, IN_FIELDS, STEPS, complete, take_room, writing
 
-INCLUDE = "http://www.w3.org/2001/XInclude"
-STEPS = "steps"  # folder of the files per step
+INCLUDE = "{http://www.w3.org/2001/XInclude}include"
+HEAD = '<?xml version="1.0" encoding="utf-8"?>\n<Xdmf Version="3.0"><Domain>\n'
+TAIL = "</Domain></Xdmf>\n"
+METADATA = 1 << 16  # bytes; of HDF5's own a step of seven fields needs 16 kB, on any mesh, and its XDMF 4 kB
 
 
 class Series:
-    """results.xdmf and results.h5, open as long as the run."""
-
-    def __init__(self, folder, mesh):
-        self._file = compat.XDMFFile(mesh.comm, str(Path(folder) / "results.xdmf"), "w")
-        self._file.write_mesh(mesh)
-
-    def write(self, step, fields, t):
-        for field in fields:
-            self._file.write_function(field, t)
-
-    def close(self):
-        self._file.close()
-
-
-class StepSeries:
     """results.xdmf as a table of contents of steps/*.h5, each written whole and closed before it gets its name.
 
-    A single open HDF5 file is lost with all its steps when the run is killed; here no accepted step is. last: number of
-    the step a resumed run goes on from; files of later ones are dropped. The price is a copy of the mesh per step.
+    A single open HDF5 file is lost with all its steps when the run ends in any other way than at its end; here no accepted
+    step is. The price is a copy of the mesh per step, whose numbering is that of the number of ranks that wrote it.
+    last: number of the step a resumed run goes on from, 0 for none; later ones are dropped.
     """
 
-    def __init__(self, folder, mesh, last=None):
-        self._folder, self._mesh, self._index = Path(folder), mesh, None
-        if mesh.comm.rank == 0:
-            (self._folder / STEPS).mkdir(exist_ok=True)
-            for path in sorted((self._folder / STEPS).iterdir()):
-                number = int(path.stem) if path.stem.isdigit() else None
-                if last is None or number is None or number > last:
-                    path.unlink()
-                elif path.suffix == ".xdmf":
-                    self._enter(path)
-            self._publish()
-        mesh.comm.Barrier()
+    def __init__(self, folder, mesh, last=0):
+        self._folder, self._mesh = folder, mesh
+        self._whole, self._grids = "", {}  # XML of the undeformed mesh, and of every field's grids by step
+        with writing(mesh.comm, folder, f"{STEPS}/"):
+            if mesh.comm.rank == 0:
+                (folder / STEPS).mkdir(exist_ok=True)
+                if last and (folder / FIELDS).exists():
+                    self._take_up(last)
 
     def write(self, step, fields, t):
         """Write the fields of accepted step number `step`, 0 for the start. Collective."""
-        part = self._folder / STEPS / "part.xdmf"
-        file = compat.XDMFFile(self._mesh.comm, str(part), "w")
-        file.write_mesh(self._mesh)
-        for field in fields:
-            file.write_function(field, t)
-        file.close()
-        if self._mesh.comm.rank == 0:
-            path = part.with_name(f"{step:06d}.xdmf")
-            part.with_suffix(".h5").replace(path.with_suffix(".h5"))
-            part.write_text(part.read_text().replace("part.h5:", f"{path.stem}.h5:"))
-            part.replace(path)
-            self._enter(path)
-            self._publish()
+        comm, part = self._mesh.comm, self._folder / STEPS / "part.xdmf"
+        with writing(comm, self._folder, f"the fields of step {step}"):
+            size = self._size(fields)
+            if comm.rank == 0:
+                take_room(part.with_suffix(".h5"), size)
+        try:
+            with writing(comm, self._folder, f"the fields of step {step}"):
+                file = compat.XDMFFile(comm, str(part), "w")
+                file.write_mesh(self._mesh)
+                for field in fields:
+                    file.write_function(field, t)
+                file.close()
+            with writing(comm, self._folder, f"the fields of step {step}"):
+                if comm.rank == 0:
+                    path = part.with_name(f"{step:06d}.h5")
+                    part.with_suffix(".h5").replace(path)
+                    self._enter(step, part.read_text().replace("part.h5:", f"{STEPS}/{path.name}:"))
+                    self._publish()
+        finally:
+            if comm.rank == 0:
+                part.unlink(missing_ok=True)
+                part.with_suffix(".h5").unlink(missing_ok=True)
 
-    def _enter(self, path):
-        """Add one step's grids to the table of contents."""
-        root = ET.parse(path).getroot()
-        for item in root.iter("DataItem"):
-            item.text = f"{STEPS}/{item.text.strip()}" if ".h5:" in (item.text or "") else item.text
-        if self._index is None:
-            self._index = root
-            return
-        known = {grid.get("Name"): grid for grid in self._index.find("Domain") if grid.get("GridType") == "Collection"}
-        for grid in root.find("Domain"):
-            if grid.get("GridType") == "Collection":
-                known[grid.get("Name")].extend(grid)
+    def _size(self, fields):
+        """Bytes that a step's file takes at most."""
+        cells = self._mesh.topology.index_map(3).size_global * compat.geometry_dofmap(self._mesh).shape[1]
+        nodes = 3 * self._mesh.geometry.index_map().size_global
+        values = sum(compat.petsc_vector(field).getSize() for field in fields)
+        return 8 * (cells + nodes + values) + METADATA
+
+    def _enter(self, step, text):
+        """Add one step's grids to the table of contents, each with its own mesh."""
+        domain = ET.fromstring(text).find("Domain")
+        mesh = domain.find("Grid[@GridType='Uniform']")
+        self._whole = self._whole or ET.tostring(mesh, encoding="unicode")
+        for collection in domain.findall("Grid[@GridType='Collection']"):
+            for grid in collection:
+                grid.remove(grid.find(INCLUDE))
+                grid[:0] = list(mesh)
+                self._put(collection.get("Name"), step, grid)
+
+    def _put(self, name, step, grid):
+        self._grids.setdefault(name, {})[step] = " ".join(ET.tostring(grid, encoding="unicode").split())
 
     def _publish(self):
-        if self._index is not None:
-            ET.register_namespace("xi", INCLUDE)
-            draft = self._folder / "results.part"
-            ET.ElementTree(self._index).write(draft, encoding="utf-8", xml_declaration=True)
-            draft.replace(self._folder / "results.xdmf")
+        with complete(self._folder / FIELDS) as draft, open(draft, "w", encoding="utf-8") as file:
+            file.writelines([HEAD, self._whole, "\n"])
+            for name, grids in self._grids.items():
+                file.write(f'<Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">\n')
+                file.writelines(f"{grid}\n" for grid in grids.values())
+                file.write("</Grid>\n")
+            file.write(TAIL)
 
-    def close(self):
-        """Every step's file is closed already."""
+    def _take_up(self, last):
+        """The table of contents that a run has left, without the steps after `last`, whose files go."""
+        domain, late = ET.parse(self._folder / FIELDS).getroot().find("Domain"), set()
+        self._whole = ET.tostring(domain.find("Grid[@GridType='Uniform']"), encoding="unicode")
+        for collection in domain.findall("Grid[@GridType='Collection']"):
+            for grid in collection:
+                number = IN_FIELDS.search(grid.find("Attribute/DataItem").text)[1]
+                if int(number) <= last:
+                    self._put(collection.get("Name"), int(number), grid)
+                else:
+                    late.add(number)
+        self._publish()
+        for number in late:
+            (self._folder / STEPS / f"{number}.h5").unlink(missing_ok=True)

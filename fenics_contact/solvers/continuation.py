@@ -90,7 +90,7 @@ class Path:
     # -- what a checkpoint holds beside the accepted state ----------------------------------------------------------
     def memory(self):
         """(fields, numbers) of the way so far: last increment, the path's rate, lengths, the place among the legs."""
-        parts = {"last": self.last, "rate": self.rate}
+        parts = {name: part for name, part in (("last", self.last), ("rate", self.rate)) if part is not None}
         names = ("reached", "begun", "highest", "furthest", "taken", "slope", "first", "length", "spans")
         numbers = {name: getattr(self, name) for name in names} | {"per_load": self.arc.per_load}
         numbers |= {name: [part.dq.tolist(), part.dt] for name, part in parts.items()}

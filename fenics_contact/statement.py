@@ -1,0 +1,79 @@
+"""What a scene and its drive state, as plain values by name: a state means the same only where all of them are the same."""
+
+import numpy as np
+
+from fenics_contact.materials import sampled_energy
+
+TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # at which functions of t are sampled
+SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
+LISTED = 16  # a longer array, e.g. a tool's mesh, is known by sums
+
+
+def statement(scene, system, method, recorded):
+    """{name: text, number or list of these}. Collective: the user's functions are asked on all ranks."""
+    comm = system.comm
+    out = {
+        "method": method,
+        "degree": scene.degree,
+        "element": scene.element,
+        "units": list(vars(scene.units).values()),
+        "cells": scene.mesh.domain.topology.index_map(3).size_global,
+        "stabilise": system.grounding is not None,
+        "record": sorted(recorded),
+        "supported unknowns": comm.allreduce(len(system.supports.owned)),
+    }
+    for body in scene.bodies:
+        out[f"material of '{body.group}'"] = body.material.name
+        out[f"energy of '{body.group}'"] = sampled_energy(body.material)
+    for name, samples in system.supports.sampled(TIMES).items():
+        out[f"support of {name}"] = samples
+    for i, (group, path) in enumerate(scene.loads):
+        out[f"load {i + 1} on {'+'.join(group or ('all bodies',))}"] = _sampled(path)
+    for i, (group, path) in enumerate(scene.pressures):
+        out[f"pressure {i + 1} on {'+'.join(group)}"] = _sampled(path)
+    for i, tool in enumerate(scene.tools):
+        out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
+        out[f"move of '{tool.name}'"] = _sampled(lambda t, i=i: system.tools.prescribed(t)[i])
+        out[f"push of '{tool.name}'"] = _sampled(lambda t, i=i: system.tools.forces(t)[i])
+        out[f"free axes of '{tool.name}'"] = plain(system.tools.free[i])
+    for stated, term in zip(scene.contacts, system.contacts, strict=True):
+        parts = vars(stated) | {"master": term.master_name, "slave points": comm.allreduce(term.surface.points)}
+        out |= {f"contact '{stated.name}', {key}": plain(value) for key, value in parts.items()}
+    return out
+
+
+def first_difference(there, here):
+    """(name, value there, value here) of the first that differ, or None; of lists, the first numbers that do."""
+    for name in [*here, *there]:
+        if name not in there or name not in here:
+            return name, there.get(name, "nothing"), here.get(name, "nothing")
+        one, other = there[name], here[name]
+        if not isinstance(one, list) or not isinstance(other, list) or len(one) != len(other):
+            one, other = [one], [other]
+        for a, b in _pairs(one, other):
+            return name, a, b
+    return None
+
+
+def _pairs(one, other):
+    """Pairs of entries that are not the same."""
+    sizes = [abs(value) for value in [*one, *other] if isinstance(value, float)]
+    for a, b in zip(one, other, strict=True):
+        close = isinstance(a, int | float) and isinstance(b, int | float) and abs(a - b) <= SAME * max(sizes, default=0.0)
+        if a != b and not close:
+            yield a, b
+
+
+def plain(value):
+    """A value as JSON gives it back: arrays as flat lists of floats."""
+    if isinstance(value, np.ndarray):
+        flat = value.astype(float).ravel()
+        if len(flat) > LISTED:
+            weights = np.cos(np.arange(len(flat)))
+            return [float(len(flat)), float(np.abs(flat).sum()), float(weights @ flat)]
+        return flat.tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _sampled(path):
+    return np.ravel([path(t) for t in TIMES]).astype(float).tolist()
