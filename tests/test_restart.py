@@ -205,6 +205,24 @@ def test_a_resumed_run_equals_a_continuous_one(name, folder):
         assert fields[0] == fields[1] and fields[0]["displacement"] == [0.0, *ALL]
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("stop", [1, 2, 4])
+def test_a_resumed_run_takes_the_same_iterations(tmp_path, stop):
+    """Its next steps start from the same extrapolation: without it they take more, and are cut where others are not."""
+    times = [i / 8 for i in range(1, 9)]
+
+    def go(out, times, resume=False):
+        scene, drive = SCENES["blocks by Gauss points"]()
+        return solve(scene, **drive, steps=times, out=out, checkpoint=True, resume=resume, progress=False).require()
+
+    whole = go(tmp_path / "whole", times)
+    go(tmp_path / "parts", times[:stop])
+    result = go(tmp_path / "parts", times, True)
+    assert list(result.column("t")) == times
+    assert list(result.column("iterations")) == list(whole.column("iterations"))
+    assert apart(numbers(result), numbers(whole)) < 1e-13  # the same iterates
+
+
 @pytest.mark.parametrize(
     "name",
     [  # on 2 ranks: the smallest here, all of them below

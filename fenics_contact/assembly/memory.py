@@ -8,7 +8,8 @@ COORDINATES = 1e-9  # of the mesh's size: what moving nodes between ranks rounds
 
 
 class Memory:
-    """Collects and restores the committed state of a System: displacement, travel, the terms' history, scales.
+    """Collects and restores the committed state of a System: displacement, travel, the terms' history, scales, and the
+    states accepted before it, through which the next step is extrapolated.
 
     Terms with a history offer key (ne,), a number per element that no partition changes, history() -> {name: (ne, ...)}
     and restore({name: (ne, ...)}). fields(): further {name: local array like u} to keep, e.g. a predictor's.
@@ -25,12 +26,18 @@ class Memory:
         owned = system.space.dofmap.index_map.size_local
         nodal = {"X": self._X.ravel(), "u": system.state.u.x.array} | {f"field/{k}": v for k, v in (fields or {}).items()}
         out = {}
+        *before, _ = system.accepted
+        nodal |= {f"before/{i}/u": u for i, (u, _, _) in enumerate(before)}
         for name, values in nodal.items():
             _put(out, name, gather(comm, self.keys[:owned], values.reshape(-1, 3)[:owned]))
         for i, term in enumerate(system.terms):
             for name, values in term.history().items():
                 _put(out, f"term/{i}/{name}", gather(comm, term.key, values))
         out |= {"travel": system.state.travel, "t": system.state.t}
+        out |= {
+            "before/travel": np.array([travel for _, travel, _ in before]),
+            "before/t": np.array([t for _, _, t in before]),
+        }
         out |= {"force_scale": system.force_scale, "stiffness": system.stiffness}
         return out if comm.rank == 0 else None
 
@@ -48,9 +55,10 @@ class Memory:
         system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
         for i, term in enumerate(system.terms):
             term.restore({name: self._rows(arrays, f"term/{i}/{name}", term.key) for name in term.history()})
-        names = ("travel", "t", "force_scale", "stiffness")
-        travel, t, system.force_scale, system.stiffness = comm.bcast(arrays and [arrays[name] for name in names])
-        system.resume(travel, float(t))
+        names = ("travel", "t", "force_scale", "stiffness", "before/travel", "before/t")
+        travel, t, system.force_scale, system.stiffness, *before = comm.bcast(arrays and [arrays[name] for name in names])
+        places = [self._nodal(arrays, f"before/{i}/u").ravel() for i in range(len(before[1]))]
+        system.resume(travel, float(t), list(zip(places, *before, strict=True)))
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 

@@ -92,13 +92,14 @@ class System:
         self.state.t = t
         self.set_loads(t)
 
-    def resume(self, travel, t):
-        """Declare the displacement in the state, with this travel and t, the committed one; the terms know their history."""
+    def resume(self, travel, t, before=()):
+        """Declare the displacement in the state, with this travel and t, the committed one, after those of `before`, like
+        `accepted`; the terms know their history."""
         self.state.travel[:] = travel
         self.state.t = t
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
-        self.accepted = [self._committed]
+        self.accepted = [*before, self._committed]
         for term in self.augmented:
             term.drop()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state

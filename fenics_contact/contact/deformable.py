@@ -310,9 +310,10 @@ class DeformableContact(PairPenalties, SlavePoints):
         return self._project(state)[2][1] == NONE
 
     def history(self):
-        """Anchors as keys of the master's nodes (-1: none) and their weights, the slip paths, multipliers."""
+        """Anchors as keys of the master's nodes (-1: none) and their weights, slip paths, multipliers, the last two gaps."""
         out = self._keyed("anchor", "weight", self._anchors) | self._keyed("rest", "rest_weight", self._rests)
         out |= {"slip_path": self.slip_path, "met": self.met, "raised": self.raised}
+        out["gaps"] = np.stack(self._gaps, axis=-1).reshape(*self.gap.shape, 2)
         return out if self.tolerance is None else out | {"shift": self.shift}
 
     def _keyed(self, name, weight, anchors):
@@ -324,6 +325,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         self._anchors, self._places = self._numbered(values["anchor"], values["weight"]), None
         self._rests = self._numbered(values["rest"], values["rest_weight"])
         self.slip_path, self.met = (np.ascontiguousarray(values[name]) for name in ("slip_path", "met"))
+        self._gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T))
         self.before = self._anchors
         self.restore_penalties(np.ascontiguousarray(values["raised"]))
         if self.tolerance is not None:
