@@ -6,7 +6,7 @@ from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
 from fenics_contact.checks import SceneError
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
-from fenics_contact.output.files import results_in, writing
+from fenics_contact.output.files import prepare_folder, results_in, writing
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.statement import first_difference
 
@@ -80,3 +80,19 @@ class Keeper:
                 if arrays:
                     content = {"scene": self._stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers}
                     self._files.write(len(self.rows), arrays, content)
+
+
+def results_folder(out, comm, overwrite, resume):
+    """The folder for results, which may be written; one that holds results only where the user says what is to become of
+    them. Collective."""
+    if overwrite and resume:
+        raise SceneError("overwrite=True starts anew and resume=True goes on: give one of them")
+    folder = prepare_folder(out, comm)
+    with agreed(comm, f"reading output folder '{out}'", SceneError):
+        found = results_in(folder) if comm.rank == 0 and not (overwrite or resume) else []
+        if found:
+            raise SceneError(
+                f"output folder '{out}' holds results of an earlier run, {found[0].name}: choose another with out=..., give "
+                "overwrite=True to replace them, or resume=True to go on from their last checkpoint"
+            )
+    return folder

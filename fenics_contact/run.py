@@ -7,13 +7,13 @@ import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
-from fenics_contact.agreement import agreed, ends_together
+from fenics_contact.agreement import ends_together
 from fenics_contact.checks import SceneError
 from fenics_contact.functions import number_of
-from fenics_contact.output.files import clear_results, prepare_folder, results_in, writing
-from fenics_contact.output.history import history_row, penalty_lines, penalty_notes, penalty_summary
-from fenics_contact.output.writer import Writer, prepare_folder
-from fenics_contact.restart import Keeper
+from fenics_contact.output.files import clear_results, writing
+from fenics_contact.output.history import column_names, history_row, penalty_lines, penalty_notes, penalty_summary
+from fenics_contact.output.writer import Writer
+from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
@@ -123,7 +123,8 @@ def solve(
     if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
         raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
-    folder = _folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
+    record = _columns(record or {}, scene)
+    folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
     system = scene.system(move, push, timers, stabilise)
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
@@ -132,7 +133,6 @@ def solve(
     solver = LinearSolver(system, linear, afresh=continuation)
     stepper = _stepper(method, solver, tolerance, system)
     path = Path(system, stepper, arcs, legs) if continuation else None
-    record = record or {}
     stated = statement(scene, system, method, record) if every else None
     keeper = Keeper(folder, system, path or stepper, stated, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record, continuation, progress)
@@ -229,20 +229,15 @@ def _stages_line(seconds):
     return f"{seconds['total']:.3g} s: {stages}"
 
 
-def _folder(out, comm, overwrite, resume):
-    """The folder for results, which may be written; one that holds results only where the user says what is to become of
-    them. Collective."""
-    if overwrite and resume:
-        raise SceneError("overwrite=True starts anew and resume=True goes on: give one of them")
-    folder = prepare_folder(out, comm)
-    with agreed(comm, f"reading output folder '{out}'", SceneError):
-        found = results_in(folder) if comm.rank == 0 and not (overwrite or resume) else []
-        if found:
-            raise SceneError(
-                f"output folder '{out}' holds results of an earlier run, {found[0].name}: choose another with out=..., give "
-                "overwrite=True to replace them, or resume=True to go on from their last checkpoint"
-            )
-    return folder
+def _columns(record, scene):
+    """The user's columns, checked: functions under names that no other column has."""
+    taken = column_names([tool.name for tool in scene.tools], [contact.name for contact in scene.contacts], scene.units)
+    for name, value in record.items():
+        if name in taken:
+            raise SceneError(f"record '{name}': the history has a column of that name; choose another")
+        if not callable(value):
+            raise SceneError(f"record '{name}' must be a function of the state that gives one number, not {value!r}")
+    return record
 
 
 def _checkpoint_steps(checkpoint, resume, out):

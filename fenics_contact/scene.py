@@ -197,6 +197,10 @@ class Scene:
             )
         if any(name == other.name for other in self.contacts):
             raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
+        if any(master is not tool and isinstance(master, Tool) and master.name == tool.name for tool in self.tools):
+            raise SceneError(
+                f"two tools are named '{master.name}', and the history's columns bear these names; give one of them name=..."
+            )
         self._facets(slave)
         numbers = penalty, penalty_factor, tangential_penalty, tangential_share
         self.contacts.append(_Contact(name, _names(slave), master, friction, *numbers, points, penetration))

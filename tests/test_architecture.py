@@ -10,8 +10,8 @@ pytestmark = pytest.mark.serial
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
 STANDARD = {"argparse", "collections", "contextlib", "csv", "dataclasses", "errno", "functools", "importlib", "inspect",
             "io", "itertools", "json", "logging", "math", "numbers", "os", "pathlib", "platform", "re", "resource",
-            "statistics", "subprocess", "sys", "tempfile", "textwrap", "time", "typing", "warnings", "xml",
-            "zipfile"}  # fmt: skip
+            "statistics", "subprocess", "sys", "tempfile", "textwrap", "time", "types", "typing", "warnings",
+            "xml", "zipfile"}  # fmt: skip
 LONGEST_MODULE = 400
 
 # room: what its modules may import besides the standard library and the room itself

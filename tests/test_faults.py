@@ -109,6 +109,30 @@ def test_a_record_must_be_a_number_and_the_same_on_all_ranks():
 
 
 @pytest.mark.parallel
+def test_columns_have_names_of_their_own():
+    scene = bar()
+    plate = rigid_plane((8, 0, 0), (-1, 0, 0), name="plate")
+    scene.contact("xmax", plate, name="end")
+    taken = ("t", "step", "plate_travel_x_mm", "end_force_z_N", "end_penetration_mm", "limit_point")
+    for name in taken:
+        run = lambda name=name: solve(scene, record={name: lambda state: 1.0}, progress=False)  # noqa: E731
+        refused(run, f"record '{name}'", "column of that name")
+    refused(lambda: solve(scene, record={"mine": 1.0}, progress=False), "record 'mine'", "function")
+    result = solve(scene, move={plate: (-0.1, 0, 0)}, steps=1, record={"mine": lambda state: 1.0}, progress=False)
+    assert set(taken[:-1]) | {"mine"} <= set(result.history[0])
+
+
+@pytest.mark.parallel
+def test_two_tools_of_one_name():
+    scene = bar()
+    plate = rigid_plane((8, 0, 0), (-1, 0, 0))
+    scene.contact("xmax", plate)
+    refused(lambda: scene.contact("zmin", rigid_plane()), "two tools are named 'plane'", "name=")
+    scene.contact("zmax", plate)  # the same tool may meet two surfaces
+    assert [contact.slave for contact in scene.contacts] == [("xmax",), ("zmax",)]
+
+
+@pytest.mark.parallel
 def test_a_function_of_points_sees_all_of_them_on_any_rank():
     """On two ranks one has no point of xmax; what a function makes of its points together does not depend on that."""
     scene, shapes = bar(), set()

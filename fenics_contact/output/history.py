@@ -5,7 +5,9 @@ import errno
 import io
 import json
 import os
+from collections import defaultdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from fenics_contact.output.files import complete
 AXES = "xyz"
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
 STIFFER = "raise penalty_factor= or penalty= of the contact, or give it penetration=, a smaller one where it has one"
+SOME = ("augmentations", "limit_point")  # columns that only some runs have
 
 
 def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
@@ -33,6 +36,13 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
         row[f"{contact}_sticking_points"] = m["sticking"]
         row[f"{contact}_penetration_{units.length}"] = m["penetration"]
     return row
+
+
+def column_names(tools, contacts, units):
+    """Names of the columns of a run with these tools and contacts, given by name."""
+    report, nothing = SimpleNamespace(iterations=0, residuals=[0.0]), np.zeros(3)
+    travel, measures = dict.fromkeys(tools, nothing), dict.fromkeys(contacts, defaultdict(lambda: nothing))
+    return [*history_row(0, 0.0, report, 0.0, 0.0, travel, measures, units), *SOME]
 
 
 def penalty_summary(error, tools, units):
