@@ -173,6 +173,7 @@ class _Record:
         self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
         self.continuation, self._augments = continuation, bool(system.augmented)
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
+        self._told = len(self.verdict.notes)  # those that have been printed
         with system.timers("compile"):
             self._smallest_J = scene.volume_ratio(system.state.u).smallest
         with system.timers("output"):
@@ -203,8 +204,9 @@ class _Record:
         t = self.system.state.t
         words = f"step {len(self.history)}, t = {t:.4g}, {report.iterations} iterations"
         self.bar.set_postfix_str(words, refresh=self.continuation)
-        if not self.bar.disable and report.notes:
-            tqdm.write("\n".join(f"step {len(self.history)}: {note}" for note in report.notes), file=sys.stderr)
+        news, self._told = self.verdict.notes[self._told :], len(self.verdict.notes)
+        if not self.bar.disable and news:
+            tqdm.write("\n".join(news), file=sys.stderr)
         if not self.continuation:
             self.bar.update(t - self.bar.n)
 

@@ -274,4 +274,45 @@ def test_deep_penetration_is_said_once():
     said = [note for note in result.verdict.notes if "penetration= keeps it out" in note]
     assert len(said) == 1 and "contact 'c' at (" in said[0]
     scene, move = sphere()
-    assert not [note for note in solve(scene, **move, steps=4, progress=False).verdict.notes if "penetration=" in note]
+    assert not [note for note in solve(scene, **move, steps=4, progress=False).verdict.notes if "keeps it out" in note]
+
+
+# -- nodes between Gauss points ---------------------------------------------------------------------------------------
+def said_of_nodes(result):
+    return [note for note in result.verdict.notes if "a node between points, contact 'c' at (" in note]
+
+
+def test_a_node_that_sinks_in_between_points_on_a_tool_is_said(capsys):
+    """A ball on the common corner of four facets, whose middles alone are held out of it."""
+    found = []
+    for points, down in ((1, 0.2), (1, 0.3), (2, 0.3), ("nodes", 0.3)):  # at first no middle touches
+        scene = Scene(Body(read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2)), "box", RUBBER))
+        scene.fix("zmin")
+        ball = rigid_sphere(5.0, (4.0, 4.0, 9.0))
+        scene.contact("zmax", ball, 0.3, points=points, name="c")
+        capsys.readouterr()
+        result = solve(scene, move={ball: (0.0, 0.0, -down)}, steps=1).require()
+        found.append(said_of_nodes(result))
+        X, u = scene.space.tabulate_dof_coordinates(), result.u.x.array.reshape(-1, 3)
+        inside = 5.0 - np.linalg.norm(X + u - [4.0, 4.0, 9.0 - down], axis=1)
+        deepest = max(COMM.allgather(inside.max(initial=0.0)))
+        assert (deepest > 0.05 * 2.0) == bool(found[-1])  # cells of 2 mm
+        if found[-1]:
+            assert f"lies {deepest:.3g} inside" in found[-1][0] and "at (4, 4, 4)" in found[-1][0]
+            assert result.history[-1]["c_penetration_mm"] < 0.3 * deepest  # that of the points
+            assert found[-1][0] in capsys.readouterr().err or COMM.rank > 0
+    assert [len(notes) for notes in found] == [1, 1, 0, 0]  # what the note advises
+
+
+def test_a_node_that_sinks_in_between_points_on_a_body_is_said():
+    """The coarser side as the slave: a point per facet leaves its nodes a fifth of a cell deep, three leave them out."""
+    mesh, found = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 2)), []
+    for points in (1, 3):
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        scene.fix("lower_bottom")
+        scene.fix("upper_top", "xy")
+        scene.prescribe("upper_top", "z", -1.0)
+        scene.contact("lower_top", "upper_bottom", 0.3, points=points, name="c")
+        result = solve(scene, steps=1, progress=False).require()
+        found.append(said_of_nodes(result))
+    assert [len(notes) for notes in found] == [1, 0]

@@ -71,6 +71,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         self.set_up_penalties()
         seek = seek_closest if surface.gradients is None else seek_along_normals(nodes, gradients, surface.corners)
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
+        self._nodes = Pairing(self._facets, seek_closest, self.search, 0.0)  # of nodes between Gauss points
         self._rests = self._anchors = self._no_anchors()
         self._kept = self._anchors, self.shift  # those of the last accepted step
         self._seen = self._projected = self._linearised = self._places = None
@@ -156,6 +157,13 @@ class DeformableContact(PairPenalties, SlavePoints):
             far, before = (self._pairing.far(points, normals, coords, reach) for coords, points, normals in (now, then))
             gaps = np.where((before[1] != NONE) & (before[4] > -self.touch), np.minimum(gaps, far[4]), gaps)
         return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+
+    def node_gaps(self, state, nodes, X):
+        """Gaps (n,) of slave nodes from their closest points on the master, endless without one. Collective."""
+        normals, coords = self._nodal_normals(state.u.x.array)[nodes], self._project(state)[0]
+        points = coords[np.searchsorted(self._local, nodes)]
+        gaps = self._nodes.far(points, normals, coords, self.search)[4]
+        return np.where(np.any(normals != 0.0, axis=1), gaps, np.inf)  # degree 2: a facet's normal is known at its corners
 
     def _moved(self, state):
         """Positions now and at the last accepted state, of slave nodes and of master nodes."""

@@ -19,8 +19,9 @@ class SlavePoints(Penalties):
     """Mixed into contact terms.
 
     Needs their name and surface, and per element and point status, gap, cover, traction, met (has been in contact) and
-    shift (multiplier over penalty, [length]); also slips(state) and shift_anchors(state); and `grounded`: whether the master
-    holds a body by itself, as a tool does, or only as far as it is held, as another body.
+    shift (multiplier over penalty, [length]); also slips(state), shift_anchors(state), node_gaps(state, nodes, X), the gaps
+    (n,) of slave nodes, and `grounded`: whether the master holds a body by itself, as a tool does, or only as far as it is
+    held, as another body.
 
     A contact with a tolerance [length] is augmented: the penalty carries only what multipliers do not yet carry. Between
     accepted steps these grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <- min(lambda
@@ -150,13 +151,33 @@ class SlavePoints(Penalties):
         return self._worst(comm, held)
 
     def remark(self, state):
-        """None, or at the first accepted step where it is so, that points lie deep in the master. Collective."""
+        """None, or at the first accepted step where it is so, that points or nodes lie deep in the master. Collective."""
+        if self._remarked:
+            return None
         depth, place = self._deepest(state.u.function_space.mesh.comm)
-        if self._remarked or depth <= DEEP * self.surface.cell_height:
+        remedy = "penetration= keeps it out, or raise penalty="
+        if depth <= DEEP * self.surface.cell_height:
+            depth, place = self.node_depth(state)
+            place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
+        if depth <= DEEP * self.surface.cell_height:
             return None
         self._remarked = True
         text = f"{place} lies {depth:.3g} inside '{self.master_name}', where a cell is {self.surface.cell_height:.3g} high"
-        return f"{text}: penetration= keeps it out, or raise penalty="
+        return f"{text}: {remedy}"
+
+    def node_depth(self, state):
+        """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not.
+
+        Zero where points are nodes themselves, which the penetration measures. Collective.
+        """
+        s, comm = self.surface, state.u.function_space.mesh.comm
+        if s.gradients is None or s.corners:
+            return 0.0, ""
+        near = ~self.unpaired(state).reshape(s.area.shape).all(axis=1)
+        nodes, first = np.unique(s.nodes[near], return_index=True)
+        X = s.X[near].reshape(-1, 3)[first]
+        depth, place = self._worst(comm, -self.node_gaps(state, nodes, X), X)
+        return max(depth, 0.0), place
 
     def objection(self, state):
         """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, a
@@ -180,10 +201,13 @@ class SlavePoints(Penalties):
         text = f"the deepest penetration {depth:.1e} is round-off beside coordinates of {size:.3g}, and so is the pressure"
         return Finding(TOO_STIFF, text, place, "lower penalty= of this contact, or leave it to the default")
 
-    def _worst(self, comm, values):
-        """Largest of values (n,) over all ranks, and the place of its point."""
+    def _worst(self, comm, values, spots=None):
+        """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3)."""
         here = (-np.inf, "")
         if len(values):
             point = int(values.argmax())
-            here = (float(values[point]), f"contact '{self.name}' at {spot(self.spots()[point])}")
+            here = (
+                float(values[point]),
+                f"contact '{self.name}' at {spot((self.spots() if spots is None else spots)[point])}",
+            )
         return max(comm.allgather(here))

@@ -186,6 +186,12 @@ class RigidContact(SlavePoints):
         at_surface, behind = np.max(comm.allgather(here), axis=0)
         return max(at_surface, behind) if at_surface > height or behind > 0.1 * height else 0.0
 
+    def node_gaps(self, state, nodes, X):
+        """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
+        gap = np.empty(len(nodes))
+        distances(X + state.u.x.array.reshape(-1, 3)[nodes], *self._tool_arguments(state), gap)
+        return gap
+
     def lost_depth(self, state, comm):
         """Zero: an analytic tool knows of every point how deep inside it is."""
         return 0.0
