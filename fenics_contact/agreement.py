@@ -48,15 +48,17 @@ def alike(comm, what, call, kind):
     """call() made on every rank, a number or an array that must be the same on all: rank 0's. Collective."""
     with agreed(comm, what, kind):
         here = call()
-    everywhere = comm.allgather(here) if comm.size > 1 else [here]
-    for rank, there in enumerate(everywhere):
-        size = np.abs(everywhere[0]).max(initial=0.0) if np.ndim(here) else abs(everywhere[0])
-        if not np.allclose(there, everywhere[0], rtol=0.0, atol=ALIKE * size, equal_nan=True):
+    if comm.size == 1:
+        return here
+    first, *others = comm.allgather(here)
+    bound = ALIKE * np.max(np.abs(first))
+    for rank, there in enumerate(others, start=1):
+        if not np.allclose(there, first, rtol=0.0, atol=bound, equal_nan=True):
             raise kind(
-                f"{what} gives {everywhere[0]} on rank 0 and {there} on rank {rank}: it must not depend on the part of the "
-                "mesh that a rank holds; sum or compare over the ranks first, e.g. by comm.allreduce"
+                f"{what} gives {first} on rank 0 and {there} on rank {rank}: it must not depend on the part of the mesh "
+                "that a rank holds; sum or compare over the ranks first, e.g. by comm.allreduce"
             )
-    return everywhere[0]
+    return first
 
 
 def ends_together(function):

@@ -1,6 +1,5 @@
 """Whatever goes wrong on one rank, in a function of the user's or in a file, ends all ranks with one error that names it."""
 
-import os
 import subprocess
 import sys
 import time
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from test_restart import alone, mpirun
 
 from fenics_contact import Body, Load, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
 from meshes import box
@@ -168,7 +168,8 @@ ALONE = """
 import sys, numpy as np
 from mpi4py import MPI
 from fenics_contact import agreement, run, solve
-from tests.test_faults import bar
+sys.path.insert(0, 'tests')
+from test_faults import bar
 agreement.PATIENCE = 1.0
 scene = bar()
 def inside_a_sum(X, t):
@@ -194,11 +195,9 @@ print("came to its end")
 @pytest.mark.parametrize("where", ["function", "solver"])
 def test_a_rank_that_fails_while_others_wait_for_it_ends_the_run(where):
     """Within a user's own sum over ranks, or somewhere in the package: nobody can raise the error on the waiting rank."""
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
-    env |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", "2", sys.executable, "-c", ALONE, where]
+    command = [*mpirun(2), sys.executable, "-c", ALONE, where]
     start = time.monotonic()
-    done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, env=alone(), cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode != 0 and "came to its end" not in done.stdout
     assert f"failed on rank 1 alone: {'RuntimeError' if where == 'function' else 'MemoryError'}: alone in the" in done.stderr
     assert time.monotonic() - start < 40.0

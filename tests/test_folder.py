@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_restart import times_of_fields
+from test_restart import alone, mpirun, times_of_fields
 
 from fenics_contact import Body, Scene, SceneError, neo_hooke, read_gmsh, rigid_sphere, solve
 from fenics_contact.materials import Isotropic
@@ -276,10 +276,9 @@ def test_terminated_without_checkpoints(tmp_path, ranks):
 
 def end_and_look(out, ranks, sign, after=3):
     """Send a signal to a run once it has accepted `after` steps; its history and fields must be whole."""
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
-    env |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-    run = subprocess.Popen([*command, sys.executable, __file__, str(out)], env=env, cwd=ROOT)
+    run = subprocess.Popen(
+        [*(mpirun(ranks) if ranks > 1 else ()), sys.executable, __file__, str(out)], env=alone(), cwd=ROOT
+    )
     deadline = time.monotonic() + 60.0
     while run.poll() is None and time.monotonic() < deadline:
         if (out / "history.csv").exists() and len(rows_in(out)) >= after:

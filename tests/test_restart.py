@@ -292,13 +292,20 @@ def times_of_fields(folder):
     return {g.get("Name"): [float(t.get("Value")) for t in g.iter("Time")] for g in grids}
 
 
+def alone():
+    """Environment of a program: the pytest process may itself be an MPI process, whose identity a child must not inherit."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
+    return env | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
+
+
+def mpirun(count):
+    return ["mpirun", "--oversubscribe", "-n", str(count)]
+
+
 def on_ranks(count, *arguments):
     """Run this file's main program under `mpirun -n count`; returns what it prints last."""
-    # the pytest process may itself be an MPI process: its child must not inherit that identity
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "OMPI_MCA_orte"))}
-    env |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", str(count), sys.executable, __file__, *map(str, arguments)]
-    done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    command = [*mpirun(count), sys.executable, __file__, *map(str, arguments)]
+    done = subprocess.run(command, env=alone(), cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout.strip().splitlines()[-1])
 
@@ -395,24 +402,30 @@ def test_killed_at_any_moment(tmp_path):
     kill_and_resume(tmp_path, kills=3, steps=30)
 
 
-def kill_and_resume(tmp_path, kills, steps):
-    """Kill a run again and again; rows in the history and step of the checkpoint after each kill."""
+def kill_and_resume(tmp_path, kills, steps, ranks=1, sign=signal.SIGKILL):
+    """Kill a run, on several ranks one of them, again and again; rows in the history and step of the checkpoint each time.
+
+    Each time the fields of all accepted steps must be whole.
+    """
     rng = random.Random(time.time_ns())
     out, log = tmp_path / "run", []
     kept = 0
     for _ in range(kills):
-        run = subprocess.Popen(
-            [sys.executable, __file__, out, "small", str(steps)], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}
-        )
+        command = [*(mpirun(ranks) if ranks > 1 else ()), sys.executable, __file__, out, "small", str(steps)]
+        run = subprocess.Popen(list(map(str, command)), cwd=ROOT, env=alone())
         deadline = time.monotonic() + 60.0
         while accepted(out) <= kept and run.poll() is None and time.monotonic() < deadline:
             time.sleep(0.001)
         time.sleep(rng.uniform(0.0, 0.1))  # three to four steps
-        run.send_signal(signal.SIGKILL)
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+        victims = list(map(int, children.read_text().split())) if ranks > 1 and children.exists() else [run.pid]
+        if run.poll() is None:
+            os.kill(rng.choice(victims or [run.pid]), sign)
         run.wait()
         rows = accepted(out)
         found = CheckpointFiles(out).read()
         assert found is not None and found[1]["step"] >= rows >= kept, (log, rows)
+        assert len(times_of_fields(out)["displacement"]) >= rows + 1
         log.append((rows, found[1]["step"]))
         kept = found[1]["step"]
         if kept == steps:
@@ -430,8 +443,9 @@ if __name__ == "__main__":
     where, what = Path(sys.argv[1]), sys.argv[2]
     if what == "small":
         small(where, True, int(sys.argv[3]))
-    elif what == "kill":  # by hand: python3 tests/test_restart.py FOLDER kill 20 kills 400 steps
-        print(kill_and_resume(where, int(sys.argv[3]), int(sys.argv[5])))
+    elif what in ("kill", "term"):  # by hand: python3 tests/test_restart.py FOLDER kill 20 times 400 steps 2 ranks
+        sign = signal.SIGKILL if what == "kill" else signal.SIGTERM
+        print(kill_and_resume(where, int(sys.argv[3]), int(sys.argv[5]), int(sys.argv[7]), sign))
     else:
         found = {}
         for name in sys.argv[4:]:
