@@ -25,6 +25,7 @@ from fenics_contact import (
 from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.verdict import StepFailed
 from meshes import box, punch_plate, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -257,6 +258,76 @@ def test_a_rollback_takes_multipliers_back():
     for name, values in contact.history().items():
         np.testing.assert_array_equal(values, kept[name])
     assert system.assemble_residual() <= 1e-8 * system.force_scale  # Newton's tolerance
+
+
+# -- where multipliers do not get there -------------------------------------------------------------------------------
+def overheld():
+    """Two blocks held in nine points per facet, more than flat facets can follow."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(4, 4, 1), upper_cells=(3, 3, 1))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -1.0)
+    scene.contact("upper_bottom", "lower_top", 0.5, points=3, penetration=1e-9, name="c")
+    return scene.system()
+
+
+def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
+    system = overheld()
+    report = Augmented(Newton(LinearSolver(system)), limit=8).step(system, 1.0)
+    contact = system.contacts[0]
+    left = max(COMM.allgather(contact.misfit(system.state))) * 1e-9
+    assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
+    (note,) = report.notes
+    assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
+    assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
+    system.commit()
+
+
+class Stumbling(Newton):
+    """Fails, far from where it was, in some of the solves after an augmentation."""
+
+    def __init__(self, linear, fails):
+        super().__init__(linear)
+        self.fails, self.settled = fails, 0
+
+    def settle(self, system, t):
+        self.settled += 1
+        if self.fails(self.settled):
+            system.state.u.x.array[:] += 1.0
+            raise StepFailed("stumbled")
+        return super().settle(system, t)
+
+
+def test_an_augmentation_that_cannot_be_solved_is_taken_in_part():
+    forces = []
+    for fails in (lambda n: False, lambda n: n in (1, 2, 4)):
+        scene, _ = sphere(penalty=20.0, penetration=1e-6)
+        system = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
+        report = Augmented(Stumbling(LinearSolver(system), fails)).step(system, 1.0)
+        assert report.misfits[-1] <= 1.0 and not report.notes
+        forces.append(system.contacts[0].measures(system.state, COMM)["force"][2])
+    # each ends anywhere within 1e-6 of 1 mm
+    np.testing.assert_allclose(*forces, rtol=1e-5)
+
+
+def test_where_no_part_of_it_can_be_solved_the_penalty_has_the_say():
+    """After smaller steps have been tried, as a failure asks for."""
+    scene, _ = sphere(penalty=20.0, penetration=1e-6)
+    system = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
+    stepper = Augmented(Stumbling(LinearSolver(system), lambda n: True))
+    for t in (1.0, 0.5):
+        with pytest.raises(StepFailed, match="stumbled"):
+            stepper.step(system, t)
+        system.rollback()
+    report = stepper.step(system, 0.25)
+    (note,) = report.notes
+    assert "contact 'c': penetration= is not kept" in note and "stumbled" in note
+    assert f"off by {report.misfits[-1] * 1e-6:.3g}" in note
+    scene, _ = sphere(penalty=20.0)
+    plain = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
+    Newton(LinearSolver(plain)).step(plain, 0.25)
+    np.testing.assert_allclose(system.state.u.x.array, plain.state.u.x.array, atol=1e-9)  # of 0.25 mm
 
 
 def test_what_cannot_be_augmented_is_refused():

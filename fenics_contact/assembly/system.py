@@ -159,10 +159,10 @@ class System:
         """Largest error of the augmented terms over their tolerances. Collective."""
         return max(self.comm.allgather(max((term.misfit(self.state) for term in self.augmented), default=0.0)))
 
-    def augment(self):
+    def augment(self, share=1.0):
         """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
         for term in self.augmented:
-            term.augment(self.state)
+            term.augment(self.state, share)
 
     @property
     def committed(self):

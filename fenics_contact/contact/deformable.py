@@ -82,6 +82,10 @@ class DeformableContact(PairPenalties, SlavePoints):
         self.met = np.zeros((ne, nq), dtype=bool)
         self.cover, self.slip_path = np.ones((ne, nq)), np.zeros((ne, nq))
 
+    @property
+    def anchors(self):
+        return self._anchors
+
     def _no_anchors(self):
         n = len(self._slaves[2])
         return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))

@@ -42,11 +42,22 @@ class SlavePoints(Penalties):
     def _grown(self):
         return np.minimum(self.cover * (self.gap + self.shift), 0.0)
 
-    def augment(self, state):
-        """Let multipliers take over what the penalty carries. They count as history once the step is accepted."""
+    def augment(self, state, share=1.0):
+        """Let multipliers take over what the penalty carries, or a share of its pressure and none of its friction.
+
+        They count as history once the step is accepted.
+        """
         self.evaluate(state)
-        self.shift_anchors(state)
-        self.shift = self._grown()
+        grown = self._grown()
+        if share == 1.0:
+            self.shift_anchors(state)
+        self.shift = grown if share == 1.0 else self.shift + share * (grown - self.shift)
+
+    def swap_multipliers(self, multipliers):
+        """Take (anchors, shift), which another state of the step had; gives the old ones."""
+        anchors, shift = multipliers
+        old, self.shift = (self.swap_anchors(anchors), self.shift), shift
+        return old
 
     def resultants(self, state):
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,). Collective."""

@@ -118,6 +118,10 @@ class RigidContact(SlavePoints):
         self._anchor, self.shift = self._kept
         self.drop_penalties()
 
+    @property
+    def anchors(self):
+        return self._anchor
+
     def swap_anchors(self, anchors):
         old, self._anchor = self._anchor, anchors
         return old

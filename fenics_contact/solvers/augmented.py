@@ -1,6 +1,6 @@
 """Steps solved again with better multipliers, until no error is left that matters, or with greater penalties."""
 
-from fenics_contact.assembly.finding import TOO_SOFT
+from fenics_contact.assembly.finding import MEMORY, TOO_SOFT, TOO_STIFF
 from fenics_contact.solvers.verdict import StepFailed
 
 AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes tens
@@ -10,17 +10,26 @@ AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes 
 BALANCED = 1e-2
 
 
+NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with multipliers
+# Shares of an augmentation that are tried one after the other where Newton does not get along with it
+SHARES = (1.0, 0.5, 0.25, 0.125)
+PATIENCE = 3  # attempts at a step, cut back in between, after which it is taken with what multipliers have reached
+
+
 class Augmented:
     """Uzawa's iteration of multipliers within each load step, outside of the stepper's own: an augmented Lagrangian.
 
     Each augmentation divides the error by about 1 + eps/k, where k is the stiffness of the bodies against the penalty eps:
     a hundred with the default penalty. Where more points are held than the facets can follow, multipliers that press on
-    nothing grow until the needless points let go, which takes tens of augmentations. stepper: Newton, Snes or
-    Incremental; limit: largest number of augmentations of a step.
+    nothing grow until the needless points let go, which takes tens of augmentations. An augmentation that the stepper
+    cannot solve is taken in part. Where that does not help in smaller steps either, and where the augmentations run out, the
+    step ends in the balanced state with the smallest error, and says what that is. stepper: Newton, Snes or Incremental;
+    limit: largest number of augmentations of a step.
     """
 
     def __init__(self, stepper, limit=AUGMENTATIONS):
         self.stepper, self.limit = stepper, limit
+        self._failed = 0.0, 0  # t that attempts have started from, and their number
 
     def step(self, system, t):
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
@@ -31,9 +40,80 @@ class Augmented:
         return self._augment(system, t, self.stepper.settle(system, t))
 
     def _augment(self, system, t, report):
-        while augment(system, report, self.limit):
-            report.add(self.stepper.settle(system, t))
+        best = None
+        while True:
+            report.misfits.append(system.misfit())
+            if report.misfits[-1] <= 1.0:
+                return report
+            balanced = report.residuals[-1] <= BALANCED
+            if balanced and (best is None or report.misfits[-1] < best.misfit):
+                best = _Place(system, report)
+            if report.augmentations == self.limit:
+                failure = _exhausted(report, self.limit)
+                if best is None:
+                    raise failure
+                return best.accept(system, report, failure)
+            report.augmentations += 1
+            try:
+                report.add(self._advance(system, t, report) if balanced else self.stepper.settle(system, t))
+            except StepFailed as failure:
+                start, count = self._failed
+                self._failed = system.committed_t, count + 1 if start == system.committed_t else 1
+                if best is None or self._failed[1] < PATIENCE or failure.finding.kind in NO_HELP:
+                    raise
+                return best.accept(system, report, failure)
+
+    def _advance(self, system, t, report):
+        """Augment and solve again; in part, from the same place, where that fails. Returns the report of the solve."""
+        place = _Place(system, report)
+        for share in SHARES:
+            system.augment(share)
+            try:
+                return self.stepper.settle(system, t)
+            except StepFailed as failure:
+                if share == SHARES[-1] or failure.finding.kind in NO_HELP:
+                    raise
+                place.take(system)
+
+
+class _Place:
+    """A state within a step that is in balance, its multipliers and what it leaves of the error."""
+
+    def __init__(self, system, report):
+        self.u, self.travel = system.state.u.x.array.copy(), system.state.travel.copy()
+        self.multipliers = [(term.anchors, term.shift) for term in system.augmented]
+        self.misfit, self.residual = report.misfits[-1], report.residuals[-1]
+
+    def take(self, system):
+        system.release()
+        system.state.u.x.array[:], system.state.travel[:] = self.u, self.travel
+        for term, multipliers in zip(system.augmented, self.multipliers, strict=True):
+            term.swap_multipliers(multipliers)
+
+    def accept(self, system, report, failure):
+        """End the step here, and say how far it is from what was asked."""
+        self.take(system)
+        system.assemble_residual()
+        report.misfits.append(self.misfit)
+        report.residuals.append(self.residual)
+        for term in system.augmented:
+            misfit = max(system.comm.allgather(term.misfit(system.state)))
+            if misfit > 1.0:
+                left = (
+                    f"off by {misfit * term.tolerance:.3g}, in depth or by slip in stick, and may be by {term.tolerance:.3g}"
+                )
+                remedy = "take fewer points= per facet, raise its penalty=, or allow more"
+                report.notes.append(
+                    f"contact '{term.name}': penetration= is not kept, a point is {left} ({failure}); {remedy}"
+                )
         return report
+
+
+def _exhausted(report, limit):
+    left, first = report.misfits[-1], report.misfits[0]
+    text = f"{limit} augmentations left {left:.3g} times the penetration allowed, of {first:.3g} at first"
+    remedy = "raise penalty= of the augmented contacts or leave it to the default, take fewer points= per facet"
+    return StepFailed(text, TOO_SOFT, remedy=remedy)
 
 
 def augment(system, report, limit):
@@ -47,10 +127,7 @@ def augment(system, report, limit):
     if report.misfits[-1] <= 1.0:
         return False
     if report.augmentations == limit:
-        left, first = report.misfits[-1], report.misfits[0]
-        text = f"{limit} augmentations left {left:.3g} times the penetration allowed, of {first:.3g} at first"
-        remedy = "raise penalty= of the augmented contacts or leave it to the default, take fewer points= per facet"
-        raise StepFailed(text, TOO_SOFT, remedy=remedy)
+        raise _exhausted(report, limit)
     if report.residuals[-1] <= BALANCED:
         system.augment()
     report.augmentations += 1
