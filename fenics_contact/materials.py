@@ -175,3 +175,9 @@ def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):
     if not isinstance(value, ufl.core.expr.Expr | float | int) or getattr(value, "ufl_shape", ()) != ():
         raise TypeError(f"{name}: psi(F) must return a scalar UFL expression of the deformation gradient F")
     return Hyperelastic(name, psi, shear_modulus, bulk_modulus)
+
+
+def young(material):
+    """Young's modulus at rest [pressure]."""
+    mu, K = material.shear_modulus, material.bulk_modulus
+    return 9 * K * mu / (3 * K + mu)

@@ -87,6 +87,7 @@ def solve(
     back=None,
     record=None,
     stabilise=False,
+    damping=False,
 ):
     """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
 
@@ -98,6 +99,9 @@ def solve(
     {name: function of the state -> number}, columns added to the history, called on all ranks, which must agree on it.
 
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
+
+    damping: where shorter steps do not help the load path jumps (a snap, a contact that lets go): loads and drives are held
+    and viscous forces carry the bodies to rest; their work is in the history's damping_work and in the verdict's notes.
 
     checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
     on from the last checkpoint in `out`, where there is one, on any number of ranks. A continuation's holds, beside the
@@ -125,7 +129,7 @@ def solve(
     times = np.array([0.5, 1.0]) if continuation else _times(steps)
     record = _columns(record or {}, scene)
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
-    system = scene.system(move, push, timers, stabilise)
+    system = scene.system(move, push, timers, stabilise, damping)
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
@@ -218,6 +222,8 @@ class _Record:
         if self._augments:
             row["augmentations"] = report.augmentations
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, state) for name, value in self.extra.items()}
+        if self.system.damping:
+            row[f"damping_work_{units.force}{units.length}"] = report.work
         return row | ({"limit_point": report.limit_point} if self.continuation else {})
 
 
@@ -304,6 +310,10 @@ def _stepper(method, solver, tolerance, system):
             f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
             "choose one of these"
         )
+    if system.damping and isinstance(stepper, ArcLength | Incremental):
+        raise SceneError(
+            f"damping= belongs to methods 'newton' and 'snes', not '{method}'; leave it out, or choose one of these"
+        )
     if isinstance(stepper, ArcLength):
         return stepper  # it minds multipliers and penalties itself
     if isinstance(stepper, Newton):
@@ -351,6 +361,7 @@ def _summary(scene, system, solver, method, verdict, history):
         },
         "limit_points": limit_points(history),
         "stabilisation": _stabilisation(system),
+        "damping": _damping(system),
         "iterations": verdict.iterations,
         "corrections": verdict.corrections,
         "augmentations": verdict.augmentations,
@@ -393,3 +404,12 @@ def _contact_summary(contact, system):
         "penalty_raised": contact.raise_factor(comm),
         f"penetration_allowed_{units.length}": contact.tolerance,
     }
+
+
+def _damping(system):
+    """Number of jumps, and the greatest work that damping took in one, also over the strain energy; {} without damping."""
+    if system.damping is None:
+        return {}
+    most, units = system.damping.most, system.units
+    work = {f"work_{units.force}{units.length}": most["work"], "work_share": most["work_share"]}
+    return {"jumps": most["jumps"]} | work

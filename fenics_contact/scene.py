@@ -9,9 +9,9 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.cell_forms import is_symmetric
+from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
-from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import ToolMotion
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State
@@ -36,9 +36,10 @@ from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.drives import supports_of
 from fenics_contact.elements import locking_notes, quadrature_degree, refuse_element, solid_term
 from fenics_contact.functions import ramp
-from fenics_contact.materials import Hyperelastic, Isotropic
+from fenics_contact.materials import Hyperelastic, Isotropic, young
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
+from fenics_contact.springs import springs
 from fenics_contact.timing import Timers
 from fenics_contact.volume_ratio import VolumeRatio
 
@@ -64,12 +65,6 @@ class _Contact:
     tangential_share: float | None
     points: object
     penetration: float | None
-
-
-def young(material):
-    """Young's modulus at rest [pressure]."""
-    mu, K = material.shear_modulus, material.bulk_modulus
-    return 9 * K * mu / (3 * K + mu)
 
 
 class Scene:
@@ -221,7 +216,7 @@ class Scene:
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
-    def system(self, move=None, push=None, timers=None, stabilise=False):
+    def system(self, move=None, push=None, timers=None, stabilise=False, damping=False):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
         refuse_doubled(self)
@@ -246,8 +241,13 @@ class Scene:
         bodies = bonded_bodies(self)
         holds = Holds(self.mesh.comm, bodies, supports, contacts)
         refuse_loose(holds, state, self.mesh.comm)
-        grounding = self._grounding(u, motion.free, stabilise) if stabilise or (holds.reliant and contacts) else None
-        terms += [grounding] if grounding else []
+        grounding = damped = None
+        if stabilise or (holds.reliant and contacts):
+            free = motion.free if stabilise else np.zeros_like(motion.free)
+            grounding = Grounding(*springs(self.space, self.bodies, self.dx, u), free, stabilise)
+        if damping:
+            damped = Damping(*springs(self.space, self.bodies, self.dx, u), motion.free)
+        terms += [term for term in (grounding, damped) if term]
 
         def set_loads(t):
             for constant, _, path in [*loads, *pressures]:
@@ -255,7 +255,7 @@ class Scene:
 
         system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bodies, timers)
         system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
-        system.grounding, system.holds = grounding, holds
+        system.grounding, system.holds, system.damping = grounding, holds, damped
         if grounding:
             grounding.bind(system)
         refuse_behind(system)
@@ -303,21 +303,6 @@ class Scene:
         term = FormTerm("pressure", power, rate)
         term.symmetric = is_symmetric(term.tangent_form, u, supports)
         return term
-
-    def _grounding(self, u, free, always):
-        """The springs of bodies that nothing holds yet or any more, and, where asked for, of free tools."""
-        domain, v, du = self.mesh.domain, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
-        share, reference = compat.Constant(domain, 0.0), compat.Function(self.space)
-        energies = compat.Function(compat.constant_space(domain))
-        w = ufl.TestFunction(energies.function_space)
-        size = bodies_size(self.space)
-        soft = [(share * (young(body.material) / size**2), self.dx(body)) for body in self.bodies]
-        residual = sum(vp.spring_power(k, u - reference, v, dx) for k, dx in soft)
-        tangent = sum(vp.spring_power(k, du, v, dx) for k, dx in soft)
-        energy = sum(vp.strain_energy(body.material, u, w, self.dx(body)) for body in self.bodies)
-        on_tools = size * min(young(body.material) for body in self.bodies)
-        free = free if always else np.zeros_like(free)
-        return Grounding(share, reference, (residual, tangent, energy), energies, on_tools, free, always)
 
     def _motion(self, move, push):
         for tool in [*move, *push]:

@@ -4,12 +4,14 @@ import math
 import time
 
 from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
+SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
 
@@ -27,25 +29,26 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
     """
     verdict = verdict or Verdict()
     verdict.smallest = smallest or smallest_step(times)
+    sooner = max(SOONER / SMALLEST * smallest_step(times), 2.0 * verdict.smallest) if system.damping else 0.0
     for target in times:
         while target - system.committed_t > 1e-12:
             start = time.perf_counter()
             goal = _goal(system.committed_t, target, verdict.size)
             size = goal - system.committed_t
             try:
-                report = stepper.step(system, goal)
-                if wrong := system.objection():
-                    raise StepFailed.of(wrong)
+                report = _attempt(system, stepper, goal)
             except StepFailed as failure:
-                if size / 2 < verdict.smallest or failure.finding.kind in HOPELESS:
+                report = _jumped(system, goal, failure) if size <= sooner else None
+                if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
                     verdict.stop(diagnose(system, failure, goal), goal)
                     return verdict
-                system.rollback()
-                verdict.cuts += 1
-                if failure.finding.kind == CYCLING:
-                    verdict.notes.append(f"step to t = {goal:.6g} cut back: {failure}, {failure.finding.place}")
-                verdict.size = size / 2
-                continue
+                if report is None:
+                    system.rollback()
+                    verdict.cuts += 1
+                    if failure.finding.kind == CYCLING:
+                        verdict.notes.append(f"step to t = {goal:.6g} cut back: {failure}, {failure.finding.place}")
+                    verdict.size = size / 2
+                    continue
             system.commit()
             if report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.size *= 2.0
@@ -53,6 +56,24 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             on_step(report, time.perf_counter() - start, goal == target)
     _judge_balance(verdict)
     return verdict
+
+
+def _attempt(system, stepper, goal):
+    """The report of a step to a state that may be accepted; StepFailed."""
+    report = stepper.step(system, goal)
+    if wrong := system.objection():
+        raise StepFailed.of(wrong)
+    return report
+
+
+def _jumped(system, goal, failure):
+    """The report of damped motion to the next state of rest, where that was asked for and there is one; else None."""
+    if system.damping is None or failure.finding.kind in HOPELESS:
+        return None
+    try:
+        return jump(system, goal)
+    except StepFailed:
+        return None
 
 
 def _judge_balance(verdict):

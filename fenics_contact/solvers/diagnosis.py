@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from fenics_contact.assembly.finding import LOST, MEMORY, OUT_OF_STEPS, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import CYCLING, LOST, MEMORY, OUT_OF_STEPS, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.solvers.holding import closed, rigid_motion, sliding
-from fenics_contact.solvers.softness import soft_motion
+from fenics_contact.solvers.softness import damping, soft_motion
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
@@ -35,16 +35,21 @@ def diagnose(system, failure, goal=None):
     if found is None and inverted and _inverts_ahead(system, goal):
         return inverted
     if found is None and known.kind == UNKNOWN:
-        return _unexplained(known, inverted, goal is not None and goal - system.committed_t > LONG)
+        return _unexplained(system, known, inverted, goal)
+    if found is None and known.kind == CYCLING:
+        return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
     return found or known
 
 
-def _unexplained(known, inverted, long):
+def _unexplained(system, known, inverted, goal):
     """What is left to try where nothing but the failure itself is known."""
     reason = known.reason
     if inverted:
         reason = f"on its way to balance {inverted.reason}, which the path itself does not ask for"
-    remedy = "take more steps, or allow shorter ones (smallest_step=)" if long else ""
+    if goal is not None and goal - system.committed_t > LONG:
+        remedy = "take more steps, or allow shorter ones (smallest_step=)"
+    else:
+        remedy = "".join(damping(system))
     return Finding(UNKNOWN, reason, inverted.place if inverted else known.place, known.remedy or remedy)
 
 

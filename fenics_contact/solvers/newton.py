@@ -28,7 +28,7 @@ class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
-    often the step was solved again with other penalties."""
+    often the step was solved again with other penalties; work: taken by damping in a jump [force length]."""
 
     iterations: int = 0
     residuals: list = field(default_factory=list)
@@ -37,6 +37,7 @@ class StepReport:
     augmentations: int = 0
     misfits: list = field(default_factory=list)
     raises: int = 0
+    work: float = 0.0
 
     def add(self, more):
         """What solving the step once more took."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
-from fenics_contact.solvers.arc_length import ArcLength
+from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import resistance, rigid_motions, softest
 from fenics_contact.solvers.verdict import StepFailed
@@ -129,9 +129,30 @@ def limit_point(system, mode, now, goal=None):
     )
     going = np.linalg.norm(mode.dq, axis=1)
     tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
-    held = f"move {' and '.join(tools)} instead of pushing" if tools else "prescribe a displacement in place of the load"
-    place = ", ".join([*tools, f"body '{name}' at {place}"])
-    return Finding(LIMIT_POINT, text, place, f"follow the path by arc length or {held}")
+    ways = ["follow the path by arc length"]
+    if tools:
+        ways.append(f"move {' and '.join(tools)} instead of pushing")
+    elif _loaded(system):
+        ways.append("prescribe a displacement in place of the load")
+    ways += damping(system)
+    return Finding(LIMIT_POINT, text, ", ".join([*tools, f"body '{name}' at {place}"]), " or ".join(ways))
+
+
+def damping(system):
+    """The advice to let damping carry the bodies on, in a list, where that has not been asked for."""
+    return [] if system.damping else ["let damping carry it on: solve(..., damping=True)"]
+
+
+def _loaded(system):
+    """Whether forces, and not only supports and tools on their ways, grow with t at the accepted state. Collective."""
+    t = system.committed_t
+    system.begin_step(t + LOAD_PROBE)
+    system.assemble_residual()
+    change = system.residual_vector.copy()
+    system.begin_step(t)
+    system.assemble_residual()
+    change.axpy(-1.0, system.residual_vector)
+    return change.norm() > 0.0
 
 
 def fold_ahead(system):

@@ -1,0 +1,105 @@
+"""A jump of the load path: loads and drives held, damped motion from the last state in balance to the next one."""
+
+import numpy as np
+
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton, StepReport
+from fenics_contact.solvers.verdict import StepFailed
+
+FIRST = 1.0  # damping at first, over E V / L^2 of a body of volume V and size L: about its own stiffness
+MOST, LEAST = 1e4, 1e-6  # bounds of it
+HARDER, SOFTER = 8.0, 0.25  # its change after a motion that failed, and after an easy one
+EASY = 6  # tangents up to which it was easy
+MOTIONS = 60  # at most
+RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
+
+
+def jump(system, goal):
+    """Carry the system at the loads of t = goal to rest, in balance there without damping; StepReport, not yet accepted.
+
+    Each motion is a step of implicit Euler for viscous forces, its friction accepted as history. The work that they
+    take is what a real jump turns into vibrations: `report.work`. On failure the system is where it was: StepFailed.
+    Collective.
+    """
+    kept = _keep(system)
+    system.rollback()
+    system.damping.begin(system.state)
+    report, newton, share, work = StepReport(), Newton(LinearSolver(system)), FIRST, 0.0
+    before, scale = system.accepted[-1], system.force_scale
+    for _ in range(MOTIONS):
+        try:
+            moved = _settle(system, newton, goal, share)
+        except StepFailed:
+            share *= HARDER
+            if share > MOST:
+                break
+            continue
+        force, spent = system.damping.spent(system.state)
+        work += spent
+        resting = force <= RESTING * max(system.forces, scale)
+        report.add(moved)
+        system.commit()
+        share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
+        if resting and (last := _at_rest(system, newton, goal)):
+            report.add(last)
+            _conclude(system, report, work, before, scale)
+            return report
+    _restore(system, kept)
+    raise StepFailed("damped motion did not come to rest")
+
+
+def _settle(system, newton, goal, share):
+    """Balance at t = goal with this damping; StepFailed, and the state as it was, if there is none."""
+    system.damping.share = share
+    try:
+        report = newton.settle(system, goal)
+        if wrong := system.objection():
+            raise StepFailed.of(wrong)
+    except StepFailed:
+        system.rollback()
+        raise
+    return report
+
+
+def _at_rest(system, newton, goal):
+    """The report of balance without damping, or None."""
+    try:
+        return _settle(system, newton, goal, 0.0)
+    except StepFailed:
+        return None
+
+
+def _conclude(system, report, work, before, scale):
+    """What the jump took, in the report; steps go on from its end alone."""
+    u, travel, _ = before
+    energy = system.damping.strain_energy(system.state)
+    way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
+    way = max(way, np.abs(system.state.travel - travel).max(initial=0.0))
+    share, most = work / energy if energy > 0.0 else 0.0, system.damping.most
+    system.damping.most = {
+        "jumps": most["jumps"] + 1,
+        "work": max(work, most["work"]),
+        "work_share": max(share, most["work_share"]),
+    }
+    report.work = work
+    report.notes = [
+        f"the state jumped by {way:.3g} with loads and drives held: damping took a work of {work:.3g}, {share:.2g} of the "
+        "strain energy then left; where several states may follow it is the one that slow motion comes to"
+    ]
+    system.force_scale = scale
+    system.accepted.clear()
+
+
+def _keep(system):
+    u, travel, t = system.accepted[-1]
+    return u.copy(), travel.copy(), t, system.force_scale, [term.history() for term in system.terms]
+
+
+def _restore(system, kept):
+    u, travel, t, scale, histories = kept
+    for term, values in zip(system.terms, histories, strict=True):
+        term.restore(values)
+    system.damping.share = 0.0
+    system.state.u.x.array[:] = u
+    system.resume(travel, t)
+    system.force_scale = scale

@@ -1,0 +1,87 @@
+"""Jumps of the load path, a snap and a blade that lets go: damped motion carries the bodies to where they rest."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, solve
+from meshes import box, dome
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+
+
+def loaded_dome():
+    """A dome under a dead load of eight times what it bears."""
+    scene = Scene(Body(read_gmsh(dome.build, thickness=2.0, boss=0.0, cells=3), "dome", RUBBER))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    scene.fix("rim")
+    scene.traction("outer", (0, 0, -0.05))
+    return scene
+
+
+def blade():
+    """A blade clamped at its top, pressed on a rough floor and drawn over it: it leans, its foot lets go and flips."""
+    mesh = read_gmsh(box.build, size=(0.74, 1.0, 7.87), cells=(3, 2, 7))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -0.99 * min(t / 0.2, 1.0)))
+    scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), 13.3 * max(t - 0.2, 0.0)))
+    scene.fix("zmax", "y")
+    scene.contact("zmin", rigid_plane(), 1.06, name="floor")
+    return scene
+
+
+@pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), (blade, 10)])
+def test_the_verdict_names_damping_and_damping_cures(scene, steps):
+    failed = solve(scene(), steps=steps, smallest_step=1e-3, progress=False)
+    assert not failed.converged and "solve(..., damping=True)" in failed.verdict.remedy, failed.verdict.reason
+    cured = solve(scene(), steps=steps, damping=True, progress=False)
+    assert cured.converged, cured.verdict.reason
+    assert any("jumped" in note for note in cured.verdict.notes)
+    assert max(row["residual"] for row in cured.history) <= 1e-8  # in balance without damping
+    work = cured.column("damping_work_Nmm")
+    assert work.max() > 0.0 and cured.summary["damping"]["jumps"] == np.count_nonzero(work)
+
+
+def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point():
+    """Past the jump a dead load has one stable state: that of any other steps, at all its loads."""
+    forces = [solve(loaded_dome(), steps=n, damping=True, progress=False).require().u.x.array for n in (4, 10)]
+    np.testing.assert_allclose(*forces, atol=1e-6 * np.abs(forces[0]).max())  # steps end at 1e-8 of the force
+
+
+def test_the_blade_slides_on_as_with_other_steps():
+    """Behind the jump it slides, and has forgotten where it let go."""
+    force = [solve(blade(), steps=n, damping=True, progress=False).require().history[-1] for n in (10, 20)]
+    names = [f"floor_force_{axis}_N" for axis in "xz"]
+    one, other = ([row[name] for name in names] for row in force)
+    np.testing.assert_allclose(one, other, rtol=1e-6)  # steps end at 1e-8 of the force, once ten times as great
+
+
+def test_work_is_what_the_jump_lets_go():
+    """Of the dead load's work what is not in the strain energy has gone into damping; implicit Euler takes up to twice the
+    energy that its longest motions let go."""
+    scene = loaded_dome()
+    system = scene.system()
+    system.begin_step(1.0)
+    system.assemble_residual()
+    load = -system.residual_vector.array_r.copy()
+
+    def work(state):
+        """Of the loads of t = 1 against the displacement."""
+        return COMM.allreduce(float(load @ state.u.x.array[: len(load)]))
+
+    result = solve(scene, steps=40, damping=True, progress=False, record={"work": work}).require()
+    t, work_of_load = np.append(0.0, result.column("t")), np.append(0.0, result.column("work"))
+    taken = result.column("damping_work_Nmm")
+    jump, mean = int(taken.argmax()), 0.5 * (t[1:] + t[:-1])
+    mean[jump] = t[jump + 1]  # held
+    let_go = float(np.sum(mean * np.diff(work_of_load))) - result.system.damping.strain_energy(result.system.state)
+    assert 0.8 * let_go < taken[jump] < 2.0 * let_go
+
+
+def test_wrong_methods_are_refused():
+    for options in ({"method": "incremental"}, {"method": "arc_length", "until": Load(1.0)}):
+        with pytest.raises(SceneError, match="damping"):
+            solve(loaded_dome(), damping=True, progress=False, **options)
