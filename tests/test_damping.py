@@ -81,6 +81,15 @@ def test_work_is_what_the_jump_lets_go():
     assert 0.8 * let_go < taken[jump] < 2.0 * let_go
 
 
+def test_a_snap_within_a_step_is_said():
+    """One step of the whole load ends in balance beyond the limit point, which it has at 0.1169 of it."""
+    result = solve(loaded_dome(), steps=1, progress=False).require()
+    (note,) = (note for note in result.verdict.notes if "passed through a snap" in note)
+    assert "damping=True" in note and 0.1169 - 1 / 64 < float(note.split("near t = ")[1].split()[0]) < 0.1169
+    moderate = solve(loaded_dome(), steps=[0.05, 0.1], progress=False).require()
+    assert not moderate.verdict.notes
+
+
 def test_wrong_methods_are_refused():
     for options in ({"method": "incremental"}, {"method": "arc_length", "until": Load(1.0)}):
         with pytest.raises(SceneError, match="damping"):

@@ -280,6 +280,7 @@ def test_remedy_cures(name):
         scene, options = cure()
         result = solve(scene, progress=False, **({"steps": 5} | options))
         assert result.converged, result.verdict.reason
+        assert not any("snap" in note for note in result.verdict.notes)
 
 
 @pytest.mark.parallel

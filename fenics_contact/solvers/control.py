@@ -6,6 +6,7 @@ import time
 from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.snaps import snapped, wandered
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
@@ -63,6 +64,10 @@ def _attempt(system, stepper, goal):
     report = stepper.step(system, goal)
     if wrong := system.objection():
         raise StepFailed.of(wrong)
+    if wandered(report):
+        words = snapped(system, goal)
+        stepper.step(system, goal)  # a step tried and dropped leaves no trace: this is the same one again
+        report.notes += [words] if words else []
     return report
 
 

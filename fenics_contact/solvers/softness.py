@@ -155,16 +155,18 @@ def _loaded(system):
     return change.norm() > 0.0
 
 
-def fold_ahead(system):
+def fold_ahead(system, states=None):
     """How far [t] ahead of the accepted state the load path folds back, as its last step and its rate tell. Collective.
 
     Before a fold at t_f displacements are u_f - a sqrt(t_f - t). So the rate du/dt over the mean rate of a last step of
     length h is q = (1 + sqrt((d + h) / d)) / 2, d = t_f - t: endless where the rate does not grow from step to step, zero
-    where the tangent is singular. A first step, which has none before it, may have any fold ahead: zero.
+    where the tangent is singular. A first step, which has none before it, may have any fold ahead: zero. states: (u,
+    travel, t) of the last two, by default the accepted ones.
     """
-    if len(system.accepted) < 2:
+    states = states or system.accepted
+    if len(states) < 2:
         return 0.0
-    (u, travel, t), (u_now, travel_now, t_now) = system.accepted[-2:]
+    (u, travel, t), (u_now, travel_now, t_now) = states[-2:]
     step = system.new_vector()
     step.array[:] = (u_now - u)[: step.getLocalSize()]
     arc = ArcLength(LinearSolver(system, "direct", afresh=True))

@@ -1,0 +1,79 @@
+"""Steps that end in balance beyond a limit point: Newton's method has led the state through a snap that it cannot follow."""
+
+import numpy as np
+
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.softness import AHEAD, fold_ahead
+from fenics_contact.solvers.verdict import StepFailed
+
+FAR, WANDERING = 0.1, 6  # of the force; after so many solves that leave more of it a step is looked at more closely
+HALVINGS = 6  # of the step, to see whether it is the path or the step that goes so far
+MOST = 0.5  # of the step's way: a sixty-fourth of the step that has more of it is a jump
+
+
+def wandered(report):
+    """Whether a step's way to balance was so long that it may have passed through a snap; multipliers take long anyway."""
+    return report.augmentations == 0 and sum(size > FAR for size in report.residuals) >= WANDERING
+
+
+def snapped(system, goal):
+    """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None. Collective.
+
+    Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where none of them
+    is solved it must be a fold that the path's rate foresees. The system is left at the accepted state.
+    """
+    u, travel, t = system.accepted[-1]
+    newton, start = Newton(LinearSolver(system)), _place(system, u, travel)
+    low, high, before, blocked = (t, start), (goal, _place(system)), (t, start), False
+    total = _distance(system, start, high[1])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low[0] + high[0])
+        system.rollback()
+        try:
+            newton.step(system, middle)
+        except StepFailed:
+            high, blocked = (middle, high[1]), True
+            continue
+        here = middle, _place(system)
+        if _distance(system, here[1], low[1]) < _distance(system, here[1], high[1]):
+            before, low = low, here
+        else:
+            high, blocked = here, False
+    gap = _distance(system, low[1], high[1])
+    if gap > MOST * total and blocked:
+        gap *= _folds(system, newton, before, low, high[0])
+    system.rollback()
+    if not gap > MOST * total:
+        return None
+    largest = max(system.comm.allgather(max(np.abs(b - a).max(initial=0.0) for a, b in zip(low[1], high[1], strict=True))))
+    return (
+        f"it has passed through a snap: near t = {low[0]:.6g} the state jumped by {largest:.3g}; where it came to rest is "
+        "Newton's choice: follow it by arc length, or let damping carry it: solve(..., damping=True) in shorter steps"
+    )
+
+
+def _folds(system, newton, before, low, blocked):
+    """Whether the path folds back between its state `low` and t = blocked, which no step reaches. Collective."""
+    if not low[0] > before[0]:
+        return False
+    system.rollback()
+    try:
+        newton.step(system, low[0])
+    except StepFailed:
+        return False
+    return fold_ahead(system, [(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
+
+
+def _place(system, u=None, travel=None):
+    """Displacement of owned nodes and travel, of the state by default."""
+    u = system.state.u.x.array if u is None else u
+    travel = system.state.travel if travel is None else travel
+    return u[: system.vector.getLocalSize()].copy(), travel.copy()
+
+
+def _distance(system, one, other):
+    """Root of the mean square over the nodes, tools on top [length]. Collective."""
+    (u, travel), (v, other_travel) = one, other
+    square = system.comm.allreduce(float(np.sum((u - v) ** 2))) / (system.vector.getSize() / 3)
+    return float(np.sqrt(square + np.sum((travel - other_travel) ** 2)))
