@@ -19,7 +19,7 @@ from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import ArcSteps, Path
 from fenics_contact.solvers.control import run
-from fenics_contact.solvers.held import Held
+from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.penalty_error import penalty_error
@@ -175,7 +175,7 @@ class _Record:
 
     def __init__(self, scene, system, folder, keeper, extra, continuation, progress):
         self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
-        self.continuation, self._augments = continuation, bool(system.augmented)
+        self.continuation, self._augments = continuation, bool(system.augmented) or system.stabilised
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
         self._told = len(self.verdict.notes)  # those that have been printed
         with system.timers("compile"):
@@ -319,8 +319,8 @@ def _stepper(method, solver, tolerance, system):
     if isinstance(stepper, Newton):
         stepper = Softened(stepper)
     springs = None if isinstance(stepper, Incremental) else system.grounding
-    stepper = Adapted(Augmented(stepper) if system.augmented or springs else stepper)
-    return Held(stepper) if springs else stepper
+    stepper = Augmented(stepper) if system.augmented else stepper
+    return Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
 
 
 def _summary(scene, system, solver, method, verdict, history):

@@ -52,10 +52,6 @@ class Grounding(FormTerm):
         self._engaged, self._left, self.used = wanted, 0.0, self.used or wanted
         self.drop()
 
-    @property
-    def tolerance(self):
-        return ALLOWED if self._engaged else None
-
     def drop(self):
         if self._pull is not None:
             self._left = self._pull
@@ -96,7 +92,7 @@ class Grounding(FormTerm):
         force, work = comm.allreduce(np.array([np.abs(local).sum(), local @ moved]))
         return force + np.abs(tools).sum(), 0.5 * (work + float((tools * (state.travel - self._travel)).sum()))
 
-    def misfit(self, state):
+    def pull(self, state):
         """Pull of the springs over the largest force, over what is allowed. Collective."""
         force, _ = self._work(state)
         largest = max(self._system.forces, self._system.force_scale)
@@ -104,7 +100,8 @@ class Grounding(FormTerm):
         self._before, self._pull = self._pull, pull
         return pull
 
-    def augment(self, state):
+    def follow(self, state):
+        """Let the far ends go to where the state is, with softer springs where these pulled as before."""
         if self._before is not None and self._pull > 0.5 * self._before:
             self._share.value = max(SOFTER * float(self._share.value), LEAST * SHARE)
         self._follow(state.u.x.array, state.travel)

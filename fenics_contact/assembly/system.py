@@ -100,7 +100,7 @@ class System:
         self.set_loads(t)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self.accepted = [*before, self._committed]
-        for term in self.augmented:
+        for term in self.augmented + ([self.grounding] if self.grounding else []):
             term.drop()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
@@ -152,8 +152,8 @@ class System:
 
     @property
     def augmented(self):
-        """The terms with multipliers, or with springs that follow, in this step."""
-        return [term for term in self.terms if getattr(term, "tolerance", None) is not None]
+        """The contacts with multipliers."""
+        return [contact for contact in self.contacts if contact.tolerance is not None]
 
     def misfit(self):
         """Largest error of the augmented terms over their tolerances. Collective."""

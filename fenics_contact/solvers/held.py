@@ -7,6 +7,33 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.solvers.verdict import StepFailed
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with what holds a body
+LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap of ten sizes of a body takes tens
+
+
+class Following:
+    """A stepper, and with springs in, its solves repeated while their far ends follow, until they pull no more."""
+
+    def __init__(self, stepper):
+        self.stepper = stepper
+
+    def step(self, system, t):
+        """Carry the system from its committed state to t; StepFailed if it does not get there."""
+        return self._follow(system, t, self.stepper.step(system, t))
+
+    def settle(self, system, t):
+        """Into balance at t from the present state, after penalties have changed."""
+        return self._follow(system, t, self.stepper.settle(system, t))
+
+    def _follow(self, system, t, report):
+        springs = system.grounding
+        while springs.engaged and (pull := springs.pull(system.state)) > 1.0:
+            if report.augmentations >= LONGEST:
+                text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"
+                raise StepFailed(text, remedy="close the gap, fix a surface, or turn the load towards the contact")
+            springs.follow(system.state)
+            report.augmentations += 1
+            report.add(self.stepper.settle(system, t))
+        return report
 
 
 class Held:
