@@ -407,7 +407,7 @@ def _contact_summary(contact, system):
 
 
 def _damping(system):
-    """Number of jumps, and the greatest work that damping took in one, also over the strain energy; {} without damping."""
+    """Number of jumps, the greatest work that damping took in one, and share of it and the strain energy left; or {}."""
     if system.damping is None:
         return {}
     most, units = system.damping.most, system.units

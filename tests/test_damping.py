@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, solve
-from meshes import box, dome
+from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_surface, solve
+from meshes import box, dome, tool_surfaces
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
@@ -33,6 +33,15 @@ def blade():
     return scene
 
 
+def past_the_end(way=-6.0):
+    """A meshed ball moved down at the end of a cantilever, which bends, lets the ball past its end and springs back."""
+    scene = Scene(Body(read_gmsh(box.build, size=(8.0, 2.0, 1.0), cells=(8, 2, 2), origin=(0.0, -1.0, -1.0)), "box", RUBBER))
+    scene.fix("xmin")
+    ball = rigid_surface(tool_surfaces.ball, "ball", size=0.6, radius=1.5, centre=(7.5, 0.0, 1.5), name="ball")
+    scene.contact("zmax", ball, 0.3, name="c")
+    return scene, {ball: (0, 0, way)}
+
+
 @pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), (blade, 10)])
 def test_the_verdict_names_damping_and_damping_cures(scene, steps):
     failed = solve(scene(), steps=steps, smallest_step=1e-3, progress=False)
@@ -43,6 +52,18 @@ def test_the_verdict_names_damping_and_damping_cures(scene, steps):
     assert max(row["residual"] for row in cured.history) <= 1e-8  # in balance without damping
     work = cured.column("damping_work_Nmm")
     assert work.max() > 0.0 and cured.summary["damping"]["jumps"] == np.count_nonzero(work)
+
+
+def test_a_ball_goes_past_the_end_of_a_cantilever():
+    scene, move = past_the_end()
+    failed = solve(scene, move=move, steps=10, smallest_step=1e-3, progress=False)
+    assert not failed.converged and "solve(..., damping=True)" in failed.verdict.remedy, failed.verdict.reason
+    scene, move = past_the_end()
+    cured = solve(scene, move=move, steps=10, damping=True, progress=False).require()
+    assert cured.column("c_active_points")[-1] == 0  # the ball is past it
+    assert np.abs(cured.u.x.array).max() < 1e-6  # and the cantilever straight again; steps end at 1e-8 of the force
+    scene, move = past_the_end(-2.4)
+    assert solve(scene, move=move, steps=4, progress=False).converged  # a path that ends before needs none
 
 
 def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point():

@@ -90,6 +90,19 @@ def tool_in_the_air():
     return scene, {"push": {ball: (0, 0, -1.0)}}
 
 
+def drawn_off(drive="push", end=1.0, stabilise=True):
+    """A ball pressed into a block by a force that turns round, is zero at t = 0.5 and then draws, or does not get there."""
+    scene = cube(cells=(4, 4, 2), size=(4.0, 4.0, 2.0), origin=(-2.0, -2.0, -2.0))
+    scene.fix("zmin")
+    ball = rigid_sphere(2.0, (0, 0, 2.0), name="ball")
+    scene.contact("zmax", ball, name="c")
+
+    def path(t):
+        return 0, 0, -2.0 * min(t, 0.25) + 2.0 * end * max(t - 0.25, 0.0)
+
+    return scene, {drive: {ball: path}, "smallest_step": 0.05, "stabilise": stabilise}
+
+
 def pressed(penalty):
     scene = cube()
     scene.fix("zmax", "xy")
@@ -209,6 +222,13 @@ CATALOGUE = {
     "pair": (holding_each_other, "rigid-body motion", "body 'lower, upper'", "contact 'lower_bottom on plane'"),
     "ice": (on_ice, "rigid-body motion", "body 'box'", "stabilise=True"),
     "tool": (tool_in_the_air, "rigid-body motion", "tool 'ball'", "bring it into contact before the force acts, or solve"),
+    "drawn off": (
+        drawn_off,
+        "rigid-body motion",
+        "tool 'ball'",
+        "end the path where the force vanishes, or move the tool away",
+    ),
+    "drawn off unheld": (lambda: drawn_off(stabilise=False), "rigid-body motion", "tool 'ball'", "or move the tool away"),
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
     "soft": (ball_through, "penalty too soft", "contact 'ball' at (", "raise penalty="),
     "soft on high cells": (
@@ -263,6 +283,7 @@ CURES = {
     "gap": [lambda: with_options(hanging, stabilise=True)],
     "ice": [lambda: with_options(on_ice, stabilise=True)],
     "tool": [lambda: with_options(tool_in_the_air, stabilise=True)],
+    "drawn off": [lambda: drawn_off(end=0.3), lambda: drawn_off("move", stabilise=False)],
     "stiff": [lambda: pressed(None)],
     "soft": [lambda: ball_through(penalty=None)],
     "soft on high cells": [lambda: ball_through((4, 4, 1), penalty=None)],

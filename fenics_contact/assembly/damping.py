@@ -20,7 +20,8 @@ class Damping(FormTerm):
         super().__init__("damping", None, None)
         self._constant, self._reference, self._forms, self._cells = constant, reference, forms, energies
         self._on_tools, self._free, self._travel, self._energy = on_tools, free, np.zeros(free.shape), None
-        self.most = {"jumps": 0, "work": 0.0, "work_share": 0.0}  # jumps taken, and the greatest of them [force length]
+        # jumps taken, the greatest work of one [force length], and its greatest share of that and the strain energy left
+        self.most = {"jumps": 0, "work": 0.0, "work_share": 0.0}
 
     @property
     def share(self):

@@ -15,6 +15,10 @@ class MeshedToolContact(DeformableContact):
     """DeformableContact whose master's forces, rows and columns are summed to those of the tool's travel."""
 
     grounded = True
+    slid_off = (
+        "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the "
+        "tool itself ends there, make its surface larger"
+    )
 
     def __init__(self, name, surface, facets, tool, index, friction, normal_penalty, tangential_penalty, space):
         master = ToolSurface(tool, index)

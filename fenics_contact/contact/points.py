@@ -32,6 +32,8 @@ class SlavePoints(Penalties):
 
     tolerance = None
     penalised = True
+    # what to do where the slave has left the master
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
     _remarked = False
 
     def misfit(self, state):
@@ -138,8 +140,7 @@ class SlavePoints(Penalties):
         met, lost = comm.allreduce(np.array([area[self.met.ravel()].sum(), area[gone].sum()]))
         if lost > SLID_OFF * met:
             text = f"{lost / met:.0%} of the area that was in contact has no partner on '{self.master_name}' any more"
-            remedy = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
-            return Finding(LOST, text, self._worst(comm, np.where(gone, area, 0.0))[1], remedy)
+            return Finding(LOST, text, self._worst(comm, np.where(gone, area, 0.0))[1], self.slid_off)
         return self._sunk(SUNK, comm)
 
     def deep(self, state):
@@ -197,7 +198,8 @@ class SlavePoints(Penalties):
         depth = self.lost_depth(state, comm)
         if depth > self.touch:
             text = f"'{self.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
-            return Finding(LOST, text, f"contact '{self.name}'", "take smaller steps, or raise the penalty")
+            remedy = f"take smaller steps, or raise the penalty; or {self.slid_off}"
+            return Finding(LOST, text, f"contact '{self.name}'", remedy)
         if sunk := self._sunk(SUNK, comm):
             return sunk
         pressure = np.linalg.norm(self.traction, axis=2).ravel()

@@ -75,7 +75,7 @@ def _conclude(system, report, work, before, scale):
     energy = system.damping.strain_energy(system.state)
     way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
     way = max(way, np.abs(system.state.travel - travel).max(initial=0.0))
-    share, most = work / energy if energy > 0.0 else 0.0, system.damping.most
+    share, most = work / max(work + energy, 1e-300), system.damping.most
     system.damping.most = {
         "jumps": most["jumps"] + 1,
         "work": max(work, most["work"]),
@@ -83,8 +83,8 @@ def _conclude(system, report, work, before, scale):
     }
     report.work = work
     report.notes = [
-        f"the state jumped by {way:.3g} with loads and drives held: damping took a work of {work:.3g}, {share:.2g} of the "
-        "strain energy then left; where several states may follow it is the one that slow motion comes to"
+        f"the state jumped by {way:.3g} with loads and drives held: damping took a work of {work:.3g}, {share:.2g} of that "
+        "and the strain energy left; where several states may follow it is the one that slow motion comes to"
     ]
     system.force_scale = scale
     system.accepted.clear()

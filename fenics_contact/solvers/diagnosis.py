@@ -27,6 +27,8 @@ def diagnose(system, failure, goal=None):
     troubles = [found for term in system.terms if (found := term.trouble(system.state))]
     if lost := [trouble for trouble in troubles if trouble.kind == LOST]:
         return lost[0]
+    if lifted := _lifted(system, goal):
+        return lifted
     if known.kind == RIGID_MOTION and not _touched(system):
         return known
     found = sliding(system) or rigid_motion(system) or next(iter(troubles), None)
@@ -36,7 +38,7 @@ def diagnose(system, failure, goal=None):
         return inverted
     if found is None and known.kind == UNKNOWN:
         return _unexplained(system, known, inverted, goal)
-    if found is None and known.kind == CYCLING:
+    if found is None and known.kind in (CYCLING, LOST):
         return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
     return found or known
 
@@ -62,6 +64,22 @@ def _inverts_ahead(system, goal):
     ahead = system.check(SQUEEZED) is not None
     system.rollback()
     return ahead
+
+
+def _lifted(system, goal):
+    """A finding if a tool that has been in contact is drawn off by the force that should push it. Collective."""
+    if goal is None:
+        return None
+    then, before = system.tools.forces(goal), [system.tools.forces(t) for _, _, t in system.accepted]
+    for i in np.flatnonzero(system.tools.free.any(axis=1)):
+        name, free = system.tools.names[i], system.tools.free[i]
+        met = any(contact.met.any() for contact in system.contacts if contact.master_name == name)
+        reversed_ = all(forces[i, free] @ then[i, free] <= 0.0 for forces in before) and any(f[i].any() for f in before)
+        if reversed_ and system.comm.allreduce(int(met)):
+            text = f"the force on it draws tool '{name}' off the body, and contact cannot hold it back: there is no balance"
+            remedy = "end the path where the force vanishes, or move the tool away in place of pushing it (move=)"
+            return Finding(RIGID_MOTION, text, f"tool '{name}'", remedy)
+    return None
 
 
 def _touched(system):

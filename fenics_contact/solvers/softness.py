@@ -1,6 +1,7 @@
 """The motion that a tangent resists least, and what it says: a tool sinks in, a part is loose or topples, a path folds."""
 
 import numpy as np
+from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
@@ -18,6 +19,7 @@ SUNK = 0.5  # of a tool's way: a gap that takes more of it gives way more than t
 NUDGE = 1e-6  # of the bodies' size: moved by that, gaps tell how far
 LOOSE = 1e-9  # of what its nodes resist each alone: round-off, and what softest() adds, are a thousandth of it
 RIGID = 0.99  # share of a motion's square that rigid motions of bodies make up, above which it is one
+STILL = 1e-3  # of a motion: what moves supports by more is not one that they leave free
 TOPPLES = 1e-3  # of what its nodes resist each alone: less holds no body upright
 
 
@@ -86,15 +88,20 @@ def _loose(system, mode, share):
 
 
 def _rigid_part(system, mode):
-    """(body, share, words): the body whose rigid motions make up the greatest share of a motion's square. Collective."""
+    """(body, share, words): the body whose rigid motions make up the greatest share of a motion's square; the share is zero
+    where they would carry supports along. Collective."""
     found, square = {}, max(mode.du.dot(mode.du), 1e-300)
     for name, motion, words in rigid_motions(system):
         if not motion.dq.any():
-            found.setdefault(name, []).append((motion.du.dot(mode.du) ** 2 / square, words))
-    name = max(found, key=lambda name: sum(share for share, _ in found[name]))
-    largest = max(share for share, _ in found[name])
-    how = ", ".join(words for share, words in found[name] if share > 0.1 * largest)
-    return name, sum(share for share, _ in found[name]), how
+            found.setdefault(name, []).append((motion.du.dot(mode.du), motion.du, words))
+    name = max(found, key=lambda name: sum(amount**2 for amount, _, _ in found[name]))
+    rigid, largest = mode.du.duplicate(), max(abs(amount) for amount, _, _ in found[name])
+    rigid.set(0.0)
+    for amount, motion, _ in found[name]:
+        rigid.axpy(amount, motion)
+    carried = max(system.comm.allgather(np.abs(rigid.array_r[system.supports.owned]).max(initial=0.0)))
+    share = 0.0 if carried > STILL * rigid.norm(PETSc.NormType.NORM_INFINITY) else rigid.dot(rigid) / square
+    return name, share, ", ".join(words for amount, _, words in found[name] if abs(amount) > 0.3 * largest)
 
 
 def _where(system, mode):
