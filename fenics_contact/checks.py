@@ -5,12 +5,61 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.parts import connected_parts
+from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
+from fenics_contact.values import SceneError, count, group_names, positive, shown, text
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-class SceneError(ValueError):
-    """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
+def sides(slave, master):
+    """Slave and master of a contact: names of surfaces, or for the master a tool."""
+    if isinstance(slave, Tool):
+        raise SceneError(
+            f"contact: the slave is the tool '{slave.name}'; slave= is the surface of a body that meets it, and the tool is "
+            "the master="
+        )
+    slave = group_names(slave, "contact: slave")
+    if isinstance(master, Tool):
+        return slave, master
+    if not isinstance(master, str | tuple | list):
+        raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {shown(master)}")
+    return slave, group_names(master, "contact: master")
+
+
+def refuse_numbers(contact):
+    """The name and the numbers of a contact must be such."""
+    text(contact.name, "contact: name")
+    what = f"contact '{contact.name}'"
+    positive(contact.friction, f"{what}: friction", zero=True)
+    for label in ("penalty", "tangential_penalty", "tangential_share", "penetration", "penalty_factor"):
+        if (value := getattr(contact, label)) is not None:
+            positive(value, f"{what}: {label}")
+    if contact.points not in ("nodes", "closest"):
+        count(contact.points, f"{what}: points", remedy=", a count of Gauss points, or 'nodes' or 'closest'")
+
+
+def refuse_pair(contact, others, degree):
+    """A contact's sides and points must go together, with the degree, and with the `others` stated before."""
+    what, points, master = f"contact '{contact.name}'", contact.points, contact.master
+    if not isinstance(master, Tool):
+        if common := set(master) & set(contact.slave):
+            raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
+        if degree != 1:
+            raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
+    if isinstance(master, MeshedTool) and degree != 1 and isinstance(points, str):
+        raise SceneError(f"{what}: nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
+    if contact.penetration is not None and isinstance(points, str) and not isinstance(master, RigidTool):
+        raise SceneError(
+            f'{what}: penetration= with points="{points}" needs an analytic tool: flat facets cannot follow multipliers at '
+            "every node, and a closest point without penetration has no normal at an edge between them; use Gauss points, "
+            "e.g. points=1"
+        )
+    for other in others:
+        if contact.name == other.name:
+            raise SceneError(f"two contacts are named '{contact.name}'; give one of them name=...")
+        tools = isinstance(master, Tool) and isinstance(other.master, Tool) and master is not other.master
+        if tools and master.name == other.master.name:
+            raise SceneError(f"two tools are named '{master.name}'; give one of them name=..., for the columns of each")
 
 
 def refuse_volumes(mesh, groups):
@@ -26,7 +75,7 @@ def refuse_volumes(mesh, groups):
 
 
 def refuse_inside(mesh, facets, what):
-    """A load acts on outer surfaces only. Collective."""
+    """Loads and contacts act on outer surfaces only. Collective."""
     domain = mesh.domain
     mine = facets[facets < domain.topology.index_map(2).size_local]
     inside = mesh.comm.allreduce(int((~np.isin(mine, compat.exterior_facets(domain))).sum()))
@@ -114,10 +163,3 @@ def refuse_deep_start(scene, system):
                 f"where a cell is {contact.surface.cell_height:.3g} high; move its starting place outwards, or name all "
                 "surfaces it meets as slaves"
             )
-
-
-def finite(value, what, shape):
-    value = np.asarray(value, dtype=float)
-    if value.shape != shape or not np.all(np.isfinite(value)):
-        raise SceneError(f"{what} must be {'three finite numbers' if shape else 'one finite number'}, not {value}")
-    return value

@@ -3,8 +3,8 @@
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.supports import Supports
-from fenics_contact.checks import SceneError
 from fenics_contact.functions import AtPoints
+from fenics_contact.values import SceneError
 
 
 def supports_of(mesh, space, statements):

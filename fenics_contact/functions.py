@@ -5,7 +5,7 @@ import numbers
 import numpy as np
 
 from fenics_contact.agreement import agreed, alike
-from fenics_contact.checks import SceneError, finite
+from fenics_contact.values import SceneError, finite, function
 
 FEW = 8  # nodes at which a function of points is sampled
 
@@ -13,6 +13,7 @@ FEW = 8  # nodes at which a function of points is sampled
 def ramp(comm, value, what, shape=(3,)):
     """Value reached at t = 1, or a function of t, as a function of t, which all ranks call."""
     if callable(value):
+        function(value, what, "value(t)")
         return lambda t: alike(
             comm, f"{what} at t = {t:g}", lambda: finite(value(t), f"{what} at t = {t:g}", shape), SceneError
         )
@@ -49,11 +50,12 @@ class AtPoints:
     def everywhere(self, t):
         """Values (all nodes of the surface,) [length], the same on all ranks. Collective."""
         with agreed(self._comm, f"{self._what} at t = {t:g}", SceneError):
-            values = np.asarray(self._value(self._X.copy(), t), dtype=float)
-            if values.shape != (len(self._X),):
+            values = np.asarray(self._value(self._X.copy(), t))
+            values = np.full(len(self._X), values) if values.ndim == 0 else values
+            if values.shape != (len(self._X),) or values.dtype.kind not in "iuf":
                 raise SceneError(
-                    f"{self._what}: its function gives shape {values.shape} for {len(self._X)} points X (n, 3); it must "
-                    "give one number per point, e.g. np.full(len(X), 0.1 * t)"
+                    f"{self._what}: its function gives {values.dtype} of shape {values.shape} for {len(self._X)} points X "
+                    "(n, 3); it must give one number per point, or one for all"
                 )
             if not np.all(np.isfinite(values)):
                 raise SceneError(f"{self._what} is not finite at t = {t:g}; mend its function")

@@ -5,7 +5,6 @@ the left Cauchy-Green tensor: I1 = tr B^, I2 = tr(B^ . B^) and J (paper, section
 units of pressure (MPa with lengths in mm and forces in N).
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,6 +13,8 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.constantvalue import ConstantValue
 from ufl.core.multiindex import MultiIndex
 from ufl.corealg.traversal import traverse_unique_terminals
+
+from fenics_contact.values import finite, function, positive, text
 
 
 @dataclass(frozen=True)
@@ -55,14 +56,12 @@ def sampled_energy(material):
 
 def _positive(law, **moduli):
     for name, value in moduli.items():
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{law}: {name} = {value} must be a positive modulus in units of pressure")
+        positive(value, f"{law}: {name}", more=", a modulus in units of pressure")
 
 
 def _finite(law, **parameters):
     for name, value in parameters.items():
-        if not math.isfinite(value):
-            raise ValueError(f"{law}: {name} = {value} must be a finite number in units of pressure")
+        finite(value, f"{law}: {name}")
 
 
 def _stable(law, shear):
@@ -83,6 +82,7 @@ def barrier(J, K):
 
 def _split(name, isochoric, volumetric, shear, K):
     """The law isochoric(I1, I2) + volumetric(J, K)."""
+    function(volumetric, f"{name}: volumetric", "volumetric(J, K)")
 
     def volume(J):
         return volumetric(J, K)
@@ -163,14 +163,17 @@ def yeoh(c1, c2, c3, K, volumetric=moderate_pressure):
 
 def from_elastic(E, nu, volumetric=moderate_pressure):
     """Neo-Hooke with Young's modulus E [pressure] and Poisson's ratio nu at rest, for small-strain comparisons."""
-    if not 0.0 < E < math.inf or not -1.0 < nu < 0.5:
-        raise ValueError(f"from_elastic: E = {E} must be positive and nu = {nu} lie in (-1, 0.5)")
+    _positive("from_elastic", E=E)
+    _finite("from_elastic", nu=nu)
+    if not -1.0 < nu < 0.5:
+        raise ValueError(f"from_elastic: nu = {nu} must lie in (-1, 0.5)")
     return neo_hooke(E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), volumetric)
 
 
 def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):
     """A user's own UFL energy psi(F) [pressure]; the moduli at rest [pressure] are used for penalties only."""
-    _positive(name, shear_modulus=shear_modulus, bulk_modulus=bulk_modulus)
+    _positive(text(name, "user_energy: name"), shear_modulus=shear_modulus, bulk_modulus=bulk_modulus)
+    function(psi, f"{name}: psi", "psi(F)")
     value = psi(ufl.Identity(3))
     if not isinstance(value, ufl.core.expr.Expr | float | int) or getattr(value, "ufl_shape", ()) != ():
         raise TypeError(f"{name}: psi(F) must return a scalar UFL expression of the deformation gradient F")

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 from tqdm import tqdm
@@ -10,6 +11,7 @@ from fenics_contact import compat
 from fenics_contact.agreement import ends_together
 from fenics_contact.checks import SceneError
 from fenics_contact.functions import number_of
+from fenics_contact.options import arc_steps, checkpoint_steps, load_times, refuse_shares
 from fenics_contact.output.files import clear_results, writing
 from fenics_contact.output.history import column_names, history_row, penalty_lines, penalty_notes, penalty_summary
 from fenics_contact.output.writer import Writer
@@ -17,7 +19,7 @@ from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
-from fenics_contact.solvers.continuation import ArcSteps, Path
+from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver
@@ -29,6 +31,7 @@ from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.statement import statement
 from fenics_contact.targets import distances
 from fenics_contact.timing import Timers
+from fenics_contact.values import shown
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
 
@@ -119,15 +122,16 @@ def solve(
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
     """
     timers = Timers()
-    if method not in STEPPERS:
-        raise SceneError(f"method '{method}' is not one of {', '.join(STEPPERS)}")
+    if method not in list(STEPPERS):
+        raise SceneError(f"method {shown(method)} is not one of {', '.join(STEPPERS)}")
     continuation = method == "arc_length"
-    arcs = _arc_steps(steps, until, back, continuation)
-    every = _checkpoint_steps(checkpoint, resume, out)
-    if smallest_step is not None and not 0.0 < smallest_step <= 1.0:
-        raise SceneError(f"smallest_step = {smallest_step} must be a share of the load, above 0 and up to 1")
-    times = np.array([0.5, 1.0]) if continuation else _times(steps)
+    arcs = arc_steps(steps, until, back, continuation)
+    every = checkpoint_steps(checkpoint, resume, out)
+    refuse_shares(method, tolerance, smallest_step)
+    times = np.array([0.5, 1.0]) if continuation else load_times(steps)
     record = _columns(record or {}, scene)
+    if out is not None and not isinstance(out, str | PathLike):
+        raise SceneError(f"out = {shown(out)} must be the path of a folder")
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
     system = scene.system(move, push, timers, stabilise, damping)
     _refuse_nan(system, times)
@@ -246,53 +250,6 @@ def _columns(record, scene):
         if not callable(value):
             raise SceneError(f"record '{name}' must be a function of the state that gives one number, not {value!r}")
     return record
-
-
-def _checkpoint_steps(checkpoint, resume, out):
-    """After how many accepted steps a checkpoint is due, 0 for never."""
-    if isinstance(checkpoint, bool):
-        checkpoint = int(checkpoint or resume)
-    if checkpoint != int(checkpoint) or checkpoint < 0:
-        raise SceneError(f"checkpoint = {checkpoint}: give True, or the number of accepted steps from one to the next")
-    if checkpoint and out is None:
-        raise SceneError("checkpoint and resume need a folder: give out=...")
-    return int(checkpoint)
-
-
-def _arc_steps(steps, until, back, continuation):
-    """ArcSteps of a continuation, checked; None for the other methods."""
-    if not continuation:
-        if until is not None or isinstance(steps, ArcSteps):
-            raise SceneError(
-                'until and ArcSteps belong to method="arc_length"; the other methods end at the last t of steps'
-            )
-        return None
-    if until is None:
-        raise SceneError('method="arc_length" needs until: a Load, a Displacement or a Travel at which the run ends')
-    if not isinstance(steps, ArcSteps):
-        if np.ndim(steps) != 0:
-            raise SceneError('method="arc_length" chooses its own t; give steps as ArcSteps or as one number')
-        steps = ArcSteps(first=1.0 / len(_times(steps)))
-    lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest, "turn": steps.turn}
-    counts = {"most": steps.most, "iterations": steps.iterations}
-    for name, value in lengths.items():
-        if not value > 0.0:
-            raise SceneError(f"ArcSteps: {name} = {value} must be positive")
-    for name, value in counts.items():
-        if value != int(value) or value < 1:
-            raise SceneError(f"ArcSteps: {name} = {value} must be a whole number of at least one")
-    return steps
-
-
-def _times(steps):
-    if np.ndim(steps) == 0:
-        if not np.isfinite(steps) or steps != int(steps) or steps < 1:
-            raise SceneError(f"steps = {steps}: give a whole number of at least one, or the increasing list of t")
-        return np.arange(1, int(steps) + 1) / int(steps)
-    times = np.asarray(steps, dtype=float)
-    if times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(np.concatenate([[0.0], times])) <= 0.0):
-        raise SceneError("steps must be a non-empty, increasing list of load parameters above 0")
-    return times
 
 
 def _refuse_nan(system, times):

@@ -17,14 +17,16 @@ from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State
 from fenics_contact.checks import (
     AXES,
-    SceneError,
     bonded_bodies,
     refuse_behind,
     refuse_deep_start,
     refuse_doubled,
     refuse_inside,
     refuse_loose,
+    refuse_numbers,
+    refuse_pair,
     refuse_volumes,
+    sides,
 )
 from fenics_contact.contact.deformable import DeformableContact
 from fenics_contact.contact.master import MasterSurface, oriented_facets
@@ -41,6 +43,7 @@ from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.output.units import Units
 from fenics_contact.springs import springs
 from fenics_contact.timing import Timers
+from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, shown, text
 from fenics_contact.volume_ratio import VolumeRatio
 
 
@@ -51,6 +54,16 @@ class Body:
     mesh: NamedMesh
     group: str
     material: Isotropic | Hyperelastic
+
+    def __post_init__(self):
+        text(self.group, "body: its volume group")
+        if not isinstance(self.mesh, NamedMesh):
+            raise SceneError(f"body '{self.group}': its mesh must be one that read_gmsh gave, not {shown(self.mesh)}")
+        if not isinstance(self.material, Isotropic | Hyperelastic):
+            raise SceneError(
+                f"body '{self.group}': its material must be a law with its moduli, e.g. neo_hooke(mu, K), not "
+                f"{shown(self.material)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -76,10 +89,12 @@ class Scene:
     """
 
     def __init__(self, *bodies, degree=1, element="displacement", accept_locking=False, units=Units()):  # noqa: B008 - frozen
-        if not bodies:
-            raise SceneError("a scene needs at least one Body")
-        if degree not in (1, 2):
-            raise SceneError(f"degree = {degree}: displacements of degree 1 and 2 are supported")
+        if not bodies or not all(isinstance(body, Body) for body in bodies):
+            raise SceneError(f"a scene needs at least one Body, Scene(Body(...), Body(...)), not {shown(bodies)}")
+        if not is_number(degree) or degree not in (1, 2):
+            raise SceneError(f"degree = {shown(degree)}: displacements of degree 1 and 2 are supported")
+        if not isinstance(units, Units):
+            raise SceneError(f'units = {shown(units)}: give Units("mm", "N", "MPa") with names of your own')
         self.mesh = bodies[0].mesh
         if any(body.mesh is not self.mesh for body in bodies):
             raise SceneError("all bodies of a scene live in one mesh: give them as named volumes of one gmsh model")
@@ -95,25 +110,24 @@ class Scene:
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(self, group, axis="xyz"):
         """No displacement of a surface along the axes named, e.g. axis="x" for a symmetry plane."""
-        for letter in axis:
+        for letter in axis_letters(axis, f"fix '{group}'"):
             self.prescribe(group, letter, 0.0)
 
     def prescribe(self, group, axis, value):
         """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
 
-        X (n, 3): reference positions of all nodes of the surface, on every rank [length].
+        The function may give one number for all. X (n, 3): reference positions of all nodes of the surface, on every rank [length].
         """
-        if axis not in AXES:
-            raise SceneError(f"axis '{axis}' is not one of x, y, z")
-        if not callable(value) and not np.isfinite(value):
-            raise SceneError(f"prescribed displacement of '{group}' along {axis} is {value}; give a finite number")
+        axis_letters(axis, f"prescribe '{group}'", most=1)
+        what = f"prescribed displacement of '{group}' along {axis}"
+        value = function(value, what, "value(X, t)") if callable(value) else float(finite(value, what))
         self._facets(group)
-        self._supports.append((_names(group), AXES[axis], value))
+        self._supports.append((group_names(group), AXES[axis], value))
 
     def traction(self, group, vector):
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
         refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
-        self.loads.append((_names(group), ramp(self.mesh.comm, vector, f"traction on '{group}'")))
+        self.loads.append((group_names(group), ramp(self.mesh.comm, vector, f"traction on '{group}'")))
 
     def pressure(self, group, value):
         """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
@@ -121,7 +135,7 @@ class Scene:
         value: reached at t = 1, or a function of t.
         """
         refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
-        self.pressures.append((_names(group), ramp(self.mesh.comm, value, f"pressure on '{group}'", ())))
+        self.pressures.append((group_names(group), ramp(self.mesh.comm, value, f"pressure on '{group}'", ())))
 
     def body_force(self, vector):
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
@@ -154,51 +168,18 @@ class Scene:
         multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with one
         point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone holds.
         """
-        if not isinstance(master, Tool | str | tuple | list):
-            raise SceneError(f"contact: master must be a rigid tool, e.g. rigid_plane(...), or a surface, not {master!r}")
+        slave, master = sides(slave, master)
         if points is None:
             points = "nodes" if isinstance(master, RigidTool) else (3 if penetration is None else 1)
-        name = name or f"{'+'.join(_names(slave))} on {_master_name(master)}"
-        if not isinstance(master, Tool):
-            master = _names(master)
-            self._facets(master)
-            if common := set(master) & set(_names(slave)):
-                raise SceneError(
-                    f"contact '{name}': slave and master are both '{common.pop()}'; name two surfaces, one of each body"
-                )
-            if self.degree != 1:
-                raise SceneError(f"contact '{name}': a deformable master needs degree=1; make this surface the slave")
-        if points not in ("nodes", "closest") and (not isinstance(points, int) or points < 1):
-            raise SceneError(f"contact '{name}': points = {points!r} must be 'nodes', 'closest' or a count of Gauss points")
-        if isinstance(master, MeshedTool) and self.degree != 1 and isinstance(points, str):
-            raise SceneError(f"contact '{name}': nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
-        if not (np.isfinite(friction) and friction >= 0.0):
-            raise SceneError(f"contact '{name}': friction = {friction} must be zero or positive")
-        positive = {
-            "penalty": penalty,
-            "tangential_penalty": tangential_penalty,
-            "tangential_share": tangential_share,
-            "penetration": penetration,
-            "penalty_factor": penalty_factor,
-        }
-        for label, value in positive.items():
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise SceneError(f"contact '{name}': {label} = {value} must be positive")
-        if penetration is not None and isinstance(points, str) and not isinstance(master, RigidTool):
-            raise SceneError(
-                f"contact '{name}': penetration= with points=\"{points}\" needs an analytic tool: flat facets cannot follow "
-                "multipliers at every node, and a closest point without penetration has no normal at an edge between them; "
-                "use Gauss points, e.g. points=1"
-            )
-        if any(name == other.name for other in self.contacts):
-            raise SceneError(f"two contacts are named '{name}'; give one of them name=...")
-        if any(master is not tool and isinstance(master, Tool) and master.name == tool.name for tool in self.tools):
-            raise SceneError(
-                f"two tools are named '{master.name}', and the history's columns bear these names; give one of them name=..."
-            )
-        self._facets(slave)
+        name = f"{'+'.join(slave)} on {_master_name(master)}" if name is None else name
         numbers = penalty, penalty_factor, tangential_penalty, tangential_share
-        self.contacts.append(_Contact(name, _names(slave), master, friction, *numbers, points, penetration))
+        contact = _Contact(name, slave, master, friction, *numbers, points, penetration)
+        refuse_numbers(contact)
+        refuse_pair(contact, self.contacts, self.degree)
+        for side in (slave, master):
+            if not isinstance(side, Tool):
+                self._facets(side)
+        self.contacts.append(contact)
 
     @property
     def tools(self):
@@ -208,7 +189,7 @@ class Scene:
 
     def _facets(self, group):
         try:
-            facets = self.mesh.facets(*_names(group))
+            facets = self.mesh.facets(*group_names(group))
         except ValueError as error:
             raise SceneError(str(error)) from None
         if self.mesh.comm.allreduce(len(facets)) == 0:
@@ -279,7 +260,7 @@ class Scene:
             subdomain_data=self.mesh.facet_tags,
             metadata={"quadrature_degree": quadrature_degree(self.degree)},
         )
-        return measure(self.mesh.surface_tags(*_names(group)))
+        return measure(self.mesh.surface_tags(*group_names(group)))
 
     def _solid(self, u, loads):
         """The solid's term with the dead loads, and the laws of its Cauchy stress by body."""
@@ -305,9 +286,12 @@ class Scene:
         return term
 
     def _motion(self, move, push):
+        for what, drive in (("move", move), ("push", push)):
+            if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):
+                raise SceneError(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key")
         for tool in [*move, *push]:
             if tool not in self.tools:
-                raise SceneError(f"tool '{getattr(tool, 'name', tool)}' is moved or pushed but is in no contact")
+                raise SceneError(f"tool '{tool.name}' is moved or pushed but is in no contact")
         paths, forces, free = [], [], []
         for tool in self.tools:
             if tool in move and tool in push:
@@ -369,9 +353,5 @@ class Scene:
         return VolumeRatio(self.mesh, self.bodies, self.degree, u)
 
 
-def _names(group):
-    return (group,) if isinstance(group, str) else tuple(group)
-
-
 def _master_name(master):
-    return master.name if isinstance(master, Tool) else "+".join(_names(master))
+    return master.name if isinstance(master, Tool) else "+".join(master)

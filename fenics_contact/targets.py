@@ -3,11 +3,11 @@
 import functools
 from dataclasses import dataclass
 
-import numpy as np
-
 from fenics_contact import compat
 from fenics_contact.checks import AXES, SceneError
+from fenics_contact.contact.tools import Tool
 from fenics_contact.functions import number_of
+from fenics_contact.values import axis_letters, finite, function, group_names, shown
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Displacement:
         return f"displacement of '{self.group}' along {self.axis} = {self.value:g}"
 
     def distance(self, scene, system):
-        _known_axis(self)
+        axis_letters(self.axis, f"Displacement of '{self.group}'", most=1)
         try:
-            facets = scene.mesh.facets(self.group)
+            facets = scene.mesh.facets(*group_names(self.group, "Displacement"))
         except ValueError as error:
             raise SceneError(f"{self}: {error}") from None
         blocks = compat.locate_blocks(scene.space, facets)
@@ -59,16 +59,13 @@ class Travel:
         return f"travel of '{self.tool.name}' along {self.axis} = {self.value:g}"
 
     def distance(self, scene, system):
-        _known_axis(self)
+        if not isinstance(self.tool, Tool):
+            raise SceneError(f"Travel: {shown(self.tool)} is no tool; give the tool itself")
+        axis_letters(self.axis, f"Travel of '{self.tool.name}'", most=1)
         if self.tool not in scene.tools:
             raise SceneError(f"{self}: that tool is in no contact of the scene")
         index = scene.tools.index(self.tool), AXES[self.axis]
         return lambda: system.state.travel[index] - self.value
-
-
-def _known_axis(target):
-    if target.axis not in AXES:
-        raise SceneError(f"{target}: axis '{target.axis}' is not one of x, y, z")
 
 
 def distances(until, scene, system):
@@ -78,14 +75,15 @@ def distances(until, scene, system):
     """
     found = {}
     for target in until if isinstance(until, list | tuple) else [until]:
-        if hasattr(target, "distance"):
-            if not np.isfinite(target.value):
-                raise SceneError(f"{target}: give a finite number")
-            found[str(target)] = target.distance(scene, system)
+        if isinstance(target, Load | Displacement | Travel):
+            finite(target.value, f"{type(target).__name__}: value")
+            distance = target.distance(scene, system)  # which checks what the words are made of
+            found[str(target)] = distance
         elif callable(target):
+            function(target, "until", "until(state)")
             name = getattr(target, "__name__", "function").replace("<lambda>", "function")
             words = f"target {len(found) + 1}, {name} = 0"
             found[words] = functools.partial(number_of, system.comm, words, target, system.state)
         else:
-            raise SceneError(f"until = {target!r}: give Load, Displacement, Travel or a function of the state, or a list")
+            raise SceneError(f"until = {shown(target)}: give a Load, Displacement, Travel, function of the state, or a list")
     return found

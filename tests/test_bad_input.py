@@ -10,8 +10,8 @@ import pytest
 from mpi4py import MPI
 
 import fenics_contact as fc
-from fenics_contact import Body, Scene, read_gmsh, rigid_plane, rigid_punch, rigid_sphere, solve
-from meshes import box
+from fenics_contact import Body, Scene, read_gmsh, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere, solve
+from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
@@ -44,6 +44,27 @@ def pressed(mesh, **contact):
     tool = rigid_punch(half_width=1.0, height=2.0, face=(2.0, 2.0, 2.0))
     scene.contact("zmax", tool, **{"name": "top", **contact})
     return scene, tool
+
+
+def solved(scene, **options):
+    return solve(scene, **{"progress": False, "steps": 1, **options})
+
+
+def driven(mesh, out, **options):
+    """The pressed block solved with one option wrong."""
+    scene, tool = pressed(mesh)
+    return solved(scene, **{"move": {tool: (0, 0, -0.1)}, "out": out, **options})
+
+
+def stacked(pair, **contact):
+    """Two blocks, the upper one pressed on the lower."""
+    law = fc.neo_hooke(1.0, 5.0)
+    scene = Scene(Body(pair, "lower", law), Body(pair, "upper", law), degree=contact.pop("degree", 1))
+    scene.fix("lower_bottom")
+    scene.prescribe("upper_top", "z", -0.1)
+    scene.fix("upper_top", "xy")
+    scene.contact(**{"slave": "upper_bottom", "master": "lower_top", "name": "joint", **contact})
+    return scene
 
 
 def refused(action, *words):
@@ -99,6 +120,12 @@ def inside_out():
 
 def test_inverted_element():
     refused(lambda: read_gmsh(inside_out), "inverted", "element 1")
+
+
+@pytest.fixture(scope="module")
+def pair():
+    lower = {"lower": (4.0, 4.0, 2.0), "lower_cells": (2, 2, 1), "lower_origin": (0.0, 0.0, -2.0)}
+    return read_gmsh(two_blocks.build, **lower, upper=(2.0, 2.0, 2.0), upper_cells=(1, 1, 1), upper_origin=(1.0, 1.0, 0.0))
 
 
 def test_failing_script_and_missing_file_and_unnamed_group():
@@ -172,6 +199,202 @@ def test_nan_in_loads_and_supports(mesh, out):
     refused(lambda: solve(scene, steps=10, out=out, progress=False), "zmax", "finite")
 
 
+# -- values of the wrong kind: one clear error each, no raw one of Python's ---------------------------------------------
+LAW = fc.neo_hooke(1.0, 5.0)
+BALL = rigid_sphere(1.0, (2.0, 2.0, 3.0), name="ball")
+AT_TOP = {"slave": "zmax", "master": BALL, "name": "top"}
+WRONG_VALUES = {
+    # material laws
+    "modulus text": (lambda s: fc.neo_hooke("1", 5.0), "neo_hooke", "mu", "'1'", "positive"),
+    "modulus none": (lambda s: fc.mooney_rivlin(0.1, 0.1, None), "mooney_rivlin", "K", "None", "positive"),
+    "modulus truth": (lambda s: fc.yeoh(True, 0.1, 0.1, 5.0), "yeoh", "c1", "True", "positive"),
+    "modulus array": (lambda s: fc.mooney_paper([0.1, 0.2], 0.1, 5.0), "mooney_paper", "a1", "positive"),
+    "parameter text": (lambda s: fc.yeoh(0.1, "0", 0.1, 5.0), "yeoh", "c2", "finite number"),
+    "elastic text": (lambda s: fc.from_elastic("1", 0.3), "from_elastic", "E", "positive"),
+    "elastic nu": (lambda s: fc.from_elastic(1.0, "0.3"), "from_elastic", "nu", "finite"),
+    "volumetric number": (lambda s: fc.neo_hooke(1.0, 5.0, volumetric=3.0), "neo-Hooke", "volumetric(J, K)", "3.0"),
+    "volumetric of J": (lambda s: fc.neo_hooke(1.0, 5.0, volumetric=lambda J: J), "volumetric(J, K)", "(J)"),
+    "energy number": (lambda s: fc.user_energy(3.0, 1.0, 5.0, "mine"), "mine", "psi(F)", "3.0"),
+    "energy arguments": (lambda s: fc.user_energy(lambda F, J: J, 1.0, 5.0, "mine"), "mine", "psi(F)", "(F, J)"),
+    "energy moduli": (lambda s: fc.user_energy(lambda F: F[0, 0], "1", 5.0, "mine"), "mine", "shear_modulus", "positive"),
+    "energy name": (lambda s: fc.user_energy(lambda F: F[0, 0], 1.0, 5.0, name=5), "name", "5", "text"),
+    # tools
+    "radius text": (lambda s: rigid_sphere("1", (0, 0, 0)), "radius", "'1'", "positive"),
+    "radius none": (lambda s: rigid_cylinder(None, (0, 0, 0)), "radius", "None", "positive"),
+    "centre two": (lambda s: rigid_sphere(1.0, (0, 0)), "centre", "three finite numbers"),
+    "centre text": (lambda s: rigid_sphere(1.0, "top"), "centre", "'top'", "three finite numbers"),
+    "centre ragged": (lambda s: rigid_sphere(1.0, (0, (1, 2), 0)), "centre", "three finite numbers"),
+    "normal letter": (lambda s: rigid_plane(normal="z"), "normal", "'z'", "three finite numbers"),
+    "point of texts": (lambda s: rigid_plane(("0", "0", "0")), "point", "three finite numbers"),
+    "half_width text": (lambda s: rigid_punch("1", 1.0), "half_width", "positive"),
+    "fillet none": (lambda s: rigid_punch(1.0, 1.0, fillet=None), "fillet", "None", "zero or a positive"),
+    "tool name": (lambda s: rigid_plane(name=5), "name of a rigid tool", "5"),
+    # bodies and scenes
+    "material number": (lambda s: Body(s.mesh, "box", 5.0), "'box'", "material", "5.0", "neo_hooke"),
+    "material not called": (lambda s: Body(s.mesh, "box", fc.neo_hooke), "'box'", "material", "neo_hooke(mu, K)"),
+    "mesh path": (lambda s: Body("plate.msh", "box", LAW), "'box'", "mesh", "read_gmsh"),
+    "volume number": (lambda s: Body(s.mesh, 1, LAW), "volume group", "1", "text"),
+    "no body": (lambda s: Scene(), "at least one Body"),
+    "list of bodies": (lambda s: Scene([Body(s.mesh, "box", LAW)]), "Scene(Body(...), Body(...))"),
+    "body twice": (lambda s: Scene(Body(s.mesh, "box", LAW), Body(s.mesh, "box", LAW)), "'box'", "2 bodies"),
+    "degree text": (lambda s: Scene(Body(s.mesh, "box", LAW), degree="1"), "degree", "'1'", "1 and 2"),
+    "degree truth": (lambda s: Scene(Body(s.mesh, "box", LAW), degree=True), "degree", "True", "1 and 2"),
+    "degree 3": (lambda s: Scene(Body(s.mesh, "box", LAW), degree=3), "degree", "3", "1 and 2"),
+    "element number": (lambda s: Scene(Body(s.mesh, "box", LAW), element=2), "element", "2", "mixed"),
+    "units text": (lambda s: Scene(Body(s.mesh, "box", LAW), units="mm"), "units", "'mm'", "Units("),
+    "unit number": (lambda s: fc.Units("mm", "N", 1e6), "Units: pressure", "text"),
+    "unit empty": (lambda s: fc.Units(""), "Units: length", "text"),
+    # supports
+    "fix nothing": (lambda s: held(s.mesh).fix("zmax", ""), "fix 'zmax'", "axis ''"),
+    "fix unknown": (lambda s: held(s.mesh).fix("zmax", "xw"), "fix 'zmax'", "axis 'xw'"),
+    "fix number": (lambda s: held(s.mesh).fix("zmax", 2), "fix 'zmax'", "axis 2"),
+    "fix none": (lambda s: held(s.mesh).fix(None), "None", "name of a surface group"),
+    "fix facets": (lambda s: held(s.mesh).fix([1, 2]), "[1, 2]", "name of a surface group"),
+    "fix no group": (lambda s: held(s.mesh).fix(()), "()", "name of a surface group"),
+    "prescribe two": (lambda s: held(s.mesh).prescribe("zmax", "xy", 0.1), "prescribe 'zmax'", "'xy'", "one of x, y, z"),
+    "prescribe vector": (lambda s: held(s.mesh).prescribe("zmax", "z", (0, 0, 1)), "'zmax'", "one finite number"),
+    "prescribe text": (lambda s: held(s.mesh).prescribe("zmax", "z", "0.1"), "'zmax'", "along z", "one finite number"),
+    "prescribe none": (lambda s: held(s.mesh).prescribe("zmax", "z", None), "'zmax'", "one finite number", "None"),
+    "prescribe of t": (lambda s: held(s.mesh).prescribe("zmax", "z", lambda t: t), "'zmax'", "value(X, t)", "(t)"),
+    "prescribe gives vectors": (lambda s: s.led(lambda X, t: t * X), "zmax along z", "shape", "number"),
+    "prescribe gives three": (lambda s: s.led(lambda X, t: (0, 0, t)), "zmax along z", "shape", "number"),
+    "prescribe gives text": (lambda s: s.led(lambda X, t: "0.1"), "zmax along z", "number"),
+    "prescribe gives nothing": (lambda s: s.led(lambda X, t: None), "zmax along z", "number"),
+    "prescribe gives nan": (lambda s: s.led(lambda X, t: NAN), "zmax along z", "finite", "mend"),
+    # loads
+    "traction number": (lambda s: held(s.mesh).traction("zmax", 0.1), "traction", "'zmax'", "three finite numbers"),
+    "traction text": (lambda s: held(s.mesh).traction("zmax", "down"), "traction", "'zmax'", "'down'"),
+    "traction of X": (lambda s: held(s.mesh).traction("zmax", lambda X, t: (0, 0, t)), "'zmax'", "value(t)", "(X, t)"),
+    "traction group": (lambda s: held(s.mesh).traction(6, (0, 0, 1)), "6", "name of a surface group"),
+    "traction gives number": (lambda s: s.loaded("traction", lambda t: t), "traction", "'zmax'", "three finite numbers"),
+    "traction gives nothing": (lambda s: s.loaded("traction", lambda t: None), "'zmax'", "three finite numbers", "None"),
+    "pressure vector": (lambda s: held(s.mesh).pressure("zmax", (0, 0, 1)), "pressure", "'zmax'", "one finite number"),
+    "pressure text": (lambda s: held(s.mesh).pressure("zmax", "0.1"), "pressure", "'zmax'", "'0.1'"),
+    "pressure gives text": (lambda s: s.loaded("pressure", lambda t: "0.1"), "pressure", "'zmax'", "one finite number"),
+    "body force number": (lambda s: held(s.mesh).body_force(-9.81), "body force", "three finite numbers"),
+    "body force complex": (lambda s: held(s.mesh).body_force((0, 0, 1j)), "body force", "three finite numbers"),
+    # contacts
+    "friction text": (lambda s: pressed(s.mesh, friction="0.3"), "top", "friction", "'0.3'", "positive"),
+    "friction none": (lambda s: pressed(s.mesh, friction=None), "top", "friction", "None", "positive"),
+    "friction truth": (lambda s: pressed(s.mesh, friction=True), "top", "friction", "True", "positive"),
+    "friction infinite": (lambda s: pressed(s.mesh, friction=float("inf")), "top", "friction", "inf", "positive"),
+    "penalty text": (lambda s: pressed(s.mesh, penalty="1"), "top", "penalty", "'1'", "positive"),
+    "penalty truth": (lambda s: pressed(s.mesh, penalty=True), "top", "penalty", "True", "positive"),
+    "penetration list": (lambda s: pressed(s.mesh, penetration=[1e-5]), "top", "penetration", "positive"),
+    "factor zero": (lambda s: pressed(s.mesh, penalty_factor=0), "top", "penalty_factor", "positive"),
+    "points truth": (lambda s: pressed(s.mesh, points=True), "top", "points", "True", "Gauss"),
+    "points word": (lambda s: pressed(s.mesh, points="gauss"), "top", "points", "'gauss'", "closest"),
+    "points part": (lambda s: pressed(s.mesh, points=1.5), "top", "points", "1.5", "Gauss"),
+    "points list": (lambda s: pressed(s.mesh, points=[1]), "top", "points", "[1]", "Gauss"),
+    "contact name": (lambda s: pressed(s.mesh, name=7), "contact: name", "7", "text"),
+    "contact no name": (lambda s: pressed(s.mesh, name=""), "contact: name", "text"),
+    "swapped": (lambda s: held(s.mesh).contact(slave=BALL, master="zmax"), "slave", "tool 'ball'", "master="),
+    "slave number": (lambda s: held(s.mesh).contact(6, BALL), "slave", "6", "surface group"),
+    "master number": (lambda s: held(s.mesh).contact("zmax", 6), "master", "6", "rigid_plane"),
+    "master not called": (lambda s: held(s.mesh).contact("zmax", rigid_plane), "master", "rigid_plane(...)"),
+    "master tools": (lambda s: held(s.mesh).contact("zmax", (BALL, BALL)), "master", "surface group"),
+    "tools of one name": (lambda s: pressed(s.mesh)[0].contact("zmax", rigid_plane(name="punch")), "two tools", "'punch'"),
+    "contacts of one name": (lambda s: pressed(s.mesh)[0].contact(**AT_TOP), "two contacts", "'top'", "name="),
+    "itself": (lambda s: held(s.mesh).contact("zmax", ("zmin", "zmax")), "both 'zmax'", "one of each body"),
+    "one body": (lambda s: s.met("xmin", "zmax").system(), "share nodes", "separate volumes"),
+    "degree 2 master": (lambda s: stacked(s.pair, degree=2), "joint", "degree=1", "slave"),
+    "multipliers at nodes": (lambda s: stacked(s.pair, points="nodes", penetration=1e-5), "joint", "points=1"),
+    # tools' drives
+    "move two": (lambda s: s.drive(move=(0, 0)), "move", "punch", "three finite numbers"),
+    "move number": (lambda s: s.drive(move=-1.0), "move", "punch", "three finite numbers"),
+    "move text": (lambda s: s.drive(move="down"), "move", "punch", "'down'"),
+    "move none": (lambda s: s.drive(move=None), "move", "punch", "three finite numbers"),
+    "move of X": (lambda s: s.drive(move=lambda X, t: (0, 0, t)), "move", "punch", "value(t)", "(X, t)"),
+    "move gives two": (lambda s: s.drive(move=lambda t: (0, t)), "move", "punch", "three finite numbers"),
+    "move no tool": (lambda s: driven(s.mesh, s.out, move=(0, 0, -1)), "move", "(0, 0, -1)", "{tool: (x, y, z)}"),
+    "move a name": (lambda s: driven(s.mesh, s.out, move={"punch": (0, 0, -1)}), "'punch'", "the tool itself"),
+    "push text": (lambda s: s.drive(push="down"), "push", "punch", "'down'"),
+    "push nothing": (lambda s: s.drive(push=(0, 0, 0)), "push", "punch", "no force"),
+    "push a list": (lambda s: driven(s.mesh, s.out, move=None, push=[BALL]), "push", "{tool: (x, y, z)}"),
+    "moved and pushed": (lambda s: s.drive(move=(0, 0, -1), push=(0, 0, -1)), "punch", "both moved and pushed"),
+    # options of a run
+    "steps text": (lambda s: driven(s.mesh, s.out, steps="10"), "steps", "'10'", "whole number"),
+    "steps truth": (lambda s: driven(s.mesh, s.out, steps=True), "steps", "True", "whole number"),
+    "steps none": (lambda s: driven(s.mesh, s.out, steps=None), "steps", "None", "whole number"),
+    "steps texts": (lambda s: driven(s.mesh, s.out, steps=["0.5", "1"]), "steps", "increasing", "finite numbers"),
+    "steps table": (lambda s: driven(s.mesh, s.out, steps=[[0.5, 1.0]]), "steps", "increasing", "finite numbers"),
+    "method number": (lambda s: driven(s.mesh, s.out, method=1), "method", "1", "newton"),
+    "method list": (lambda s: driven(s.mesh, s.out, method=["newton"]), "method", "newton", "snes"),
+    "linear number": (lambda s: driven(s.mesh, s.out, linear=1), "1", "direct"),
+    "tolerance zero": (lambda s: driven(s.mesh, s.out, tolerance=0), "tolerance", "0", "positive"),
+    "tolerance negative": (lambda s: driven(s.mesh, s.out, tolerance=-1e-8), "tolerance", "positive"),
+    "tolerance text": (lambda s: driven(s.mesh, s.out, tolerance="1e-8"), "tolerance", "'1e-8'", "positive"),
+    "tolerance large": (lambda s: driven(s.mesh, s.out, tolerance=10), "tolerance", "10", "up to 1"),
+    "tolerance unused": (lambda s: driven(s.mesh, s.out, tolerance=1e-8, method="incremental"), "tolerance", "incremental"),
+    "smallest text": (lambda s: driven(s.mesh, s.out, smallest_step="1e-4"), "smallest_step", "positive"),
+    "until with newton": (lambda s: driven(s.mesh, s.out, until=fc.Load(1.0)), "until", "arc_length"),
+    "back with newton": (lambda s: driven(s.mesh, s.out, back=fc.Load(0.0)), "back", "arc_length"),
+    "ArcSteps with newton": (lambda s: driven(s.mesh, s.out, steps=fc.ArcSteps()), "ArcSteps", "arc_length"),
+    "no until": (lambda s: driven(s.mesh, s.out, method="arc_length"), "until", "Load"),
+    "until number": (lambda s: s.followed(until=1.0), "until = 1.0", "Load"),
+    "until of two": (lambda s: s.followed(until=lambda u, t: t), "until(state)", "(u, t)"),
+    "load text": (lambda s: s.followed(until=fc.Load("1")), "Load: value", "'1'"),
+    "travel of a name": (lambda s: s.followed(until=fc.Travel("punch", "z", -1.0)), "Travel", "'punch'", "the tool itself"),
+    "displacement axis": (lambda s: s.followed(until=fc.Displacement("zmax", "xy", 1.0)), "'zmax'", "'xy'", "one of x"),
+    "displacement group": (lambda s: s.followed(until=fc.Displacement("lid", "z", 1.0)), "'lid'", "zmax"),
+    "displacement groups": (lambda s: s.followed(until=fc.Displacement(6, "z", 1.0)), "6", "surface group"),
+    "first text": (lambda s: s.followed(until=fc.Load(1.0), steps=fc.ArcSteps(first="0.1")), "first", "positive"),
+    "most part": (lambda s: s.followed(until=fc.Load(1.0), steps=fc.ArcSteps(most=2.5)), "most", "whole number"),
+    "checkpoint text": (lambda s: driven(s.mesh, s.out, checkpoint="yes"), "checkpoint", "'yes'", "whole number"),
+    "checkpoint part": (lambda s: driven(s.mesh, s.out, checkpoint=1.5), "checkpoint", "1.5", "whole number"),
+    "checkpoint nowhere": (lambda s: driven(s.mesh, None, checkpoint=True), "checkpoint", "out="),
+    "out number": (lambda s: driven(s.mesh, 5), "out = 5", "folder"),
+}  # fmt: skip
+
+
+class Start:
+    """Where the mistakes of the table begin."""
+
+    def __init__(self, mesh, pair, out):
+        self.mesh, self.pair, self.out = mesh, pair, out
+
+    def led(self, value):
+        scene = held(self.mesh)
+        scene.prescribe("zmax", "z", value)
+        return solved(scene, out=self.out)
+
+    def loaded(self, kind, value):
+        scene = held(self.mesh)
+        getattr(scene, kind)("zmax", value)
+        return solved(scene, out=self.out)
+
+    def met(self, slave, master):
+        scene = held(self.mesh)
+        scene.contact(slave, master)
+        return scene
+
+    def drive(self, **drives):
+        scene, tool = pressed(self.mesh)
+        return solved(scene, out=self.out, **{word: {tool: value} for word, value in drives.items()})
+
+    def followed(self, **options):
+        return driven(self.mesh, self.out, method="arc_length", **options)
+
+
+@pytest.mark.parametrize("name", WRONG_VALUES)
+def test_a_wrong_value_is_named(mesh, pair, out, name):
+    action, *words = WRONG_VALUES[name]
+    refused(lambda: action(Start(mesh, pair, out)), *words)
+
+
+def test_numbers_of_numpy_and_one_number_for_all_places_are_right(mesh):
+    """Numbers that loops over arrays give, a function of t alone in effect, and a group named twice."""
+    found = []
+    for way, group, count in ((-0.1, "zmax", 2), (lambda X, t: -0.1 * t, ("zmax", "zmax"), np.int64(2))):
+        scene, tool = pressed(mesh, points=count, friction=np.float32(0.25), penalty=np.array(10.0))
+        scene.prescribe("zmax", "x", way)
+        scene.traction(group, (0.0, 0.1, 0.0))
+        result = solved(scene, move={tool: np.array([0, 0, -1]) / 10}, steps=count, smallest_step=np.float64(0.1))
+        assert result.converged
+        found.append([result.history[-1][f"top_force_{axis}_N"] for axis in "xyz"])
+    np.testing.assert_allclose(*found, rtol=1e-10)
+
+
 # -- statements that cannot be computed -----------------------------------------------------------------------------
 def test_tool_deep_inside_the_body(mesh, out):
     """1.5 mm inside a block 2 mm high with cells of 1 mm."""
@@ -198,7 +421,8 @@ def test_contradictory_supports(mesh, out):
 @pytest.mark.parametrize("held_axes", ["", "z", "xy"])
 def test_nothing_against_rigid_motion(mesh, out, held_axes):
     scene = Scene(Body(mesh, "box", fc.neo_hooke(1.0, 5.0)))
-    scene.fix("zmin", held_axes)
+    if held_axes:
+        scene.fix("zmin", held_axes)
     scene.traction("zmax", (0, 0, -0.1))
     loose = ", ".join(a for a in "xyz" if a not in held_axes)
     refused(lambda: solve(scene, out=out, progress=False), "box", f"along {loose}:", "fix")

@@ -155,7 +155,7 @@ def test_a_function_of_points_sees_all_of_them_on_any_rank():
 @pytest.mark.parallel
 def test_what_a_function_of_points_must_give():
     for value, words in (
-        (lambda X, t: 0.1 * t, "shape ()"),
+        (lambda X, t: [0.1 * t], "shape (1,)"),
         (lambda X, t: X * t, "shape (4, 3)"),
         (lambda X, t: None, "xmax along x"),
     ):

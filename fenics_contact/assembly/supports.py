@@ -11,7 +11,7 @@ class Supports:
     """
 
     def __init__(self, entries, owned_dofs, names):
-        self._entries, self._names = entries, names
+        self._entries = entries
         dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
         self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
         self.owned = self.dofs[self.dofs < owned_dofs]

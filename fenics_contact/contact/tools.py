@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.kernels import rigid_shapes
+from fenics_contact.values import finite, positive, text
 
 
 @dataclass(frozen=True, eq=False)
@@ -12,6 +13,9 @@ class Tool:
     """A rigid body without dofs; scenes move it along a path or push it with a force."""
 
     name: str
+
+    def __post_init__(self):
+        text(self.name, "name of a rigid tool")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +55,9 @@ class RigidTool(Tool):
         return float(max(np.abs(self.origin).max(), self.shape.max()))
 
 
-def _vector(values, what):
-    vector = np.asarray(values, dtype=float)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{what} must be three finite numbers, not {values!r}")
-    return vector
-
-
 def _axes(third, what):
     """Right-handed orthonormal axes whose third is along `third`, aligned with x, y, z where that is possible."""
-    third = _vector(third, what)
+    third = finite(third, what, (3,))
     length = np.linalg.norm(third)
     if length == 0.0:
         raise ValueError(f"{what} must not be the zero vector")
@@ -72,15 +69,13 @@ def _axes(third, what):
 
 
 def _length(value, what, zero=False):
-    if not np.isfinite(value) or value < 0.0 or (value == 0.0 and not zero):
-        raise ValueError(f"{what} = {value} must be a positive length" + (" or zero" if zero else ""))
-    return float(value)
+    return float(positive(value, what, zero=zero, more=", a length"))
 
 
 def rigid_plane(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), name="plane"):
     """Half-space behind the plane through `point` whose outward `normal` points at the body."""
     axes = _axes(normal, f"{name}: normal")
-    return RigidTool(name, rigid_shapes.PLANE, np.zeros(4), axes, _vector(point, f"{name}: point"))
+    return RigidTool(name, rigid_shapes.PLANE, np.zeros(4), axes, finite(point, f"{name}: point", (3,)))
 
 
 def rigid_punch(
@@ -104,7 +99,7 @@ def rigid_punch(
     if fillet > min(half, depth, tall):
         raise ValueError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
     axes = _axes(direction, f"{name}: direction")
-    origin = _vector(face, f"{name}: face") - tall * axes[:, 2]
+    origin = finite(face, f"{name}: face", (3,)) - tall * axes[:, 2]
     edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
     return RigidTool(name, rigid_shapes.BOX, np.array([half, depth, tall, fillet]), axes, origin, edge)
 
@@ -112,11 +107,11 @@ def rigid_punch(
 def rigid_sphere(radius, centre, name="sphere"):
     """Ball of `radius` about `centre` [lengths]."""
     shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
-    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), _vector(centre, f"{name}: centre"))
+    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)))
 
 
 def rigid_cylinder(radius, point, axis=(0.0, 1.0, 0.0), name="cylinder"):
     """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]."""
     shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
     axes = _axes(axis, f"{name}: axis")
-    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, _vector(point, f"{name}: point"))
+    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)))

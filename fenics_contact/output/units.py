@@ -1,6 +1,8 @@
 """Names of the units a scene is stated in; they only label the output."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from fenics_contact.values import text
 
 
 @dataclass(frozen=True)
@@ -10,3 +12,7 @@ class Units:
     length: str = "mm"
     force: str = "N"
     pressure: str = "MPa"
+
+    def __post_init__(self):
+        for unit in fields(self):
+            text(getattr(self, unit.name), f"Units: {unit.name}")

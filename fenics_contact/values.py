@@ -1,0 +1,94 @@
+"""What the values of a statement must be: numbers, counts, vectors, names, functions; else a SceneError that names them."""
+
+import inspect
+import math
+import re
+from numbers import Real
+
+import numpy as np
+
+LONGEST = 80  # characters of a wrong value that an error shows
+
+
+class SceneError(ValueError):
+    """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
+
+
+def shown(value):
+    """A value as an error shows it: short, and without addresses, which differ from rank to rank."""
+    words = re.sub(" at 0x[0-9a-f]+", "", repr(value))
+    return words if len(words) <= LONGEST else f"{words[:LONGEST]}..."
+
+
+def is_number(value):
+    """Whether a value is a real number: no text, no truth value, no array but of no dimension."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 0 and value.dtype.kind in "iuf"
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+
+
+def positive(value, what, zero=False, most=math.inf, more=""):
+    """The number itself, finite, above zero (or zero where that is allowed) and up to `most`."""
+    right = is_number(value) and math.isfinite(value) and (value > 0.0 or (zero and value == 0.0)) and value <= most
+    if not right:
+        wanted = "zero or a positive number" if zero else "a positive number"
+        wanted += f" up to {most:g}" if math.isfinite(most) else ""
+        raise SceneError(f"{what} = {shown(value)} must be {wanted}{more}")
+    return value
+
+
+def count(value, what, least=1, remedy=""):
+    """The value as an int, where it is a whole number of at least `least`."""
+    if not (is_number(value) and math.isfinite(value) and value == int(value) and value >= least):
+        raise SceneError(f"{what} = {shown(value)} must be a whole number of at least {least}{remedy}")
+    return int(value)
+
+
+def finite(value, what, shape=()):
+    """The value as an array of finite numbers: one, with shape (), or as many as shape (n,) says."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.empty(0, dtype=object)
+    if array.shape != shape or (array.size and array.dtype.kind not in "iuf") or not np.all(np.isfinite(array)):
+        wanted = {(): "one finite number", (3,): "three finite numbers"}.get(shape, "finite numbers")
+        raise SceneError(f"{what} must be {wanted}, not {shown(value)}")
+    return array.astype(float)
+
+
+def function(value, what, form):
+    """The value itself, a function that can be called as `form` says, e.g. "value(X, t)"."""
+    if not callable(value):
+        raise SceneError(f"{what} must be a function {form}, not {shown(value)}")
+    try:
+        signature = inspect.signature(value)
+    except ValueError:  # one of C, which does not say
+        return value
+    try:
+        signature.bind(*form[form.index("(") + 1 : -1].split(", "))
+    except TypeError:
+        raise SceneError(f"{what}: its function takes {signature}, but is called as {form}") from None
+    return value
+
+
+def text(value, what):
+    """The value itself, a text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise SceneError(f"{what} = {shown(value)} must be a name, as text")
+    return value
+
+
+def group_names(group, what="surface"):
+    """Names of a group: a name, or several, each once."""
+    several = (group,) if isinstance(group, str) else group
+    if not isinstance(several, list | tuple) or not several or not all(isinstance(name, str) for name in several):
+        raise SceneError(f"{what}: {shown(group)} is no name of a surface group, nor a tuple of such names")
+    return tuple(dict.fromkeys(several))
+
+
+def axis_letters(letters, what, most=3):
+    """The value itself: one of x, y, z, or up to `most` of them."""
+    if not isinstance(letters, str) or not 1 <= len(letters) <= most or set(letters) - set("xyz"):
+        wanted = "one of x, y, z" if most == 1 else "x, y, z or several of these, as text"
+        raise SceneError(f"{what}: axis {shown(letters)} is not {wanted}")
+    return letters
