@@ -146,24 +146,25 @@ def solve(
     record = _Record(scene, system, folder, keeper, record, continuation, progress)
     setup = timers.table()["total"]
     verdict = record.verdict
-    verdict.notes += [note for note in scene.notes if note not in verdict.notes]  # a resumed run has them
+    record.remark([*scene.notes, *system.notes])
     if continuation:
         path.follow(record, verdict)
     else:
         run(system, stepper, times, record, smallest_step, verdict)
     record.bar.close()
+    if verdict.converged:
+        record.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
     summary = _summary(scene, system, solver, method, verdict, record.history)
     with timers("penalty error"):
         error = penalty_error(system, solver) if verdict.converged else None
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
-    costs = penalty_notes(summary["penalty_error"], travel, scene.units)
-    verdict.notes += costs
+    record.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if record.writer:
         record.writer.finish(summary)
     if progress and system.comm.rank == 0:
-        lines = [*penalty_lines(summary["penalty_error"], scene.units), *costs, _stages_line(summary["seconds"])]
+        lines = [*penalty_lines(summary["penalty_error"], scene.units), _stages_line(summary["seconds"])]
         if verdict.residuals:
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
@@ -190,7 +191,8 @@ class _Record:
                 self._start_anew(folder)
             self.writer = Writer(folder, scene, system, clock, list(self.history)) if folder else None
         layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
-        self.bar = tqdm(total=1.0, disable=not progress or system.comm.rank != 0, bar_format=layout)
+        self.silent = not progress or system.comm.rank != 0
+        self.bar = tqdm(total=1.0, disable=self.silent, bar_format=layout)
 
     def _start_anew(self, folder):
         """An earlier run's files go; then comes a checkpoint of the start: what is killed from here on can be resumed."""
@@ -217,6 +219,14 @@ class _Record:
             tqdm.write("\n".join(news), file=sys.stderr)
         if not self.continuation:
             self.bar.update(t - self.bar.n)
+
+    def remark(self, notes):
+        """Notes on the run as a whole, each said once."""
+        fresh = [note for note in notes if note not in self.verdict.notes]
+        self.verdict.notes += fresh
+        self._told = len(self.verdict.notes)
+        if fresh and not self.silent:
+            tqdm.write("\n".join(fresh), file=sys.stderr)
 
     def _row(self, report, seconds):
         state, units = self.system.state, self.scene.units

@@ -21,10 +21,13 @@ from fenics_contact.checks import (
     refuse_behind,
     refuse_deep_start,
     refuse_doubled,
+    refuse_held,
     refuse_inside,
+    refuse_jumps,
     refuse_loose,
     refuse_numbers,
     refuse_pair,
+    refuse_twice,
     refuse_volumes,
     sides,
 )
@@ -116,7 +119,7 @@ class Scene:
     def prescribe(self, group, axis, value):
         """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
 
-        The function may give one number for all. X (n, 3): reference positions of all nodes of the surface, on every rank [length].
+        The function may give one number for all; X (n, 3): reference positions of all nodes of the surface, on every rank.
         """
         axis_letters(axis, f"prescribe '{group}'", most=1)
         what = f"prescribed displacement of '{group}' along {axis}"
@@ -178,7 +181,8 @@ class Scene:
         refuse_pair(contact, self.contacts, self.degree)
         for side in (slave, master):
             if not isinstance(side, Tool):
-                self._facets(side)
+                refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
+        refuse_twice(self.mesh, contact, self.contacts)
         self.contacts.append(contact)
 
     @property
@@ -242,7 +246,8 @@ class Scene:
         refuse_behind(system)
         system.reach = max([system.extent, *(tool.reach for tool in self.tools)])
         system.bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in self.bodies)
-        refuse_deep_start(self, system)
+        refuse_held(self, system)
+        system.notes = refuse_deep_start(self, system) + refuse_jumps(self, system)
         return system
 
     def dx(self, body, degree=None):

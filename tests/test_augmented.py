@@ -331,7 +331,7 @@ def test_where_no_part_of_it_can_be_solved_the_penalty_has_the_say():
 
 
 def test_what_cannot_be_augmented_is_refused():
-    with pytest.raises(SceneError, match="penetration = 0.0 must be positive"):
+    with pytest.raises(SceneError, match="penetration = 0.0 must be a positive number"):
         sphere(penetration=0.0)
     with pytest.raises(SceneError, match="use Gauss points"):
         confined("bodies").contact("upper_bottom", "lower_top", points="nodes", penetration=1e-6)

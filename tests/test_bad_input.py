@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import gmsh
@@ -10,7 +11,17 @@ import pytest
 from mpi4py import MPI
 
 import fenics_contact as fc
-from fenics_contact import Body, Scene, read_gmsh, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere, solve
+from fenics_contact import (
+    Body,
+    Scene,
+    read_gmsh,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    rigid_surface,
+    solve,
+)
 from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -393,6 +404,127 @@ def test_numbers_of_numpy_and_one_number_for_all_places_are_right(mesh):
         assert result.converged
         found.append([result.history[-1][f"top_force_{axis}_N"] for axis in "xyz"])
     np.testing.assert_allclose(*found, rtol=1e-10)
+
+
+# -- statements that go together in words, but not in the scene -------------------------------------------------------
+def glued():
+    """Two bonded layers, the surface between them a group."""
+    occ = gmsh.model.occ
+    boxes = [occ.addBox(0, 0, z, 1, 1, 1) for z in (0, 1)]
+    occ.fragment([(3, boxes[0])], [(3, boxes[1])])
+    occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 1.0)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, boxes), "box")
+    for place, name in enumerate(("zmin", "between", "zmax")):
+        faces = [f for _, f in gmsh.model.getEntities(2) if abs(occ.getCenterOfMass(2, f)[2] - place) < 1e-9]
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), name)
+
+
+def test_contact_inside_the_material():
+    mesh = read_gmsh(glued)
+    refused(lambda: held(mesh).contact("between", rigid_plane(), name="c"), "'c'", "'between'", "inside the material")
+    refused(lambda: held(mesh).contact(("zmax", "between"), rigid_plane()), "'zmax+between'", "inside the material")
+
+
+def test_the_same_contact_twice(mesh, pair):
+    scene, tool = pressed(mesh)
+    refused(lambda: scene.contact(("xmin", "zmax"), tool, name="again"), "'top'", "'again'", "the same", "leave one")
+    scene.contact("xmin", tool, name="side")  # other facets of the body may meet the same tool
+    scene = stacked(pair)
+    refused(lambda: scene.contact("upper_bottom", "lower_top", name="again"), "'joint'", "'again'", "leave one")
+    scene.contact("lower_top", "upper_bottom", name="back")  # two passes, each surface once the slave
+
+
+def test_a_slave_that_cannot_give_way(mesh, pair, out):
+    """A support along the contact's normal at every slave node; one that leaves the normal free is right."""
+    scene, tool = pressed(mesh)
+    scene.fix("zmax", "xy")
+    assert scene.system({tool: (0, 0, -0.1)})
+    scene.prescribe("zmax", "z", -0.1)
+    refused(lambda: solved(scene, move={tool: (0, 0, -0.1)}, out=out), "'top'", "'zmax'", "normal", "leave out")
+    scene = held(mesh)
+    face = rigid_surface(flat, "face", height=2.0, flip=True)
+    scene.contact("zmax", face, name="top")
+    scene.fix("zmax", "z")
+    refused(lambda: solved(scene, move={face: (0, 0, -0.1)}, out=out), "'top'", "'zmax'", "normal", "leave out")
+    scene = stacked(pair)
+    scene.fix("upper_bottom", "z")
+    assert scene.system()  # the other body gives way
+    scene.fix("lower_top")
+    refused(lambda: solved(scene, out=out), "'joint'", "'upper_bottom'", "normal", "leave out")
+
+
+def flat(height):
+    """A square that looks up."""
+    gmsh.model.occ.addRectangle(-1.0, -1.0, height, 6.0, 6.0)
+    gmsh.model.occ.synchronize()
+    gmsh.model.mesh.generate(2)
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [1]), "face")
+
+
+@pytest.mark.parametrize("kind", ["ball", "face", "pair"])
+def test_a_start_overlapped(mesh, out, kind):
+    """0.04 of a cell goes unsaid, 0.4 of one is noted, 0.6 of one is refused."""
+
+    def scene(depth):
+        if kind == "pair":
+            lower = {"lower": (4.0, 4.0, 2.0), "lower_cells": (2, 2, 2), "lower_origin": (0.0, 0.0, -2.0)}
+            upper = {"upper": (2.0, 2.0, 2.0), "upper_cells": (1, 1, 2), "upper_origin": (1.0, 1.0, -depth)}
+            return stacked(read_gmsh(two_blocks.build, **lower, **upper))
+        scene = held(mesh)
+        face = partial(rigid_surface, flat, "face", height=2.0 - depth, flip=True)
+        scene.contact("zmax", rigid_sphere(3.0, (2.0, 2.0, 5.0 - depth)) if kind == "ball" else face(), name="top")
+        return scene
+
+    name = "joint" if kind == "pair" else "top"
+    assert scene(0.04).system().notes == []
+    result = solved(scene(0.4), out=None)
+    assert result.converged
+    notes = [note for note in result.summary["verdict"]["notes"] if "starts" in note]
+    assert len(notes) == 1 and f"'{name}'" in notes[0] and "0.4 inside" in notes[0] and "start it outside" in notes[0]
+    refused(lambda: solved(scene(0.6), out=out), f"'{name}'", "0.6 inside", "outwards")
+
+
+def test_a_path_that_does_not_start_at_rest(mesh, out):
+    scene, tool = pressed(mesh)
+    way = {tool: lambda t: (0.0, 0.0, -0.1 - 0.1 * t)}
+    refused(lambda: solved(scene, move=way, out=out), "'punch'", "-0.1", "t = 0", "start from 0")
+    scene = held(mesh)
+    scene.prescribe("zmax", "z", lambda X, t: np.where(X[:, 0] > 3.5, -0.1, -0.1 * t))
+    refused(lambda: solved(scene, out=out), "zmax along z", "0.1 at t = 0", "multiply it by t")
+
+
+def test_loads_that_jump_are_noted_and_round_off_is_not(mesh):
+    def noted(scene, **options):
+        result = solved(scene, **options)
+        assert result.converged
+        return [note for note in result.summary["verdict"]["notes"] if "at t = 0" in note]
+
+    scene, tool = pressed(mesh, friction=0.3)
+    scene.prescribe("xmax", "y", lambda X, t: np.full(len(X), 0.1 * np.sin(2.0 * np.pi * (t - 1.0))))  # -2.4e-17 at 0
+    scene.body_force(lambda t: (1e-5 * (t - 1.0) + 1e-5, 0.0, 0.0))
+    assert noted(scene, push={tool: (0, 0, -0.1)}, steps=[0.5]) == []
+    scene = held(mesh)
+    scene.traction("zmax", lambda t: (0.0, 0.0, -0.01))
+    scene.pressure("xmax", lambda t: 0.01 * (1.0 + t))
+    assert ["traction on 'zmax' is 0.01 at t = 0" in noted(scene)[0], "pressure on 'xmax' is 0.01" in noted(scene)[1]]
+
+
+def test_a_contact_that_never_closed_is_noted(mesh, pair, capsys):
+    """A tool drawn in metres beside a body in millimetres, and a body out of reach."""
+    scene = held(mesh)
+    tool = rigid_sphere(0.01, (2.0, 2.0, 2.51))
+    scene.contact("zmax", tool, name="top")
+    result = solve(scene, move={tool: (0, 0, -1e-3)}, steps=1)
+    notes = [note for note in result.summary["verdict"]["notes"] if "never" in note]
+    assert result.converged and len(notes) == 1
+    assert "'top' never closed: 'sphere' ends 0.499 away" in notes[0] and "units" in notes[0]
+    assert (notes[0] in capsys.readouterr().err) == (COMM.rank == 0)
+    scene = stacked(pair)
+    scene.contact("upper_xmin", rigid_plane((-0.5, 0, 0), (1, 0, 0)), name="wall")
+    notes = [note for note in solved(scene).summary["verdict"]["notes"] if "never" in note]
+    assert len(notes) == 1 and "'wall' never closed" in notes[0]
 
 
 # -- statements that cannot be computed -----------------------------------------------------------------------------

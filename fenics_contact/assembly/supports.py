@@ -11,7 +11,7 @@ class Supports:
     """
 
     def __init__(self, entries, owned_dofs, names):
-        self._entries = entries
+        self._entries, self._names = entries, names
         dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
         self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
         self.owned = self.dofs[self.dofs < owned_dofs]
@@ -36,6 +36,11 @@ class Supports:
             at = [value.few(t) if callable(value) else [value * t] for t in times]
             out[name] = out.get(name, []) + np.concatenate(at).tolist()
         return out
+
+    def largest(self, t):
+        """[(name, largest displacement [length] on this rank)] of all entries at t."""
+        parts = np.split(np.abs(self._all(t)), np.cumsum([len(dofs) for dofs, *_ in self._entries]))
+        return [(name, float(part.max(initial=0.0))) for name, part in zip(self._names, parts[:-1], strict=True)]
 
     def values(self, t):
         """Prescribed displacements [length] of `dofs` at load parameter t."""

@@ -137,11 +137,10 @@ class DeformableContact(PairPenalties, SlavePoints):
         coords, points, normals = self._positions(state)
         return coords, self._pairing.far(points, normals, coords, FIRST_SEARCH * self.search)
 
-    def excessive_overlap(self, state, X, slave, comm):
-        """Depth [length] of the deepest slave point inside the master beyond a cell's height, else zero. Collective."""
+    def overlap(self, state, X, slave, comm):
+        """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
         gaps = self._first_projection(state)[1][4]
-        deepest = -min(comm.allgather(gaps.min(initial=0.0)))
-        return deepest if deepest > self.surface.cell_height else 0.0
+        return -min(comm.allgather(gaps.min(initial=0.0))), 0.0
 
     def lost_depth(self, state, comm):
         """Depth [length] of the deepest slave point inside the master that is too deep to have a partner, else zero.
@@ -187,6 +186,10 @@ class DeformableContact(PairPenalties, SlavePoints):
         normals = np.abs(self._point_normals(state.u.x.array)).max(axis=0, initial=0.0)
         largest = np.max(comm.allgather(normals), axis=0)
         return set("xyz") if self.friction > 0.0 else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+
+    def looks(self, state):
+        """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
+        return self._point_normals(state.u.x.array).reshape(self.traction.shape)
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def evaluate(self, state):

@@ -34,6 +34,7 @@ class SlavePoints(Penalties):
     penalised = True
     # what to do where the slave has left the master
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+    search = np.inf  # gaps from this on are not told apart [length]
     _remarked = False
 
     def misfit(self, state):
@@ -161,6 +162,19 @@ class SlavePoints(Penalties):
         """(penetration [length], place) of the deepest point at the state evaluated last. Collective."""
         held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0).ravel()
         return self._worst(comm, held)
+
+    def never_met(self, state):
+        """None, or how far away the master is after a run in which no point has touched it. Collective."""
+        comm = state.u.function_space.mesh.comm
+        if comm.allreduce(int(self.met.sum())):
+            return None
+        self.evaluate(state)
+        nearest = min(comm.allgather(self.gap.min(initial=np.inf)))
+        beyond = "more than " if nearest >= self.search else ""
+        return (
+            f"contact '{self.name}' never closed: '{self.master_name}' ends {beyond}{nearest:.3g} away; see that both "
+            "are in the same units and in their places, and that the path is long enough"
+        )
 
     def remark(self, state):
         """None, or at the first accepted step where it is so, that points or nodes lie deep in the master. Collective."""

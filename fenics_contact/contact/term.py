@@ -178,17 +178,13 @@ class RigidContact(SlavePoints):
         self._kept, self.before, self._feet = (self._anchor, self.shift), self._anchor, None
         self.restore_penalties(raised)
 
-    def excessive_overlap(self, state, X, slave, comm):
-        """How deep [length] nodes X (n, 3) lie inside the tool, zero where that is admissible. Collective.
-
-        Nodes on the slave surface (mask `slave`) may start inside by a cell, those behind it by a tenth of one.
-        """
+    def overlap(self, state, X, slave, comm):
+        """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
         kind, shape, origin, axes, travel = self._tool_arguments(state)
-        gap, height = np.empty(len(X)), self.surface.cell_height
+        gap = np.empty(len(X))
         distances(X, kind, shape, origin, axes, travel, gap)
         here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
-        at_surface, behind = np.max(comm.allgather(here), axis=0)
-        return max(at_surface, behind) if at_surface > height or behind > 0.1 * height else 0.0
+        return np.max(comm.allgather(here), axis=0)
 
     def node_gaps(self, state, nodes, X):
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
@@ -210,6 +206,10 @@ class RigidContact(SlavePoints):
         s, out = self.surface, np.empty_like(self.traction)
         point_normals(s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, s.spacing, out)
         return out
+
+    def looks(self, state):
+        """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
+        return self.normals(state)
 
     def split_traction(self, state):
         """Contact pressure (ne, nq) and friction traction on the body (ne, nq, 3) [pressure, per reference area]."""
