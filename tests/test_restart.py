@@ -305,7 +305,7 @@ def mpirun(count):
 def on_ranks(count, *arguments):
     """Run this file's main program under `mpirun -n count`; returns what it prints last."""
     command = [*mpirun(count), sys.executable, __file__, *map(str, arguments)]
-    done = subprocess.run(command, env=alone(), cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, env=alone(), cwd=ROOT, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout.strip().splitlines()[-1])
 
