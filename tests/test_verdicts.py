@@ -103,6 +103,16 @@ def drawn_off(drive="push", end=1.0, stabilise=True):
     return scene, {drive: {ball: path}, "smallest_step": 0.05, "stabilise": stabilise}
 
 
+def on_one_ball(held=False):
+    """A beam that lies on one ball beside its middle; or one whose end is held."""
+    scene = cube(cells=(8, 2, 2), size=(8.0, 2.0, 1.0), origin=(0.0, -1.0, 0.0))
+    scene.contact("zmin", rigid_sphere(1.5, (5.0, 0, -1.5), name="ball"), 0.3, name="c")
+    scene.body_force((0, 0, -0.002))
+    if held:
+        scene.fix("xmin", "z")
+    return scene, {}
+
+
 def pressed(penalty):
     scene = cube()
     scene.fix("zmax", "xy")
@@ -229,6 +239,7 @@ CATALOGUE = {
         "end the path where the force vanishes, or move the tool away",
     ),
     "drawn off unheld": (lambda: drawn_off(stabilise=False), "rigid-body motion", "tool 'ball'", "or move the tool away"),
+    "toppling": (on_one_ball, "rigid-body motion", "body 'box'", "fix a surface or use a symmetry plane"),
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
     "soft": (ball_through, "penalty too soft", "contact 'ball' at (", "raise penalty="),
     "soft on high cells": (
@@ -283,6 +294,7 @@ CURES = {
     "gap": [lambda: with_options(hanging, stabilise=True)],
     "ice": [lambda: with_options(on_ice, stabilise=True)],
     "tool": [lambda: with_options(tool_in_the_air, stabilise=True)],
+    "toppling": [lambda: on_one_ball(held=True)],
     "drawn off": [lambda: drawn_off(end=0.3), lambda: drawn_off("move", stabilise=False)],
     "stiff": [lambda: pressed(None)],
     "soft": [lambda: ball_through(penalty=None)],
@@ -333,6 +345,12 @@ def test_only_what_is_free_is_named():
     for axis, free, held in (("x", "moves", "turns"), ("y", "moves", "turns"), ("z", "turns", "moves")):
         place = {"moves": f"moves along {axis}", "turns": f"turns about {axis}"}
         assert place[free] in reason and place[held] not in reason
+
+
+@pytest.mark.parallel
+def test_what_topples_is_not_to_be_stabilised():
+    verdict = failed("toppling").verdict
+    assert "turns about y" in verdict.reason and "stabilise" not in verdict.reason
 
 
 @pytest.mark.parallel
