@@ -13,7 +13,14 @@ from fenics_contact.checks import SceneError
 from fenics_contact.functions import number_of
 from fenics_contact.options import arc_steps, checkpoint_steps, load_times, refuse_shares
 from fenics_contact.output.files import clear_results, writing
-from fenics_contact.output.history import column_names, history_row, penalty_lines, penalty_notes, penalty_summary
+from fenics_contact.output.history import (
+    column_names,
+    damping_column,
+    history_row,
+    penalty_lines,
+    penalty_notes,
+    penalty_summary,
+)
 from fenics_contact.output.writer import Writer
 from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
@@ -237,7 +244,7 @@ class _Record:
             row["augmentations"] = report.augmentations
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, state) for name, value in self.extra.items()}
         if self.system.damping:
-            row[f"damping_work_{units.force}{units.length}"] = report.work
+            row[damping_column(units)] = report.work
         return row | ({"limit_point": report.limit_point} if self.continuation else {})
 
 

@@ -18,7 +18,8 @@ def statement(scene, system, method, recorded):
         "element": scene.element,
         "units": list(vars(scene.units).values()),
         "cells": scene.mesh.domain.topology.index_map(3).size_global,
-        "stabilise": system.grounding is not None,
+        "stabilise": system.stabilised,
+        "damping": system.damping is not None,
         "record": sorted(recorded),
         "supported unknowns": comm.allreduce(len(system.supports.owned)),
     }

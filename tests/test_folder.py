@@ -48,7 +48,9 @@ def scene_of(radius=RADIUS, lid=0.0, traction=0.0, penalty=None, friction=0.3, l
 
 
 def press(out, depth=-1.0, steps=4, method="newton", record=None, **options):
-    kept = {name: options.pop(name) for name in ("checkpoint", "resume", "overwrite", "stabilise") if name in options}
+    kept = {
+        name: options.pop(name) for name in ("checkpoint", "resume", "overwrite", "stabilise", "damping") if name in options
+    }
     scene, ball = scene_of(**options)
     drive = {"move": {ball: lambda t: (0.5 * t, 0.0, depth * t)}}
     return solve(scene, **drive, steps=steps, out=out, method=method, record=record, progress=False, **kept)
@@ -225,6 +227,7 @@ OTHERS = {
     "contact 'c', friction: 0.3 there, 0.2 here": {"friction": 0.2},
     "energy of 'box': .* there, .* here": {"law": stiffer(1.1)},
     "stabilise: False there, True here": {"stabilise": True},
+    "damping: False there, True here": {"damping": True},
     "method: newton there, snes here": {"method": "snes"},
     r"record: \[\] there, \['mine'\] here": {"record": {"mine": lambda state: 1.0}},
 }

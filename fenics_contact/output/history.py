@@ -42,7 +42,12 @@ def column_names(tools, contacts, units):
     """Names of the columns of a run with these tools and contacts, given by name."""
     report, nothing = SimpleNamespace(iterations=0, residuals=[0.0]), np.zeros(3)
     travel, measures = dict.fromkeys(tools, nothing), dict.fromkeys(contacts, defaultdict(lambda: nothing))
-    return [*history_row(0, 0.0, report, 0.0, 0.0, travel, measures, units), *SOME]
+    return [*history_row(0, 0.0, report, 0.0, 0.0, travel, measures, units), *SOME, damping_column(units)]
+
+
+def damping_column(units):
+    """Name of the column of what damping took in a step."""
+    return f"damping_work_{units.force}{units.length}"
 
 
 def penalty_summary(error, tools, units):
