@@ -229,9 +229,9 @@ class Scene:
         grounding = damped = None
         if stabilise or (holds.reliant and contacts):
             free = motion.free if stabilise else np.zeros_like(motion.free)
-            grounding = Grounding(*springs(self.space, self.bodies, self.dx, u), free, stabilise)
+            grounding = Grounding(springs(self.space, self.bodies, self.dx, u), free, stabilise)
         if damping:
-            damped = Damping(*springs(self.space, self.bodies, self.dx, u), motion.free)
+            damped = Damping(springs(self.space, self.bodies, self.dx, u), motion.free)
         terms += [term for term in (grounding, damped) if term]
 
         def set_loads(t):

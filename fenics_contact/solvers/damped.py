@@ -23,7 +23,7 @@ def jump(system, goal):
     """
     kept = _keep(system)
     system.rollback()
-    system.damping.begin(system.state)
+    system.damping.begin(system.state.u.x.array, system.state.travel)
     report, newton, share, work = StepReport(), Newton(LinearSolver(system)), FIRST, 0.0
     before, scale = system.accepted[-1], system.force_scale
     for _ in range(MOTIONS):

@@ -1,0 +1,73 @@
+"""Springs on all bodies and free tools as a term of a System: in it only while their share of stiffness is above zero."""
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.cell_forms import CellForm
+from fenics_contact.assembly.term import FormTerm
+
+
+class SpringTerm(FormTerm):
+    """Forces kappa (u - u_0) per reference volume, and alike on free tools.
+
+    constant: kappa over E/L^2 of a body as a Constant in the forms; reference: Function u_0; forms: (residual, tangent, the
+    bodies' strain energy with one test value per cell), compiled when first needed; energies: Function of these values;
+    on_tools [force/length]: stiffness at share 1 of free (tools, 3) components of the tools' travel.
+    """
+
+    def __init__(self, name, constant, reference, forms, energies, on_tools, free):
+        super().__init__(name, None, None)
+        self._constant, self._reference, self._forms, self._cells = constant, reference, forms, energies
+        self._on_tools, self._free, self._travel, self._energy = on_tools, free, np.zeros(free.shape), None
+
+    @property
+    def share(self):
+        """kappa over E/L^2."""
+        return float(self._constant.value)
+
+    @share.setter
+    def share(self, value):
+        if value > 0.0 and self._energy is None:
+            residual, tangent, energy = self._forms
+            self._residuals, self._tangents = [compat.compile_form(residual)], [CellForm(tangent)]
+            self._energy = compat.compile_form(energy)
+        self._constant.value = value
+
+    def begin(self, u, travel):
+        """Pull towards a displacement (local array) and a travel (tools, 3)."""
+        self._reference.x.array[:] = u
+        self._travel = travel.copy()
+
+    @property
+    def _first_rank(self):
+        return self._reference.function_space.mesh.comm.rank == 0
+
+    def _tool_pull(self, state):
+        return np.where(self._free, self.share * self._on_tools * (state.travel - self._travel), 0.0)
+
+    def add_residual(self, state, residual, tool_residual):
+        if self.share > 0.0:
+            super().add_residual(state, residual, tool_residual)
+            if self._first_rank:
+                tool_residual += self._tool_pull(state)
+
+    def add_tangent(self, state, matrix, border):
+        if self.share > 0.0:
+            super().add_tangent(state, matrix, border)
+            if border is not None and self._first_rank:
+                border.corner += np.diag(self.share * self._on_tools * self._free.ravel())
+
+    def spent(self, state):
+        """(sum of the forces' sizes [force], their work on the way from u_0 at these forces [force length]). Collective."""
+        local, moved = np.zeros_like(state.u.x.array), state.u.x.array - self._reference.x.array
+        FormTerm.add_residual(self, state, local, None)
+        tools, comm = self._tool_pull(state), state.u.function_space.mesh.comm
+        force, work = comm.allreduce(np.array([np.abs(local).sum(), local @ moved]))
+        return force + np.abs(tools).sum(), work + float((tools * (state.travel - self._travel)).sum())
+
+    def strain_energy(self, state):
+        """Of the bodies at the state [force length]. Collective."""
+        cells = np.zeros(len(self._cells.x.array))
+        compat.assemble_vector(cells, self._energy)
+        owned = self._cells.function_space.dofmap.index_map.size_local
+        return state.u.function_space.mesh.comm.allreduce(float(cells[:owned].sum()))
