@@ -318,7 +318,9 @@ class Scene:
 
     def _contact_term(self, contact, modulus):
         points = contact.points
-        if isinstance(points, str):  # a tool keeps its shape, and its own normal is the right one
+        if not isinstance(points, str):
+            points = int(points)
+        else:  # a tool keeps its shape, and its own normal is the right one
             points = "nodes" if points == "closest" or isinstance(contact.master, Tool) else "corners"
         surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, points)
         normal, tangential, _ = penalties(contact, surface)

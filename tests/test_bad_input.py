@@ -397,14 +397,18 @@ def test_a_wrong_value_is_named(mesh, pair, out, name):
 def test_numbers_of_numpy_and_one_number_for_all_places_are_right(mesh):
     """Numbers that loops over arrays give, a function of t alone in effect, and a group named twice."""
     found = []
-    for way, group, count in ((-0.1, "zmax", 2), (lambda X, t: -0.1 * t, ("zmax", "zmax"), np.int64(2))):
+    for way, group, count in (
+        (-0.1, "zmax", 2),
+        (lambda X, t: -0.1 * t, ("zmax", "zmax"), np.int64(2)),
+        (-0.1, "zmax", 2.0),
+    ):
         scene, tool = pressed(mesh, points=count, friction=np.float32(0.25), penalty=np.array(10.0))
         scene.prescribe("zmax", "x", way)
         scene.traction(group, (0.0, 0.1, 0.0))
         result = solved(scene, move={tool: np.array([0, 0, -1]) / 10}, steps=count, smallest_step=np.float64(0.1))
         assert result.converged
         found.append([result.history[-1][f"top_force_{axis}_N"] for axis in "xyz"])
-    np.testing.assert_allclose(*found, rtol=1e-10)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-10)
 
 
 # -- statements that go together in words, but not in the scene -------------------------------------------------------
