@@ -6,7 +6,7 @@ from xml.sax.saxutils import quoteattr
 from fenics_contact import compat
 from fenics_contact.output.files import FIELDS, IN_FIELDS, STEPS, complete, take_room, writing
 
-INCLUDE = "{http://www.w3.org/2001/XInclude}include"
+INCLUDE = "{*}include"  # of XInclude, whose address has had http and https
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n<Xdmf Version="3.0"><Domain>\n'
 TAIL = "</Domain></Xdmf>\n"
 METADATA = 1 << 16  # bytes; of HDF5's own a step of seven fields needs 16 kB, on any mesh, and its XDMF 4 kB
