@@ -354,14 +354,12 @@ def rigid_elements(system, points):
     def many(array):
         return np.concatenate([array] * n)
 
-    inputs = [many(a) for a in (s.X, s.nodes, s.a, s.area)]
-    law = [many(a) for a in (term.normal_penalty, term.tangential_penalty, s.stiffness, s.spacing)]
-    outputs = [many(a) for a in (term._force, term._tangent, term._arm, term.traction, term.gap, term.status)]
-    outputs += [many(a) for a in (term.excess, term.cover)]
-    anchor, shift = many(term._anchor), many(term.shift)
-    u, travel = system.state.u.x.array, np.zeros(3)
-    place = (tool.kind, tool.shape, tool.origin, tool.axes, travel)
-    return lambda: contact_elements(*inputs, u, *place, anchor, shift, np.empty(0), *law, 0.3, 0.0, True, *outputs)
+    at = tuple(many(a) for a in (s.X, s.nodes, s.a, s.area, s.spacing))
+    law = (*(many(a) for a in (term.normal_penalty, term.tangential_penalty, s.stiffness)), 0.3, 0.0)
+    out = (term._force, term._tangent, term._arm, term.traction, term.gap, term.status, term.excess, term.cover)
+    out, history = tuple(many(a) for a in out), (many(term._anchor), many(term.shift))
+    place = (tool.kind, tool.shape, tool.origin, tool.axes, np.zeros(3))
+    return lambda: contact_elements(at, system.state.u.x.array, place, law, history, np.empty(0), True, out)
 
 
 def master_search(points):

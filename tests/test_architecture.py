@@ -166,7 +166,7 @@ def test_rooms_do_not_know_each_other_in_circles():
         (lambda s: wrong_imports("solvers", s), "import fenics_contact"),
         (lambda s: wrong_imports("output", s), "from fenics_contact import kernels"),
         (lambda s: wrong_imports("materials", s), "from . import compat"),
-        (lambda s: wrong_imports("output", s), "from fenics_contact.kernels.laws import coulomb_return"),
+        (lambda s: wrong_imports("output", s), "from fenics_contact.kernels.law import traction"),
         (local_imports, "def f():\n    import os"),
         (prints, "def f():\n    print(1)"),
         (version_tests, "if hasattr(fem, 'functionspace'): pass"),

@@ -199,10 +199,8 @@ class DeformableContact(PairPenalties, SlavePoints):
             self._places = self._placed
         forces, shape = np.zeros_like(coords), self.gap.shape
         with self.timers("contact kernel"):
-            add_forces(
-                coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged,
-                forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1),
-            )  # fmt: skip
+            out = forces, self.status.reshape(-1), self.traction.reshape(-1, 3), self.excess.reshape(-1)
+            add_forces(coords, self._slaves, self._facets, projection, self._anchors, self._law, self._judged, out)
         self.gap = np.minimum(projection[4], self.search).reshape(shape)
         return forces
 

@@ -53,22 +53,27 @@ class RigidContact(SlavePoints):
         self._kept = self._anchor, self.shift
         self.evaluate(state, True)
 
-    def _tool_arguments(self, state):
+    def _placed_tool(self, state):
         tool = self.tool
         return tool.kind, tool.shape, tool.origin, tool.axes, state.travel[self.index]
 
+    def _at(self, state):
+        """Points, displacements and tool as kernels/rigid_element.py takes them."""
+        s = self.surface
+        return (s.X, s.nodes, s.a, s.area, s.spacing), state.u.x.array, self._placed_tool(state)
+
+    def _law(self, mu, touch):
+        return self.normal_penalty, self.tangential_penalty, self.surface.stiffness, float(mu), float(touch)
+
     def evaluate(self, state, want_tangent=False):
         """Evaluate all points; returns the numbers of the elements in contact."""
-        s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
         if self._feet is None:  # the first state after a restart
             self._feet = self._anchors(state, 0.0, -np.inf)[0]
+        at, law = self._at(state), self._law(self.friction, self.touch)
+        at_points = self.traction, self.gap, self.status, self.excess, self.cover
+        out = self._force, self._tangent, self._arm, *at_points
         with self.timers("contact kernel"):
-            contact_elements(
-                s.X, s.nodes, s.a, s.area, state.u.x.array, kind, shape, origin, axes, travel, self._anchor, self.shift,
-                self._judged, self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing,
-                self.friction, self.touch, want_tangent,
-                self._force, self._tangent, self._arm, self.traction, self.gap, self.status, self.excess, self.cover,
-            )  # fmt: skip
+            contact_elements(*at, law, (self._anchor, self.shift), self._judged, want_tangent, out)
         return np.flatnonzero((self.status != OPEN).any(axis=1))
 
     def add_residual(self, state, residual, tool_residual):
@@ -150,13 +155,8 @@ class RigidContact(SlavePoints):
 
     def _anchors(self, state, mu, touch):
         """(anchors to keep, slid distance) at a state; with touch = -inf the points' places on the tool."""
-        s, (kind, shape, origin, axes, travel) = self.surface, self._tool_arguments(state)
-        new = np.empty_like(self._anchor)
-        sliding = np.empty_like(self.gap)
-        committed_anchors(
-            s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, self._anchor, self.shift,
-            self.normal_penalty, self.tangential_penalty, s.stiffness, s.spacing, mu, touch, new, sliding,
-        )  # fmt: skip
+        new, sliding = np.empty_like(self._anchor), np.empty_like(self.gap)
+        committed_anchors(*self._at(state), self._law(mu, touch), (self._anchor, self.shift), new, sliding)
         return new, sliding
 
     def history(self):
@@ -180,16 +180,15 @@ class RigidContact(SlavePoints):
 
     def overlap(self, state, X, slave, comm):
         """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
-        kind, shape, origin, axes, travel = self._tool_arguments(state)
         gap = np.empty(len(X))
-        distances(X, kind, shape, origin, axes, travel, gap)
+        distances(X, self._placed_tool(state), gap)
         here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
         return np.max(comm.allgather(here), axis=0)
 
     def node_gaps(self, state, nodes, X):
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
         gap = np.empty(len(nodes))
-        distances(X + state.u.x.array.reshape(-1, 3)[nodes], *self._tool_arguments(state), gap)
+        distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state), gap)
         return gap
 
     def lost_depth(self, state, comm):
@@ -202,9 +201,8 @@ class RigidContact(SlavePoints):
 
     def normals(self, state):
         """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
-        kind, shape, origin, axes, travel = self._tool_arguments(state)
-        s, out = self.surface, np.empty_like(self.traction)
-        point_normals(s.X, s.nodes, s.a, state.u.x.array, kind, shape, origin, axes, travel, s.spacing, out)
+        out = np.empty_like(self.traction)
+        point_normals(*self._at(state), out)
         return out
 
     def looks(self, state):

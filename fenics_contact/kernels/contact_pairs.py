@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.deformable_element import place, place_apart, point_traction, slide_anchor
+from fenics_contact.kernels.deformable_element import place, place_apart, slide_anchor
+from fenics_contact.kernels.law import Gaps, Law, excess, traction
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
-from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import dot, less, minus, norm, of_four, of_nodes, plus, row, times
 
 
@@ -27,6 +28,19 @@ def presses(q, projection, law, judged):
 
 
 @njit(cache=True)
+def point_law(q, law, anchors):
+    """The Law of point q: without friction where it has no anchor."""
+    return Law(law[0][q], law[1][q], law[2] if anchors[0][q, 0] >= 0 else 0.0, law[3])
+
+
+@njit(cache=True)
+def _present_traction(q, pair, law, anchors):
+    """The Traction of point q at its present gap."""
+    press = pair.g + law[4][q]
+    return traction(point_law(q, law, anchors), Gaps(press, press), pair.n, pair.w)
+
+
+@njit(cache=True)
 def _add(array, i, share, vector):
     array[i, 0] += share * vector[0]
     array[i, 1] += share * vector[1]
@@ -34,30 +48,29 @@ def _add(array, i, share, vector):
 
 
 @njit(cache=True, error_model="numpy")
-def add_forces(coords, slaves, surface, projection, anchors, law, judged, forces, status, traction, excess):
+def add_forces(coords, slaves, surface, projection, anchors, law, judged, out):
     """Add the virtual power area T.(dv_S - dv_M) of (14) to forces (nx, 3) at positions coords (nx, 3).  Pure.
 
-    Fills per point status, traction (np, 3) T = N n + T_T, and excess (np,) = |T_tr| over the Coulomb limit minus 1,
-    0 where there is no friction.
+    out: (forces, status, tractions, excesses); fills per point status, traction (np, 3) T = N n + T_T, and excess (np,) =
+    |T_tr| over the Coulomb limit minus 1, 0 where there is no friction.
     """
     nodes, weights, area, _ = slaves
     corners, facet = surface[0], projection[0]
-    eps_n, eps_t, mu, touch, shift = law
+    forces, status, tractions, excesses = out
     for q in range(len(status)):
-        status[q], excess[q] = OPEN, 0.0
-        traction[q, 0] = traction[q, 1] = traction[q, 2] = 0.0
+        status[q], excesses[q] = OPEN, 0.0
+        tractions[q, 0] = tractions[q, 1] = tractions[q, 2] = 0.0
         if not presses(q, projection, law, judged):
             continue
         pair = place(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + shift[q]
-        decides = judged[q] if len(judged) > 0 else press
-        found = point_traction(press, decides, anchors[0][q, 0] >= 0, eps_n[q], eps_t[q], mu, touch, pair)
+        press = pair.g + law[4][q]
+        gaps = Gaps(press, judged[q] if len(judged) > 0 else press)
+        found = traction(point_law(q, law, anchors), gaps, pair.n, pair.w)
         status[q] = found.status
         if found.status == OPEN:
             continue
-        if found.status != CLOSED:
-            excess[q] = norm(found.trial) / max(found.limit, 1e-300) - 1.0
-        traction[q, 0], traction[q, 1], traction[q, 2] = found.T
+        excesses[q] = excess(found)
+        tractions[q, 0], tractions[q, 1], tractions[q, 2] = found.T
         force, f = times(area[q], found.T), facet[q]
         for i in range(nodes.shape[1]):
             _add(forces, nodes[q, i], weights[q, i], force)
@@ -108,7 +121,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
     """
     facet, kind = projection[0], projection[1]
     nodes, weights = new_anchors
-    eps_n, eps_t, mu, touch, shift = law
+    eps_t = law[1]
     for q in range(len(sliding)):
         sliding[q] = 0.0
         if kind[q] == NONE:
@@ -116,8 +129,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
             weights[q, :] = 0.0
             continue
         pair = place_apart(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + shift[q]
-        found = point_traction(press, press, anchors[0][q, 0] >= 0, eps_n[q], eps_t[q], mu, touch, pair)
+        found = _present_traction(q, pair, law, anchors)
         if found.status == STICK:
             nodes[q, :], weights[q, :] = anchors[0][q], anchors[1][q]
             continue
@@ -135,15 +147,14 @@ def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, 
     the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.
     """
     nodes, weights = new_anchors
-    eps_n, eps_t, mu, touch, shift = law
+    eps_t = law[1]
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]
     for q in range(len(slips)):
         slips[q] = 0.0
         if projection[1][q] == NONE or anchors[0][q, 0] < 0:
             continue
         pair = place_apart(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + shift[q]
-        found = point_traction(press, press, True, eps_n[q], eps_t[q], mu, touch, pair)
+        found = _present_traction(q, pair, law, anchors)
         if found.status != STICK:
             continue
         rested = place_apart(q, coords, slaves, surface, projection, rests)
@@ -161,14 +172,13 @@ def stiffened_anchors(coords, slaves, surface, projection, anchors, rests, law, 
     facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
     """
     nodes, weights = new_anchors
-    eps_n, eps_t, mu, touch, shift = law
+    eps_t = law[1]
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]
     for q in range(len(nodes)):
         if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
             continue
         pair = place_apart(q, coords, slaves, surface, projection, anchors)
-        press = pair.g + shift[q]
-        found = point_traction(press, press, True, eps_n[q], eps_t[q], mu, touch, pair)
+        found = _present_traction(q, pair, law, anchors)
         if found.status != STICK and found.status != SLIP:
             continue
         rested = place_apart(q, coords, slaves, surface, projection, rests)

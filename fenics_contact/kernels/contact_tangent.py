@@ -7,7 +7,7 @@ anchors lie on the same one, share an element matrix: it goes into the pattern o
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.contact_pairs import presses
+from fenics_contact.kernels.contact_pairs import point_law, presses
 from fenics_contact.kernels.couplings import equal_rows, felt_nodes, find
 from fenics_contact.kernels.deformable_element import (
     DRAG,
@@ -17,9 +17,9 @@ from fenics_contact.kernels.deformable_element import (
     foot_rate,
     normal_rate,
     place,
-    point_traction,
     traction_rate,
 )
+from fenics_contact.kernels.law import Gaps, partials, traction
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.kernels.vectors import dot
@@ -34,11 +34,11 @@ def add_tangents(coords, slaves, surface, projection, anchors, law, judged, patt
     """
     points, k = slaves[0].shape
     corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
-    eps_n, eps_t, mu, touch, shift = law
+    shift = law[4]
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
     beta, dn, rates = np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 9))
     share, spread = np.zeros((4, k + 8)), np.zeros((3, 9 * (k + 8)))
-    ray, lean1, lean2 = len(slaves[3]) > 0, 0.0, 0.0
+    ray, lean = len(slaves[3]) > 0, (0.0, 0.0)
     done, missing = np.zeros(points, np.bool_), 0
     for first in range(points):
         if done[first] or not presses(first, projection, law, judged):
@@ -55,16 +55,18 @@ def add_tangents(coords, slaves, surface, projection, anchors, law, judged, patt
             done[q] = True
             pair = place(q, coords, slaves, surface, projection, anchors)
             g = judged[q] if len(judged) > 0 else pair.g + shift[q]
-            traction = point_traction(g, g, has_anchor, eps_n[q], eps_t[q], mu, touch, pair)
-            if traction.status == OPEN:
+            numbers, gaps = point_law(q, law, anchors), Gaps(g, g)
+            found = traction(numbers, gaps, pair.n, pair.w)
+            if found.status == OPEN:
                 continue
             if ray:
-                lean1, lean2 = dot(pair.n, pair.r1), dot(pair.n, pair.r2)
+                lean = dot(pair.n, pair.r1), dot(pair.n, pair.r2)
                 ray_rates(pair, beta, dn)
             else:
                 foot_rate(kind[q], surface[1][facet[q]], feature[q], pair, beta)
                 normal_rate(kind[q], pair, beta, dn)
-            traction_rate(traction, eps_n[q], eps_t[q], mu, lean1, lean2, pair, beta, dn, rates)
+            by = partials(numbers, gaps, pair.n, pair.w, found)
+            traction_rate(found.T, by, pair, lean, beta, dn, rates)
             _shares(q, slaves, anchors[1], felt, has_anchor, pair, share)
             _spread(slaves[2][q], felt, rates, share, spread)
             _add_point(q, slaves[1], 9 * felt, pair, spread, matrix)

@@ -1,4 +1,4 @@
-"""The contact element of a slave point and a deformable master facet: place, traction, rates, slide of the anchor.
+"""The contact element of a slave point and a deformable master facet: place, rates, slide of the anchor.
 
 A slave point is x_S = sum a_i x_i over k slave nodes: one node, or the nodes of a slave facet seen from a quadrature
 point.  The history of a point is its ANCHOR: node numbers and weights W_i (sum 1) on the facet where it last slid.  Its
@@ -30,10 +30,23 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import EDGE, INTERIOR
 from fenics_contact.kernels.facets import corner, shape, shape_gradient, shape_mixed
-from fenics_contact.kernels.laws import coulomb_return
 from fenics_contact.kernels.slave_ray import slave_tangents
-from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import ZERO, cross, dot, less, minus, norm, of_four, of_nodes, plus, row, times
+from fenics_contact.kernels.vectors import (
+    ZERO,
+    cross,
+    dot,
+    got,
+    less,
+    minus,
+    norm,
+    of_four,
+    of_nodes,
+    of_three,
+    plus,
+    put,
+    row,
+    times,
+)
 
 # Modes.
 JUMP, FIRST, SECOND, DRAG = 0, 1, 2, 3
@@ -41,8 +54,6 @@ JUMP, FIRST, SECOND, DRAG = 0, 1, 2, 3
 # Kinematics (1) of a slave point and its facet: gap, normal, x_S - x_M, r_1, r_2, r_12, the elastic slip x_M - x_a before
 # projection, shape functions of the facet with their gradients; tangents of the slave's facet and |t1 x t2|, 0 without.
 Pair = namedtuple("Pair", "g n d r1 r2 r12 w N N1 N2 t1 t2 size")
-# status; N and Coulomb's limit [pressure]; T_T^tr, T_T and T.
-Traction = namedtuple("Traction", "status N limit trial tangential T")
 
 
 @njit(cache=True)
@@ -85,31 +96,6 @@ place_apart = njit(cache=True, error_model="numpy")(_place)
 
 
 @njit(cache=True, error_model="numpy")
-def point_traction(g, judged, has_anchor, eps_n, eps_t, mu, touch, pair):
-    """Laws (15)-(18) at g, the gap with its shift, as a Traction.
-
-    judged: the gap that decides between open and closed, stick and slip: g itself, or the one that Newton's last solve
-    foresaw (contact/deformable.py).
-    """
-    if not judged <= touch:
-        return Traction(OPEN, 0.0, 0.0, ZERO, ZERO, ZERO)
-    N = eps_n * g
-    if mu == 0.0 or not has_anchor:
-        return Traction(CLOSED, N, 0.0, ZERO, ZERO, times(N, pair.n))
-    # T_tr = eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k)) of (17)
-    trial = times(eps_t, less(pair.w, dot(pair.n, pair.w), pair.n))
-    limit = mu * max(-eps_n * judged, 0.0)  # (16); a gap within touch presses on nothing
-    size = norm(trial)
-    status, share = STICK, 1.0
-    if size > eps_t * touch:  # a way within round-off has no direction to slip in
-        status, share = coulomb_return(size, limit)
-    if status == SLIP and judged != g:
-        share = -mu * N / size
-    tangential = times(share, trial)
-    return Traction(status, N, limit, trial, tangential, plus(times(N, pair.n), tangential))
-
-
-@njit(cache=True, error_model="numpy")
 def _foot_metric(kind, m, feature, pair):
     """G in d(xi)^a = G^ab (jump r_b + d N_,b) du: H^-1 of (8) inside, its like along an edge, 0 at a vertex."""
     r1, r2 = pair.r1, pair.r2
@@ -142,16 +128,6 @@ def foot_rate(kind, m, feature, pair, beta):
     put(beta, 1, SECOND, times(g22, pair.d))
 
 
-@njit(cache=True)
-def put(array, i, j, vector):
-    array[i, j, 0], array[i, j, 1], array[i, j, 2] = vector
-
-
-@njit(cache=True)
-def got(array, i, j):
-    return array[i, j, 0], array[i, j, 1], array[i, j, 2]
-
-
 @njit(cache=True, error_model="numpy")
 def normal_rate(kind, pair, beta, dn):
     """Fill dn (4, 3, 3): n moves by sum_m dn[m] d(mode m), from (6) inside and from n = d/g at edges and vertices."""
@@ -180,55 +156,30 @@ def normal_rate(kind, pair, beta, dn):
 
 
 @njit(cache=True, error_model="numpy")
-def traction_rate(traction, eps_n, eps_t, mu, lean1, lean2, pair, beta, dn, rates):
+def traction_rate(T, by, pair, lean, beta, dn, rates):
     """Fill rates (4, 3, 9): T moves by rates[m, 0] d(mode m), 3 x 3; T xi^1 and T xi^2, T held, by rates[m, 1] and [m, 2].
 
-    (26) for the normal part, (27) for stick, (28) with the mu d|N| block for slip. lean1, lean2: n . r_alpha, zero where n
-    is the master's own normal.
+    The law's Partials `by` of the traction T (3,) meet the rates of gap, normal and way: (26)-(28). lean: n . r_1 and
+    n . r_2, zero where n is the master's own normal.
     """
-    n, trial, N, T = pair.n, traction.trial, traction.N, traction.T
-    rub, along, size, slips = 0.0, dot(n, pair.w), norm(trial), traction.status == SLIP
-    if traction.status != CLOSED:
-        rub = eps_t * (traction.limit / size if slips else 1.0)
-    across1, across2 = times(rub, less(pair.r1, dot(n, pair.r1), n)), times(rub, less(pair.r2, dot(n, pair.r2), n))
-    swing = N - rub * along
+    by_n, by_w, r1, r2 = by.n, by.w, pair.r1, pair.r2
+    along1 = dot(by_w[0], r1), dot(by_w[1], r1), dot(by_w[2], r1)  # dw = r_a dxi^a + drag
+    along2 = dot(by_w[0], r2), dot(by_w[1], r2), dot(by_w[2], r2)
     for mode in range(DRAG):
         beta1, beta2 = got(beta, 0, mode), got(beta, 1, mode)
         dn0, dn1, dn2 = got(dn, mode, 0), got(dn, mode, 1), got(dn, mode, 2)
         # (8): on the master's own normal the rate of the gap needs no rate of xi
-        dg = less(less(n if mode == JUMP else ZERO, lean1, beta1), lean2, beta2)
-        turn = plus(plus(times(pair.w[0], dn0), times(pair.w[1], dn1)), times(pair.w[2], dn2))
-        # d(P w) = dw - n (n.dw + dn.w) - dn (n.w), dw = r_a dxi^a + drag
-        press, push = less(times(eps_n, dg), rub, turn), ZERO
-        if slips:  # less its part along the trial traction, which Coulomb's limit takes up
-            stay = plus(plus(times(trial[0], dn0), times(trial[1], dn1)), times(trial[2], dn2))
-            stay = less(plus(times(dot(trial, across1), beta1), times(dot(trial, across2), beta2)), rub * along, stay)
-            push = less(times(-1.0 / (size * size), stay), mu * eps_n / size if N < 0.0 else 0.0, dg)
-        _put_row(
-            rates,
-            mode,
-            0,
-            plus(of_four((n[0], across1[0], across2[0], trial[0]), press, beta1, beta2, push), times(swing, dn0)),
-        )
-        _put_row(
-            rates,
-            mode,
-            1,
-            plus(of_four((n[1], across1[1], across2[1], trial[1]), press, beta1, beta2, push), times(swing, dn1)),
-        )
-        _put_row(
-            rates,
-            mode,
-            2,
-            plus(of_four((n[2], across1[2], across2[2], trial[2]), press, beta1, beta2, push), times(swing, dn2)),
-        )
+        dg = less(less(pair.n if mode == JUMP else ZERO, lean[0], beta1), lean[1], beta2)
+        one = of_three((by.g[0], along1[0], along2[0]), dg, beta1, beta2)
+        two = of_three((by.g[1], along1[1], along2[1]), dg, beta1, beta2)
+        three = of_three((by.g[2], along1[2], along2[2]), dg, beta1, beta2)
+        _put_row(rates, mode, 0, plus(one, of_three(by_n[0], dn0, dn1, dn2)))
+        _put_row(rates, mode, 1, plus(two, of_three(by_n[1], dn0, dn1, dn2)))
+        _put_row(rates, mode, 2, plus(three, of_three(by_n[2], dn0, dn1, dn2)))
         for a in range(2):
             _put_outer(rates, mode, 1 + a, T, got(beta, a, mode))
-    # the drag itself: P, in slip less its part along the trial traction
-    push = times(rub / (size * size) if slips else 0.0, trial)
-    _put_row(rates, DRAG, 0, less(less((rub, 0.0, 0.0), rub * n[0], n), trial[0], push))
-    _put_row(rates, DRAG, 1, less(less((0.0, rub, 0.0), rub * n[1], n), trial[1], push))
-    _put_row(rates, DRAG, 2, less(less((0.0, 0.0, rub), rub * n[2], n), trial[2], push))
+    for a in range(3):
+        _put_row(rates, DRAG, a, by_w[a])
 
 
 @njit(cache=True)

@@ -9,8 +9,8 @@ x_S - x_M = g n gives, with r_1, r_2 of the master's facet,
 
 from numba import njit
 
-from fenics_contact.kernels.deformable_element import FIRST, JUMP, SECOND, put
-from fenics_contact.kernels.vectors import cross, dot, less, minus, times
+from fenics_contact.kernels.deformable_element import FIRST, JUMP, SECOND
+from fenics_contact.kernels.vectors import cross, dot, less, minus, put, times
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,119 +1,146 @@
 """Contact elements of slave points with an analytic rigid tool: forces, tangent blocks and committed anchors.
 
 An element is a group of slave points that move with the same slave nodes: one point for a node with its tributary
-area, the quadrature points of a slave facet otherwise. The tool translates by `travel`; its frame is (axes, origin).
+area, the quadrature points of a slave facet otherwise. The tool translates by its travel; its frame is (axes, origin).
+
+Arrays travel in groups (tuples):
+    points   (X (ne, k, 3) reference positions, nodes (ne, k) local node numbers, weights a (ne, nq, k) of the nodes in a
+             point, area (ne, nq) tributary reference areas [length^2], spacing (ne,) of the points [length])
+    tool     (kind, shape (4,), origin (3,), axes (3, 3), travel (3,)), kind and shape as in kernels/rigid_shapes.py
+    law      (eps_n (ne,), eps_t (ne,), body (ne,): penalties and stiffness beneath [pressure/length], mu, touch [length])
+    history  (anchor (ne, nq, 3) in the tool's frame, shift (ne, nq) [length]: multiplier over eps_n, by which a point
+             presses more than its gap does)
+u are local displacements, three per node.
 """
 
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.laws import edge_penalty, point_traction
+from fenics_contact.kernels.law import Gaps, Law, excess, partials, traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
+from fenics_contact.kernels.vectors import ZERO, dot, got, less, minus, norm, of_three, plus, put, row, times
 
 
 @njit(cache=True)
-def _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x):
-    """Position of slave point q of element e in the tool's frame, y = axes^T (x - origin - travel)."""
-    for c in range(3):
-        x[c] = -origin[c] - travel[c]
-        for i in range(nodes.shape[1]):
-            x[c] += a[e, q, i] * (X[e, i, c] + u[3 * nodes[e, i] + c])
-    for r in range(3):
-        y[r] = axes[0, r] * x[0] + axes[1, r] * x[1] + axes[2, r] * x[2]
+def _to_tool(x, tool):
+    """Place x in the tool's frame, axes^T (x - origin - travel)."""
+    _, _, origin, axes, travel = tool
+    x = x[0] - origin[0] - travel[0], x[1] - origin[1] - travel[1], x[2] - origin[2] - travel[2]
+    return of_three(x, row(axes, 0), row(axes, 1), row(axes, 2))
 
 
 @njit(cache=True)
-def _gap_and_penalty(kind, shape, y, eps, body, spacing, active, n, H, ds, deps):
-    """Gap with n (3,) and H (3, 3), and the penalty with its gradient: softened where y slides out under a sharp edge."""
-    deps[:] = 0.0
-    cover = edge_cover(kind, shape, y, spacing, ds)
-    if not meets_face(kind, shape, y, spacing, cover):
-        return signed_distance(kind, shape, y, active, n, H), eps
-    gap = face_distance(shape, y, n, H)
-    return gap, edge_penalty(eps, body, cover, ds, deps)
+def _to_world(axes, vector):
+    return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
 
 
 @njit(cache=True)
-def _rotate(axes, local, out):
-    for i in range(3):
-        out[i] = axes[i, 0] * local[0] + axes[i, 1] * local[1] + axes[i, 2] * local[2]
+def _scratch():
+    """Arrays y (3,), active (3,), n (3,), H (3, 3), dcover (3,): what kernels/rigid_shapes.py fills for a point."""
+    return np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
 
 
 @njit(cache=True)
-def contact_elements(
-    X, nodes, a, area, u, kind, shape, origin, axes, travel, anchor, shift, judged, eps_n, eps_t, body, spacing,
-    mu, touch, want_tangent, force, tangent, arm, traction, gap, status, slip, cover,
-):  # fmt: skip
+def _meet(e, q, points, u, tool, scratch):
+    """(gap, place in the tool's frame, normal, cover) of point q of element e; fills scratch."""
+    X, nodes, a, _, spacing = points
+    y, active, n, H, dcover = scratch
+    x = ZERO
+    for i in range(nodes.shape[1]):
+        first = 3 * nodes[e, i]
+        at = X[e, i, 0] + u[first], X[e, i, 1] + u[first + 1], X[e, i, 2] + u[first + 2]
+        x = less(x, -a[e, q, i], at)
+    x = _to_tool(x, tool)
+    y[0], y[1], y[2] = x
+    cover = edge_cover(tool[0], tool[1], y, spacing[e], dcover)
+    if meets_face(tool[0], tool[1], y, spacing[e], cover):
+        gap = face_distance(tool[1], y, n, H)
+    else:
+        gap, cover = signed_distance(tool[0], tool[1], y, active, n, H), 1.0
+    return gap, x, (n[0], n[1], n[2]), cover
+
+
+@njit(cache=True)
+def _edge_penalty(eps, body, cover):
+    """Penalty of a point that lies only by the share `cover` under a sharp edge, and its rate with the cover.
+
+    In series with the penalty acts the spring of the body beneath, (1/cover - 1)/body: half the cover carries about half
+    the force, whatever eps. A plain eps * cover would hold the point until the cover is nearly gone and then drop it.
+    eps, body [pressure/length].
+    """
+    if cover == 1.0:
+        return eps, 0.0
+    m = cover / eps + (1.0 - cover) / body
+    return cover / m, 1.0 / (body * m * m)
+
+
+@njit(cache=True)
+def contact_elements(points, u, tool, law, history, judged, want_tangent, out):
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
-    X (ne, k, 3) reference positions; nodes (ne, k) local node numbers; a (ne, nq, k) weights of the nodes in a point;
-    area (ne, nq) tributary reference areas; u local displacements, three per node; anchor (ne, nq, 3) in the tool's
-    frame; shift (ne, nq): multiplier over penalty [length]; judged (ne nq,): pressures that points start from
-    over -eps_n [length], which decide their status and with which the tangent is taken; (0,): present ones;
-    eps_n, eps_t, body (ne,) penalties and stiffness beneath [pressure/length]; spacing (ne,) of the points.
-    Fills force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative,
-    arm (ne, k, 3, 3) its derivative against a motion of all slave nodes at once (minus that against the tool's
-    travel); per point traction (ne, nq, 3), gap, status, slip (ne, nq) = trial over Coulomb limit minus one,
-    and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge.
+    judged (ne nq,): pressures that points start from over -eps_n [length], which decide their status and with which the
+    tangent is taken; (0,): present ones.
+    out: (force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative, arm (ne, k, 3, 3) its derivative against
+    a motion of all slave nodes at once (minus that against the tool's travel); per point traction (ne, nq, 3), gap, status,
+    excess (ne, nq) = trial over Coulomb limit minus one, and cover (ne, nq) = penalty over eps_n, below one where the point
+    slides out under a sharp edge).
     """
-    ds, deps = np.empty(3), np.empty(3)
-    ne, k = nodes.shape
-    nq = area.shape[1]
-    x, y, n, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    active, trial, T, tangential, world = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    H, dT, dtrial, half, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    a, area, axes = points[2], points[3], tool[3]
+    eps_n, eps_t, body, mu, touch = law
+    force, tangent, arm, tractions, gap, status, excesses, cover = out
+    scratch, D = _scratch(), np.empty((3, 3))
+    H, dcover = scratch[3:]
+    ne, nq, k = a.shape
     for e in range(ne):
         force[e] = 0.0
         if want_tangent:
             tangent[e] = 0.0
             arm[e] = 0.0
         for q in range(nq):
-            _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
-            g, eps = _gap_and_penalty(kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, deps)
-            gap[e, q] = g
-            cover[e, q] = eps / eps_n[e]
-            traction[e, q] = 0.0
-            slip[e, q] = 0.0
-            press = g + shift[e, q]
+            g, x, n, share = _meet(e, q, points, u, tool, scratch)
+            eps, by_cover = _edge_penalty(eps_n[e], body[e], share)
+            gap[e, q], cover[e, q], excesses[e, q] = g, eps / eps_n[e], 0.0
+            put(tractions, e, q, ZERO)
+            press = g + history[1][e, q]
             decides = judged[e * nq + q] if len(judged) > 0 else press
             if decides > touch:  # most points of a surface are open: leave before any law is evaluated
                 status[e, q] = OPEN
                 continue
-            z[:] = y - g * n - anchor[e, q]
-            if want_tangent:
-                press = decides
-            state = point_traction(
-                g, press, decides, n, H, z, eps, deps, eps_t[e], mu, touch, want_tangent, trial, T, tangential, dtrial, dT
-            )
-            status[e, q] = state
-            if mu > 0.0:
-                limit = mu * max(-eps * decides, 1e-300)
-                slip[e, q] = np.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2) / limit - 1.0
-            _rotate(axes, T, world)
-            traction[e, q] = world
+            numbers, gaps = Law(eps, eps_t[e], mu, touch), Gaps(decides if want_tangent else press, decides)
+            w = minus(less(x, g, n), got(history[0], e, q))
+            found = traction(numbers, gaps, n, w)
+            status[e, q], excesses[e, q] = found.status, excess(found)
+            T = _to_world(axes, found.T)
+            put(tractions, e, q, T)
             for i in range(k):
-                w = a[e, q, i] * area[e, q]
-                for c in range(3):
-                    force[e, i, c] += w * world[c]
+                put(force, e, i, less(got(force, e, i), -a[e, q, i] * area[e, q], T))
             if want_tangent:
-                _world_tensor(axes, dT, half, D)
-                _scatter_tangent(a, area, e, q, k, D, tangent, arm)
+                rows = _rate(partials(numbers, gaps, n, w, found), g, n, H, times(by_cover, dcover))
+                for i in range(3):
+                    D[i, 0], D[i, 1], D[i, 2] = _to_world(axes, of_three(row(axes, i), rows[0], rows[1], rows[2]))
+                _scatter_tangent(a, area, e, q, D, tangent, arm)
 
 
 @njit(cache=True)
-def _world_tensor(axes, local, half, out):
-    """out = axes local axes^T."""
-    for i in range(3):
-        for j in range(3):
-            half[i, j] = axes[i, 0] * local[0, j] + axes[i, 1] * local[1, j] + axes[i, 2] * local[2, j]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = half[i, 0] * axes[j, 0] + half[i, 1] * axes[j, 1] + half[i, 2] * axes[j, 2]
+def _rate(by, g, n, H, deps):
+    """dT/dx by rows, of Partials `by`: dg = n.dx, dn = H dx, dw = (I - n n^T - g H) dx, and dT/dw n = 0."""
+    H = row(H, 0), row(H, 1), row(H, 2)
+    return (
+        _rate_row(by.g[0], by.eps_n[0], less(by.n[0], g, by.w[0]), by.w[0], n, deps, H),
+        _rate_row(by.g[1], by.eps_n[1], less(by.n[1], g, by.w[1]), by.w[1], n, deps, H),
+        _rate_row(by.g[2], by.eps_n[2], less(by.n[2], g, by.w[2]), by.w[2], n, deps, H),
+    )
 
 
 @njit(cache=True)
-def _scatter_tangent(a, area, e, q, k, D, tangent, arm):
+def _rate_row(by_g, by_eps, by_n, by_w, n, deps, H):
+    return plus(less(less(by_w, -by_g, n), -by_eps, deps), of_three(by_n, H[0], H[1], H[2]))
+
+
+@njit(cache=True)
+def _scatter_tangent(a, area, e, q, D, tangent, arm):
+    k = a.shape[2]
     for i in range(k):
         w = a[e, q, i] * area[e, q]
         for c in range(3):
@@ -124,80 +151,42 @@ def _scatter_tangent(a, area, e, q, k, D, tangent, arm):
 
 
 @njit(cache=True)
-def committed_anchors(
-    X,
-    nodes,
-    a,
-    u,
-    kind,
-    shape,
-    origin,
-    axes,
-    travel,
-    anchor,
-    shift,
-    eps_n,
-    eps_t,
-    body,
-    spacing,
-    mu,
-    touch,
-    new_anchor,
-    sliding,
-):
+def committed_anchors(points, u, tool, law, history, new_anchor, sliding):
     """The anchors to keep when a step is accepted (tool's frame), and the slip distance of the step per point.
 
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
     the elastic slip T_T/eps_T ends: the return mapping of (16). Fills new_anchor and sliding (ne, nq) [length].
     """
-    ds, deps = np.empty(3), np.empty(3)
-    ne, nq = anchor.shape[0], anchor.shape[1]
-    x, y, n, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    active, trial, T, tangential = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    H, dT, dtrial = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for e in range(ne):
-        for q in range(nq):
-            _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
-            g, eps = _gap_and_penalty(kind, shape, y, eps_n[e], body[e], spacing[e], active, n, H, ds, deps)
-            z[:] = y - g * n - anchor[e, q]
-            press = g + shift[e, q]
-            state = point_traction(
-                g, press, press, n, H, z, eps, deps, eps_t[e], mu, touch, False, trial, T, tangential, dtrial, dT
-            )
-            sliding[e, q] = 0.0
-            if state == OPEN:
-                new_anchor[e, q] = y - g * n
-            elif state == SLIP:
-                new_anchor[e, q] = y - g * n - tangential / eps_t[e]
-                moved = new_anchor[e, q] - anchor[e, q]
-                sliding[e, q] = np.sqrt(moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2)
-            else:
-                new_anchor[e, q] = anchor[e, q]
+    eps_n, eps_t, body, mu, touch = law
+    scratch = _scratch()
+    for e in range(sliding.shape[0]):
+        for q in range(sliding.shape[1]):
+            g, x, n, share = _meet(e, q, points, u, tool, scratch)
+            foot, anchor = less(x, g, n), got(history[0], e, q)
+            eps, press = _edge_penalty(eps_n[e], body[e], share)[0], g + history[1][e, q]
+            found = traction(Law(eps, eps_t[e], mu, touch), Gaps(press, press), n, minus(foot, anchor))
+            kept = anchor
+            if found.status == OPEN:
+                kept = foot
+            elif found.status == SLIP:
+                kept = less(foot, 1.0 / eps_t[e], found.tangential)
+            sliding[e, q] = norm(minus(kept, anchor)) if found.status == SLIP else 0.0
+            put(new_anchor, e, q, kept)
 
 
 @njit(cache=True)
-def point_normals(X, nodes, a, u, kind, shape, origin, axes, travel, spacing, normal):
+def point_normals(points, u, tool, normal):
     """Unit normals (ne, nq, 3) of the tool at the slave points, in world axes: what splits a traction for the output."""
-    x, y, n = np.empty(3), np.empty(3), np.empty(3)
-    active, ds, H = np.empty(3), np.empty(3), np.empty((3, 3))
+    scratch = _scratch()
     for e in range(normal.shape[0]):
         for q in range(normal.shape[1]):
-            _to_tool(X, u, nodes, a, e, q, origin, axes, travel, y, x)
-            cover = edge_cover(kind, shape, y, spacing[e], ds)
-            if meets_face(kind, shape, y, spacing[e], cover):
-                face_distance(shape, y, n, H)
-            else:
-                signed_distance(kind, shape, y, active, n, H)
-            _rotate(axes, n, normal[e, q])
+            put(normal, e, q, _to_world(tool[3], _meet(e, q, points, u, tool, scratch)[2]))
 
 
 @njit(cache=True)
-def distances(X, kind, shape, origin, axes, travel, gap):
+def distances(X, tool, gap):
     """Signed distances (n,) of fixed points X (n, 3) to a tool."""
-    y, n, active, H = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    y, active, n, H, _ = _scratch()
     for p in range(len(X)):
-        for r in range(3):
-            y[r] = 0.0
-            for c in range(3):
-                y[r] += axes[c, r] * (X[p, c] - origin[c] - travel[c])
-        gap[p] = signed_distance(kind, shape, y, active, n, H)
+        y[0], y[1], y[2] = _to_tool(row(X, p), tool)
+        gap[p] = signed_distance(tool[0], tool[1], y, active, n, H)

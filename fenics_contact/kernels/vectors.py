@@ -5,11 +5,22 @@ import math
 from numba import njit
 
 ZERO = (0.0, 0.0, 0.0)
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @njit(cache=True)
 def row(x, i):
     return x[i, 0], x[i, 1], x[i, 2]
+
+
+@njit(cache=True)
+def put(array, i, j, vector):
+    array[i, j, 0], array[i, j, 1], array[i, j, 2] = vector
+
+
+@njit(cache=True)
+def got(array, i, j):
+    return array[i, j, 0], array[i, j, 1], array[i, j, 2]
 
 
 @njit(cache=True)
@@ -56,6 +67,16 @@ def of_nodes(weights, q, nodes, x):
         w, n = weights[q, i], nodes[q, i]
         a, b, c = a + w * x[n, 0], b + w * x[n, 1], c + w * x[n, 2]
     return a, b, c
+
+
+@njit(cache=True)
+def of_three(w, a, b, c):
+    """w_0 a + w_1 b + w_2 c."""
+    return (
+        w[0] * a[0] + w[1] * b[0] + w[2] * c[0],
+        w[0] * a[1] + w[1] * b[1] + w[2] * c[1],
+        w[0] * a[2] + w[1] * b[2] + w[2] * c[2],
+    )
 
 
 @njit(cache=True)

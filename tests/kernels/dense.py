@@ -14,7 +14,7 @@ def evaluated(coords, slaves, surface, projection, anchors, law, judged=ALL_GAPS
     pairs = (coords, slaves, surface, projection, anchors, law, judged)
     forces, status, excess = np.zeros((n, 3)), np.full(points, 7), np.full(points, np.nan)
     traction = np.full((points, 3), np.nan)
-    add_forces(*pairs, forces, status, traction, excess)
+    add_forces(*pairs, (forces, status, traction, excess))
     values, used = np.zeros((n * n, 3, 3)), np.zeros(n * n, dtype=bool)
     if want_tangent:
         rows = np.arange(n) * n

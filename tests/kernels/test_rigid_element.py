@@ -68,11 +68,12 @@ class Contact:
         self.anchor, self.shift = np.zeros((1, self.a.shape[1], 3)), np.zeros((1, self.a.shape[1]))
         self.anchor = self.commit(mu=0.0, touch=-np.inf)[0] - np.asarray(elastic, float)
 
-    def _tool(self, travel):
-        return self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel
+    def _at(self, u, travel):
+        points = self.X, self.nodes, self.a, self.area, np.array([SPACING])
+        return points, u.ravel(), (self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel)
 
-    def _law(self):
-        return tuple(np.array([v]) for v in (EPS_N, self.eps_t, BODY, SPACING))
+    def _law(self, mu, touch):
+        return *(np.array([v]) for v in (EPS_N, self.eps_t, BODY)), float(mu), float(touch)
 
     def evaluate(self, u=None, travel=None, want_tangent=True):
         """Everything the kernel fills, over outputs that started as NaN."""
@@ -81,10 +82,9 @@ class Contact:
         force, tangent, arm = np.full((1, k, 3), np.nan), np.full((1, 3 * k, 3 * k), np.nan), np.full((1, k, 3, 3), np.nan)
         T, gap, slip, cover = np.full((1, nq, 3), np.nan), *(np.full((1, nq), np.nan) for _ in range(3))
         status = np.full((1, nq), -7, np.int32)
-        element.contact_elements(
-            self.X, self.nodes, self.a, self.area, u.ravel(), *self._tool(travel), self.anchor, self.shift,
-            self.judged, *self._law(), self.mu, self.touch, want_tangent, force, tangent, arm, T, gap, status, slip, cover,
-        )  # fmt: skip
+        law, out = self._law(self.mu, self.touch), (force, tangent, arm, T, gap, status, slip, cover)
+        history = self.anchor, self.shift
+        element.contact_elements(*self._at(u, travel), law, history, self.judged, want_tangent, out)
         assert np.array_equal(before, self.anchor)  # evaluation writes no history
         return {
             "force": force[0], "K": tangent[0], "arm": arm[0], "T": T[0], "gap": gap[0], "status": status[0],
@@ -93,19 +93,15 @@ class Contact:
 
     def normals(self, u, travel):
         normal = np.full((1, self.a.shape[1], 3), np.nan)
-        element.point_normals(
-            self.X, self.nodes, self.a, u.ravel(), *self._tool(travel), np.array([SPACING]), normal
-        )  # fmt: skip
+        element.point_normals(*self._at(u, travel), normal)
         return normal[0]
 
     def commit(self, mu=None, touch=None):
         """(new anchors, sliding); the caller decides whether to keep them."""
         new, sliding, before = np.full_like(self.anchor, np.nan), np.full(self.area.shape, np.nan), self.anchor.copy()
         mu, touch = (self.mu if mu is None else mu), (self.touch if touch is None else touch)
-        element.committed_anchors(
-            self.X, self.nodes, self.a, self.u.ravel(), *self._tool(self.travel), self.anchor, self.shift, *self._law(),
-            mu, touch, new, sliding,
-        )  # fmt: skip
+        at, history = self._at(self.u, self.travel), (self.anchor, self.shift)
+        element.committed_anchors(*at, self._law(mu, touch), history, new, sliding)
         assert np.array_equal(before, self.anchor)
         return new, sliding[0]
 
@@ -463,15 +459,15 @@ def test_a_batch_is_its_elements_one_by_one():
     tool, ne = single[0].tool, len(y)
     X, u = np.concatenate([c.X for c in single]), np.concatenate([c.u[4:5] for c in single])
     nodes, a, area = np.arange(ne, dtype=np.int32)[:, None], np.ones((ne, 1, 1)), np.full((ne, 1), 0.3)
-    anchor = np.concatenate([c.anchor for c in single])
-    law = [np.full(ne, v) for v in (EPS_N, EPS_T, BODY, SPACING)]
+    history = np.concatenate([c.anchor for c in single]), np.zeros((ne, 1))
+    eps_n, eps_t, body, spacing = (np.full(ne, v) for v in (EPS_N, EPS_T, BODY, SPACING))
     force, tangent, arm = np.full((ne, 1, 3), np.nan), np.full((ne, 3, 3), np.nan), np.full((ne, 1, 3, 3), np.nan)
     T, gap, slip, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(3))
     status = np.zeros((ne, 1), np.int32)
-    element.contact_elements(
-        X, nodes, a, area, u.ravel(), tool.kind, tool.shape, tool.origin, tool.axes, tool.travel, anchor, np.zeros((ne, 1)),
-        np.empty(0), *law, 0.3, 0.0, True, force, tangent, arm, T, gap, status, slip, cover,
-    )  # fmt: skip
+    placed = tool.kind, tool.shape, tool.origin, tool.axes, tool.travel
+    points, law = (X, nodes, a, area, spacing), (eps_n, eps_t, body, 0.3, 0.0)
+    out = force, tangent, arm, T, gap, status, slip, cover
+    element.contact_elements(points, u.ravel(), placed, law, history, np.empty(0), True, out)
     for e, r in enumerate(alone):
         assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]
         assert np.array_equal(force[e], r["force"]) and np.array_equal(tangent[e], r["K"])

@@ -1,0 +1,83 @@
+"""The law of one slave point: contact traction T(g, n, w) of penalties and Coulomb friction, with its exact partials.
+
+g is the gap [length], n the unit normal, and w = x_M - x_a [length] the way to the point's foot on the master from its
+anchor there. Masters differ in how these follow the nodes; the law is the same for all. The virtual power is
+T . (dv_S - dv_M), (14): -T acts on the slave.
+"""
+
+from collections import namedtuple
+
+from numba import njit
+
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.kernels.vectors import AXES, ZERO, dot, less, norm, plus, times
+
+ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative, where slips are a millionth of the coordinates
+
+# Penalties eps_N, eps_T [pressure/length]; Coulomb's mu, 0 where there is no anchor; a gap up to touch [length] is closed.
+Law = namedtuple("Law", "eps_n eps_t mu touch")
+# press: the gap and its multiplier over eps_N [length], by which the point presses; decides: what tells open from closed
+# and stick from slip, press itself or the press that Newton's last solve foresaw (contact/deformable.py).
+Gaps = namedtuple("Gaps", "press decides")
+# status; N and Coulomb's limit [pressure]; T_T^tr, T_T and T (3,).
+Traction = namedtuple("Traction", "status N limit trial tangential T")
+# dT/dg and dT/d(eps_N) (3,); dT/dn and dT/dw (3, 3), by rows. Each holds the status and the other arguments.
+Partials = namedtuple("Partials", "g eps_n n w")
+
+
+@njit(cache=True, error_model="numpy")
+def traction(law, gaps, n, w):
+    """The Traction T = N n + T_T of a point."""
+    if gaps.decides > law.touch:
+        return Traction(OPEN, 0.0, 0.0, ZERO, ZERO, ZERO)
+    N = law.eps_n * gaps.press  # penalty of (15)
+    if law.mu == 0.0:
+        return Traction(CLOSED, N, 0.0, ZERO, ZERO, times(N, n))
+    # of (17): eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k))
+    trial = times(law.eps_t, less(w, dot(n, w), n))
+    limit = law.mu * max(-law.eps_n * gaps.decides, 0.0)  # mu |N| of (16); a gap within touch presses on nothing
+    size = norm(trial)
+    # A way within round-off has no direction to slip in. A point that slipped when the last step was accepted starts the
+    # next one on the cone to round-off: it slips, so that the next step's first tangent lets it go on.
+    if size <= law.eps_t * law.touch or size <= limit * (1.0 - ON_CONE):
+        return Traction(STICK, N, limit, trial, trial, plus(times(N, n), trial))
+    # (18); under a foreseen pressure linear in the gap, so that one more solve mends what was foreseen amiss
+    share = min(limit / size, 1.0) if gaps.decides == gaps.press else -law.mu * N / size
+    tangential = times(share, trial)
+    return Traction(SLIP, N, limit, trial, tangential, plus(times(N, n), tangential))
+
+
+@njit(cache=True, error_model="numpy")
+def partials(law, gaps, n, w, found):
+    """The Partials of T, found at the same arguments: (26), with (27) in stick and (28) in slip."""
+    if found.status == OPEN:
+        return Partials(ZERO, ZERO, (ZERO, ZERO, ZERO), (ZERO, ZERO, ZERO))
+    rub, lost, t = 0.0, 0.0, ZERO
+    if found.status == STICK:
+        rub = law.eps_t
+    elif found.status == SLIP:
+        size, foreseen = norm(found.trial), gaps.decides != gaps.press
+        t = times(1.0 / size, found.trial)
+        rub = law.eps_t / size * (-law.mu * found.N if foreseen else found.limit)
+        lost = law.mu if foreseen or found.N < 0.0 else 0.0  # -d|T_T|/dN: none within touch
+    push = less(n, lost, t)  # dT/dN
+    n0, w0 = _rows(AXES[0], n[0], t[0], rub, found.N, n, w, t)
+    n1, w1 = _rows(AXES[1], n[1], t[1], rub, found.N, n, w, t)
+    n2, w2 = _rows(AXES[2], n[2], t[2], rub, found.N, n, w, t)
+    return Partials(times(law.eps_n, push), times(gaps.press, push), (n0, n1, n2), (w0, w1, w2))
+
+
+@njit(cache=True)
+def _rows(e, n_e, t_e, rub, N, n, w, t):
+    """Rows of dT/dn = N I - rub (n w^T + (n.w) (I - t t^T)) and dT/dw = rub (I - n n^T - t t^T) along the axis e.
+
+    n_e, t_e: the parts of n and t along e. d(P w) = P dw - n (w.dn) - (n.w) dn, and the return to the cone takes off t t^T.
+    """
+    left = less(e, t_e, t)
+    return less(less(times(N, e), rub * dot(n, w), left), rub * n_e, w), times(rub, less(left, n_e, n))
+
+
+@njit(cache=True)
+def excess(found):
+    """|T_T^tr| over the Coulomb limit minus 1 of a Traction; 0 without friction."""
+    return norm(found.trial) / max(found.limit, 1e-300) - 1.0 if found.status >= STICK else 0.0

@@ -1,0 +1,172 @@
+"""The law of one slave point alone: closed forms, exact partials in every status, Coulomb's cone, frame indifference."""
+
+import numpy as np
+import pytest
+
+from fenics_contact.kernels.law import Gaps, Law, Partials, excess, partials, traction
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+
+pytestmark = pytest.mark.serial
+
+EPS_N, EPS_T = 50.0, 20.0
+NORMAL = np.array([2.0, -3.0, 6.0]) / 7.0
+WAY = np.array([0.3, 0.5, 0.4])  # leans out of the plane across NORMAL, as the way to a foot on a curved master does
+# status, mu, press, decides: the pressures are 5 but where they are foreseen to be 2, and the trial traction is 13
+POINTS = {
+    "open": (OPEN, 0.3, 0.1, 0.1),
+    "closed": (CLOSED, 0.0, -0.1, -0.1),
+    "stick": (STICK, 9.0, -0.1, -0.1),
+    "slip": (SLIP, 0.3, -0.1, -0.1),
+    "closed, foreseen": (CLOSED, 0.0, 0.02, -0.04),
+    "stick, foreseen": (STICK, 9.0, 0.02, -0.04),
+    "slip, foreseen": (SLIP, 0.3, -0.1, -0.04),
+    "slip, foreseen and open": (SLIP, 0.3, 0.02, -0.04),
+    "open, foreseen": (OPEN, 0.3, -0.1, 0.04),
+}
+
+
+def at(name, press=None, n=NORMAL, w=WAY, eps_n=EPS_N):
+    """(law, gaps, n, w) of a point; a press of its own decides with it, unless it was foreseen."""
+    _, mu, own, decides = POINTS[name]
+    press = own if press is None else press
+    decides = press if own == decides else decides
+    return Law(eps_n, EPS_T, mu, 0.0), Gaps(press, decides), tuple(map(float, n)), tuple(map(float, w))
+
+
+def numbers(point):
+    found = traction(*point)
+    return found, Partials(*(np.array(part) for part in partials(*point, found)))
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_partials_are_the_derivatives(name):
+    """Against central differences of fourth order: remainder h^4 times fifth derivatives of about 1e2, rounding 1e-14/h."""
+    status, _, press, _ = POINTS[name]
+    found, by = numbers(at(name))
+    assert found.status == status
+    h = 1e-3
+
+    def rate(point_moved_by):
+        T = []
+        for s in (h, -h, 2 * h, -2 * h):
+            moved = traction(*point_moved_by(s))
+            assert moved.status == status
+            T.append(np.array(moved.T))
+        return (8 * (T[0] - T[1]) - (T[2] - T[3])) / (12 * h)
+
+    bound = 1e-9
+    assert np.abs(rate(lambda s: at(name, press=press + s)) - by.g).max() < bound
+    assert np.abs(rate(lambda s: at(name, eps_n=EPS_N + s)) - by.eps_n).max() < bound
+    for c, axis in enumerate(np.eye(3)):
+        assert np.abs(rate(lambda s, axis=axis: at(name, n=NORMAL + s * axis)) - by.n[:, c]).max() < bound
+        assert np.abs(rate(lambda s, axis=axis: at(name, w=WAY + s * axis)) - by.w[:, c]).max() < bound
+    assert (status == OPEN) == (not any(np.any(part) for part in by))
+    assert (status >= STICK) == bool(by.w.any())
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_partials_in_closed_form(name):
+    """(26)-(28) by matrices: a point stuck to its anchor, and one that slips under mu |N|, |N| linear if foreseen."""
+    status, mu, press, decides = POINTS[name]
+    _, by = numbers(at(name))
+    if status == OPEN:
+        return
+    one, along = np.eye(3), NORMAL @ WAY
+    across, pressure = one - np.outer(NORMAL, NORMAL), -EPS_N * press
+    direction = across @ WAY / np.linalg.norm(across @ WAY)
+    slide = np.outer(direction, direction)
+    spring = {CLOSED: 0.0, STICK: EPS_T, SLIP: mu * pressure / np.linalg.norm(across @ WAY)}[status]
+    turning = one - slide if status == SLIP else one
+    pushed = NORMAL - mu * direction if status == SLIP else NORMAL
+    # sums of a few rounded products of size 50
+    np.testing.assert_allclose(by.g, EPS_N * pushed, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(by.eps_n, press * pushed, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(by.w, spring * turning @ across, rtol=0, atol=1e-13)
+    turn = -turning @ (np.outer(NORMAL, WAY) + along * one)
+    np.testing.assert_allclose(by.n, -pressure * one + spring * turn, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(by.w @ NORMAL, 0.0, rtol=0, atol=1e-13)  # a way along the normal is none
+
+
+UP = (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("mu", "press", "decides", "way", "status", "pressure", "friction"),
+    [
+        (0.3, 0.1, 0.1, 2.0, OPEN, 0.0, 0.0),
+        (0.0, -0.1, -0.1, 2.0, CLOSED, 5.0, 0.0),
+        (0.3, -0.1, -0.1, 0.05, STICK, 5.0, 1.0),
+        (0.3, -0.1, -0.1, -0.05, STICK, 5.0, -1.0),
+        (0.3, -0.1, -0.1, 2.0, SLIP, 5.0, 1.5),
+        (0.3, -0.1, -0.1, -2.0, SLIP, 5.0, -1.5),
+        (0.3, -0.1, 0.1, 2.0, OPEN, 0.0, 0.0),  # another pressure was foreseen: it decides, the gap presses
+        (0.3, 0.1, -0.1, 0.05, STICK, -5.0, 1.0),
+        (0.3, -0.1, -0.2, 2.0, SLIP, 5.0, 1.5),
+        (0.3, 0.1, -0.2, 2.0, SLIP, -5.0, -1.5),
+    ],
+)
+def test_a_point_on_a_plane(mu, press, decides, way, status, pressure, friction):
+    found = traction(Law(EPS_N, EPS_T, mu, 0.0), Gaps(press, decides), UP, (way, 0.0, 0.7))
+    assert found.status == status
+    np.testing.assert_allclose(found.T, (friction, 0.0, -pressure), rtol=4e-16, atol=0)
+    assert found.T[2] == found.N and found.tangential == (found.T[0], 0.0, 0.0)
+    if status >= STICK:
+        np.testing.assert_allclose(excess(found), EPS_T * abs(way) / (-mu * EPS_N * decides) - 1.0, rtol=1e-15)
+    else:
+        assert excess(found) == 0.0
+
+
+def test_round_off_decides_nothing():
+    touching = Law(EPS_N, EPS_T, 0.3, 1e-8)
+    # a gap of round-off is closed, and presses on nothing: a way beyond round-off slips freely
+    for way, status in ((1e-9, STICK), (1e-3, SLIP)):
+        found = traction(touching, Gaps(1e-9, 1e-9), UP, (way, 0.0, 0.0))
+        by = partials(touching, Gaps(1e-9, 1e-9), UP, (way, 0.0, 0.0), found)
+        assert (found.status, found.N) == (status, EPS_N * 1e-9) and by.g == (0.0, 0.0, EPS_N)
+    assert found.tangential == (0.0, 0.0, 0.0)
+    assert traction(touching, Gaps(2e-8, 2e-8), UP, (0.0, 0.0, 0.0)).status == OPEN
+    # on the cone to round-off it slips, under the traction of its way
+    law, gaps = Law(EPS_N, EPS_T, 0.3, 0.0), Gaps(-0.1, -0.1)
+    for share, status in ((1 - 1e-6, STICK), (1 - 1e-9, SLIP)):
+        found = traction(law, gaps, UP, (share * 1.5 / EPS_T, 0.0, 0.0))
+        assert found.status == status and abs(found.T[0] - share * 1.5) < 1e-15
+
+
+def samples(count):
+    rng = np.random.default_rng(3)
+    for _ in range(count):
+        n, w = rng.normal(size=3), rng.normal(size=3) * 10.0 ** rng.uniform(-3, 0)
+        press = rng.uniform(-0.2, 0.05)
+        law = Law(EPS_N * 10.0 ** rng.uniform(-1, 1), EPS_T, rng.choice([0.0, 0.1, 0.8]), 0.0)
+        yield law, Gaps(press, press), tuple(n / np.linalg.norm(n)), tuple(w)
+
+
+def test_friction_stays_on_its_cone_and_dissipates():
+    seen = set()
+    for law, gaps, n, w in samples(400):
+        found = traction(law, gaps, n, w)
+        seen.add(found.status)
+        T, trial, friction = (np.array(part) for part in (found.T, found.trial, found.tangential))
+        assert found.N <= 0.0  # no adhesion
+        assert np.linalg.norm(friction) <= law.mu * abs(found.N) * (1 + 4e-16)  # rounding of a root and a quotient
+        # rounding of the way's part along n, times eps_t
+        assert abs(friction @ n) < 1e-14 * EPS_T * max(np.linalg.norm(w), 1e-3)
+        np.testing.assert_allclose(T - friction, found.N * np.array(n), rtol=0, atol=1e-14 * max(1.0, np.abs(T).max()))
+        slip = (trial - friction) / law.eps_t  # the way that the anchor follows
+        assert friction @ slip >= 0.0
+        assert (found.status == SLIP) == bool(slip.any())
+    assert seen == {OPEN, CLOSED, STICK, SLIP}
+
+
+def test_the_law_does_not_know_the_frame():
+    Q = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    for name in POINTS:
+        here, by = numbers(at(name))
+        there, turned = numbers(at(name, n=Q @ NORMAL, w=Q @ WAY))
+        assert here.status == there.status
+        # rounding of a rotated vector, times eps
+        np.testing.assert_allclose(there.T, Q @ here.T, rtol=0, atol=1e-13)
+        for part in ("g", "eps_n"):
+            np.testing.assert_allclose(getattr(turned, part), Q @ getattr(by, part), rtol=0, atol=1e-13)
+        for part in ("n", "w"):
+            np.testing.assert_allclose(getattr(turned, part), Q @ getattr(by, part) @ Q.T, rtol=0, atol=1e-13)
