@@ -1,0 +1,44 @@
+"""A dozen of the random scenes of `random_scenes.py`, and whether the judge would see what is wrong."""
+
+from dataclasses import replace
+
+import pytest
+from random_scenes import GOOD, child, compared, draw
+from scene_judge import CONE, Run, beyond_coulomb, judge, lifted, wrongs
+
+SEEDS = (0, 2, 4, 6, 9, 10, 14)
+LIMIT = 120.0  # seconds
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_random_scene_ends_right_or_with_a_remedy_that_cures(seed):
+    found = judge(seed, thorough=False)
+    assert found["class"] in GOOD, found["says"]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", SEEDS[:3])
+def test_more_steps_and_ranks_give_the_same(seed):
+    one, two = (child(seed, ranks, LIMIT) for ranks in (1, 2))
+    assert one["class"] in GOOD, one["says"]
+    two = compared(one, two)
+    assert two["class"] in GOOD, two["says"]
+
+
+@pytest.mark.parallel
+def test_the_judge_sees_what_is_wrong():
+    run = Run(replace(draw(2), steps=3))
+    assert run.result.converged and wrongs(run) == []
+    state = run.system.state
+    state.u.x.array[:] *= 1.001
+    run.probe(state)
+    assert any("out of balance" in text for text in wrongs(run))
+    contact = run.system.contacts[0]
+    assert beyond_coulomb(contact, state, 0.0)[0] < CONE
+    contact.friction *= 0.5  # what slips now exceeds Coulomb's law
+    assert beyond_coulomb(contact, state, 0.0)[0] > CONE
+    assert lifted(run)
+    for row in run.rows:
+        row["forces"] = {name: 0.0 * force for name, force in row["forces"].items()}
+    assert any("and must with" in text for text in wrongs(run))
