@@ -146,13 +146,20 @@ class Adapted:
 
     def step(self, system, t):
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        report = self.stepper.step(system, t)
+        return self._adapt(system, t, self.stepper.step)
+
+    def settle(self, system, t):
+        """Into balance at t from the present state, which is near the committed one."""
+        return self._adapt(system, t, self.stepper.settle)
+
+    def _adapt(self, system, t, solve):
+        report = solve(system, t)
         while raised := raise_penalties(system, report):
             try:
                 report.add(self.stepper.settle(system, t))
             except StepFailed as failure:
                 forgo(system, raised, report, failure)
-                report.add(self.step(system, t))
+                report.add(self._adapt(system, t, solve))
                 return report
         return report
 

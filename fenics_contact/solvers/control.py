@@ -39,7 +39,7 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             try:
                 report = _attempt(system, stepper, goal)
             except StepFailed as failure:
-                report = _jumped(system, goal, failure) if size <= sooner else None
+                report = _jumped(system, stepper, goal, failure) if size <= sooner else None
                 if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
                     verdict.stop(diagnose(system, failure, goal), goal)
                     return verdict
@@ -71,12 +71,12 @@ def _attempt(system, stepper, goal):
     return report
 
 
-def _jumped(system, goal, failure):
+def _jumped(system, stepper, goal, failure):
     """The report of damped motion to the next state of rest, where that was asked for and there is one; else None."""
     if system.damping is None or failure.finding.kind in HOPELESS:
         return None
     try:
-        return jump(system, goal)
+        return jump(system, goal, stepper)
     except StepFailed:
         return None
 

@@ -14,9 +14,11 @@ MOTIONS = 60  # at most
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
 
 
-def jump(system, goal):
+def jump(system, goal, stepper):
     """Carry the system at the loads of t = goal to rest, in balance there without damping; StepReport, not yet accepted.
 
+    stepper: that of the run; it settles the state of rest, with all that a step asks for: springs that pull no more,
+    multipliers that have taken over, penalties that hold.
     Each motion is a step of implicit Euler for viscous forces, its friction accepted as history. The work that they
     take is what a real jump turns into vibrations: `report.work`. On failure the system is where it was: StepFailed.
     Collective.
@@ -40,7 +42,7 @@ def jump(system, goal):
         report.add(moved)
         system.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
-        if resting and (last := _at_rest(system, newton, goal)):
+        if resting and (last := _at_rest(system, stepper, goal)):
             report.add(last)
             _conclude(system, report, work, before, scale)
             return report
@@ -48,11 +50,11 @@ def jump(system, goal):
     raise StepFailed("damped motion did not come to rest")
 
 
-def _settle(system, newton, goal, share):
+def _settle(system, stepper, goal, share):
     """Balance at t = goal with this damping; StepFailed, and the state as it was, if there is none."""
     system.damping.share = share
     try:
-        report = newton.settle(system, goal)
+        report = stepper.settle(system, goal)
         if wrong := system.objection():
             raise StepFailed.of(wrong)
     except StepFailed:
@@ -61,10 +63,10 @@ def _settle(system, newton, goal, share):
     return report
 
 
-def _at_rest(system, newton, goal):
+def _at_rest(system, stepper, goal):
     """The report of balance without damping, or None."""
     try:
-        return _settle(system, newton, goal, 0.0)
+        return _settle(system, stepper, goal, 0.0)
     except StepFailed:
         return None
 
