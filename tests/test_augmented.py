@@ -387,3 +387,17 @@ def test_a_node_that_sinks_in_between_points_on_a_body_is_said():
         result = solve(scene, steps=1, progress=False).require()
         found.append(said_of_nodes(result))
     assert [len(notes) for notes in found] == [1, 0]
+
+
+@pytest.mark.parametrize(("slave", "said"), [("zmax", True), (("zmax", "xmax"), False)])
+def test_a_side_that_sinks_in_without_being_a_slave_is_said(slave, said):
+    """A block led into a wall, against which the wrong side is stated to slide."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", RUBBER))
+    scene.prescribe("zmin", "x", 0.4)
+    scene.fix("zmin", "yz")
+    scene.contact(slave, rigid_plane((2.3, 0, 0), (-1.0, 0, 0), name="wall"), 0.3, name="c")
+    result = solve(scene, steps=2, progress=False).require()
+    notes = [note for note in result.verdict.notes if "a node that is no slave, contact 'c' at (2, " in note]
+    assert bool(notes) == said
+    if said:
+        assert "lies 0.1 inside 'wall'" in notes[0] and "among the slaves" in notes[0]

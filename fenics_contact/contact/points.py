@@ -186,6 +186,9 @@ class SlavePoints(Penalties):
             depth, place = self.node_depth(state)
             place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
         if depth <= DEEP * self.surface.cell_height:
+            depth, place = self.depth_beside(state)
+            place, remedy = f"a node that is no slave, {place},", "name the surface it lies on among the slaves"
+        if depth <= DEEP * self.surface.cell_height:
             return None
         self._remarked = True
         text = f"{place} lies {depth:.3g} inside '{self.master_name}', where a cell is {self.surface.cell_height:.3g} high"
@@ -204,6 +207,10 @@ class SlavePoints(Penalties):
         X = s.X[near].reshape(-1, 3)[first]
         depth, place = self._worst(comm, -self.node_gaps(state, nodes, X), X)
         return max(depth, 0.0), place
+
+    def depth_beside(self, state):
+        """Depth [length] and place of the deepest node off the slave surface; zero where that is not looked for."""
+        return 0.0, ""
 
     def objection(self, state):
         """None, or the Finding why a state in balance must not be accepted: bodies have passed through one another, a

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fenics_contact import compat
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.points import SlavePoints
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
@@ -44,6 +45,7 @@ class RigidContact(SlavePoints):
         self._anchor, self._rest, self.shift = np.zeros((ne, nq, 3)), np.zeros((ne, nq, 3)), np.zeros((ne, nq))
         self._kept = self._anchor, self.shift  # those of the last accepted step
         self._feet = None  # where the points were on the tool then, in its frame
+        self._beside = None  # (local numbers, reference positions) of the nodes that are no slaves, once asked for
         self.set_up_penalties()
         self.timers = Timers()  # those of the System it becomes part of
 
@@ -190,6 +192,20 @@ class RigidContact(SlavePoints):
         gap = np.empty(len(nodes))
         distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state), gap)
         return gap
+
+    def depth_beside(self, state):
+        """Depth [length] and place of the deepest node that lies inside the tool without being a slave. Collective."""
+        space = state.u.function_space
+        if self._beside is None:
+            slave = compat.Function(space)  # on all ranks that know a node
+            slave.x.array.reshape(-1, 3)[self.surface.nodes.ravel()] = 1.0
+            compat.sum_to_owners(slave)
+            compat.copy_to_ghosts(slave)
+            nodes = np.flatnonzero(slave.x.array.reshape(-1, 3)[:, 0] == 0.0)
+            self._beside = nodes, space.tabulate_dof_coordinates()[nodes]
+        nodes, X = self._beside
+        depth, place = self._worst(space.mesh.comm, -self.node_gaps(state, nodes, X), X)
+        return max(depth, 0.0), place
 
     def lost_depth(self, state, comm):
         """Zero: an analytic tool knows of every point how deep inside it is."""
