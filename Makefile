@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test bench study lint setup test-debian13 test-newest
+.PHONY: demo test nightly bench study lint setup test-debian13 test-newest
 setup:
 	@bash .ci/setup
 
@@ -19,6 +19,10 @@ lint: setup
 test: lint
 	@$(ENV) python3 -m pytest -n 2
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
+
+# 200 random scenes on one process and on two, each in a process of its own: a line per scene, and how many ended how
+nightly: setup
+	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out random_scenes.csv
 
 # Ratios against FElupe (if installed: .venv/bin/pip install felupe pypardiso), growth, and the kernels alone
 bench: setup

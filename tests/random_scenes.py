@@ -146,19 +146,21 @@ def draw(seed):
         (between(4, 9), between(4, 9), between(2, 4)) if what == "tool" else (between(7, 10), between(6, 9), between(2, 3))
     )
     cells = tuple(int(rng.integers(most - 1 - (i == 2) * (most // 3), most + 1 - (i == 2) * (most // 3))) for i in range(3))
-    upper = between(3, 5), between(3, 5), between(1.2, 2.5)
+    upper = between(3, 5), between(3, 5), between(1.2, 3.5)
     upper_cells = tuple(int(n) for n in rng.integers((2, 2, 1), (5, 5, 3)))
     pressed = size if what == "tool" else upper
     height = size[2] + (0.0 if what == "tool" else upper[2])
-    depth = height * between(*((0.03, 0.2) if tool in ("", "plane") else (0.03, 0.22)))
+    depth = height * between(*((0.03, 0.25) if tool in ("", "plane") else (0.03, 0.3)))
     if what == "both":
         depth = min(depth, 0.3 * upper[2])
     radius = max(pressed[:2]) * between(0.8, 2.0)
     half = min(pressed[:2]) * between(0.2, 0.35)
+    edges = zip(pressed[:2], (cells if what == "tool" else upper_cells)[:2], strict=False)
+    half = max(half, 1.1 * max(side / count for side, count in edges) / degree)  # or it falls between the nodes
     if what == "both" and tool in ("sharp punch", "meshed punch"):
         tool = "sphere"
     # a push by about the strain that a path of that depth makes
-    young, strain = 9.0 * ratio * shear / (3.0 * ratio + 1.0), between(0.03, 0.15)
+    young, strain = 9.0 * ratio * shear / (3.0 * ratio + 1.0), between(0.03, 0.25)
     area = {"": pressed[0] * pressed[1], "plane": pressed[0] * pressed[1], "cylinder": pressed[1] * np.sqrt(radius * depth)}
     area |= dict.fromkeys(("sphere", "meshed ball"), np.pi * radius * depth)
     force = young * strain * float(area.get(tool, 4.0 * half**2))
@@ -181,13 +183,13 @@ def draw(seed):
     if what == "pair" and path.startswith("push") and friction == 0.0:
         axes = "xy"
     aside = friction * one_of(between(0.3, 0.9), 1.3, p=(0.75, 0.25)) if path == "push aside" else 0.0
-    turn, far = between(0.0, 2.0 * np.pi), between(0.1, 0.5) * (pressed[2] if tool in ("", "plane") else 0.5 * pressed[0])
+    turn, far = between(0.0, 2.0 * np.pi), between(0.1, 0.8) * (pressed[2] if tool in ("", "plane") else 0.5 * pressed[0])
     if what == "both":
-        far = min(far, 0.4 * upper[2])
+        far = min(far, 0.7 * upper[2])
     options = {"stabilise": True} if path.startswith("push") and rng.random() < 0.7 else {}
     length, pressure = one_of((1.0, 1.0), (1e-3, 1e6), (25.4, 145.0), p=(0.6, 0.3, 0.1))
     slack = 0.2 * (size[0] - upper[0]), 0.2 * (size[1] - upper[1])
-    place = (float(rng.uniform(-0.1, 0.1) * pressed[0]), float(rng.uniform(-0.1, 0.1) * pressed[1]))
+    place = (float(rng.uniform(-0.2, 0.2) * pressed[0]), float(rng.uniform(-0.2, 0.2) * pressed[1]))
     return Statement(
         seed, what, tool, path, hold, load, tetrahedra, degree, element, shear, second, ratio, size, cells, upper,
         upper_cells,

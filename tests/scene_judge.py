@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
-from random_scenes import BREAKS, build, draw, make_tool, times
+from random_scenes import BREAKS, GOOD, build, draw, make_tool, times
 
 from fenics_contact import Load, SceneError, solve
 from fenics_contact.assembly.exchange import ghosted_vector, sum_to_owners
@@ -220,7 +220,7 @@ def differs(s, run):
     one, most = run.at_ends(), run.most
     more = Run(s, 2)
     if not more.result.converged:
-        return [f"with twice the steps: {more.verdict.reason}"]
+        return unhelped(replace(s, steps=2 * s.steps), more.verdict, "with twice the steps")
     if any(r.said(*JUMPS) for r in (run, more)):
         return []
     change = np.abs(more.at_ends() - one).max() / most
@@ -234,7 +234,7 @@ def differs(s, run):
         return [f"twice the steps change the force by {change:.1e}"]
     again = Run(s, 4)
     if not again.result.converged:
-        return [f"with four times the steps: {again.verdict.reason}"]
+        return unhelped(replace(s, steps=4 * s.steps), again.verdict, "with four times the steps")
     left = np.abs(again.at_ends() - more.at_ends()).max() / most
     if left <= bound or left < 0.7 * change or again.said(*JUMPS):
         return []
@@ -273,17 +273,37 @@ def possible(s, verdict):
     return not (verdict.kind == "friction used up" and s.aside > s.friction)
 
 
-def cured(s, verdict):
-    """(what cured it, [what is wrong with that run]); None if nothing that the remedy names does."""
+def cured(s, verdict, depth=2):
+    """(class, what was done, what is still wrong in words) of a verdict whose remedy is done, where need be that of the
+    next verdict too."""
+    if not verdict.remedy:
+        return "unclear", "", verdict.reason
+    if not possible(s, verdict):
+        return "impossible", "", ""
+    ends = []
     for words, action in ACTIONS.items():
         if words in verdict.remedy:
+            changed = action(s)
             try:
-                run = Run(action(s))
-            except SceneError:
+                run = Run(changed)
+            except SceneError as error:
+                ends.append(f"{words}: {error}")
                 continue
             if run.result.converged:
-                return words, wrongs(run)
-    return None
+                found = wrongs(run)
+                return ("wrong" if found else "cured"), words, "; ".join(found)
+            ends.append(f"{words}: {run.verdict.reason}")
+            if run.verdict.kind != verdict.kind and depth > 1:
+                kind, done, left = cured(changed, run.verdict, depth - 1)
+                if kind in ("cured", "impossible", "wrong"):
+                    return kind, f"{words}, {done}", left
+    return "uncured", "", "; ".join(ends)
+
+
+def unhelped(s, verdict, where):
+    """Nothing, or in words that a verdict is neither true of the statement nor cured by its remedy."""
+    kind, _, left = cured(s, verdict)
+    return [] if kind in GOOD else [f"{where}: {verdict.reason} || {kind}: {left}"]
 
 
 # -- judgement --------------------------------------------------------------------------------------------------------
@@ -303,15 +323,9 @@ def judge(seed, thorough=True):
         if thorough and not found:
             found = differs(s, run)
         out |= {"class": "wrong" if found else "converged", "says": "; ".join(found)}
-    elif not run.verdict.remedy:
-        out |= {"class": "unclear", "says": run.verdict.reason}
-    elif not possible(s, run.verdict):
-        out |= {"class": "impossible", "says": run.verdict.reason}
     else:
-        cure = cured(s, run.verdict)
-        kind = "uncured" if cure is None else ("wrong" if cure[1] else "cured")
-        out |= {"class": kind, "says": run.verdict.reason, "by": cure[0] if cure else ""}
-        out["says"] += f" || cured: {'; '.join(cure[1])}" if cure and cure[1] else ""
+        out["class"], out["by"], left = cured(s, run.verdict)
+        out["says"] = run.verdict.reason + (f" || {left}" if left else "")
     return out | {"seconds": round(time.perf_counter() - start, 1), "notes": run.verdict.notes}
 
 

@@ -6,7 +6,7 @@ import pytest
 from random_scenes import GOOD, child, compared, draw
 from scene_judge import CONE, Run, beyond_coulomb, judge, lifted, wrongs
 
-SEEDS = (0, 2, 4, 6, 9, 10, 14)
+SEEDS = (10, 23, 27, 33, 36, 43, 57, 64, 67, 106, 111, 140)
 LIMIT = 120.0  # seconds
 
 
@@ -18,7 +18,7 @@ def test_a_random_scene_ends_right_or_with_a_remedy_that_cures(seed):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", SEEDS[:3])
+@pytest.mark.parametrize("seed", (27, 57))
 def test_more_steps_and_ranks_give_the_same(seed):
     one, two = (child(seed, ranks, LIMIT) for ranks in (1, 2))
     assert one["class"] in GOOD, one["says"]
@@ -28,7 +28,7 @@ def test_more_steps_and_ranks_give_the_same(seed):
 
 @pytest.mark.parallel
 def test_the_judge_sees_what_is_wrong():
-    run = Run(replace(draw(2), steps=3))
+    run = Run(replace(draw(36), steps=3))
     assert run.result.converged and wrongs(run) == []
     state = run.system.state
     state.u.x.array[:] *= 1.001
