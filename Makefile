@@ -22,7 +22,7 @@ test: lint
 
 # 200 random scenes on one process and on two, each in a process of its own: a line per scene, and how many ended how
 nightly: setup
-	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out random_scenes.csv
+	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out results/random_scenes.csv
 
 # Ratios against FElupe (if installed: .venv/bin/pip install felupe pypardiso), growth, and the kernels alone
 bench: setup

@@ -400,6 +400,8 @@ def main():
         print(json.dumps(asdict(draw(asked.show)), indent=1))
         return 0
     columns, counts = ["seed", "ranks", "class", "kind", "by", "seconds", "statement", "says"], Counter()
+    if asked.out:
+        Path(asked.out).parent.mkdir(parents=True, exist_ok=True)
     out = open(asked.out, "w", newline="") if asked.out else open(os.devnull, "w")  # noqa: SIM115
     with out:
         table = csv.DictWriter(out, columns, extrasaction="ignore", restval="")
