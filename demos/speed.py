@@ -355,7 +355,7 @@ def rigid_elements(system, points):
         return np.concatenate([array] * n)
 
     at = tuple(many(a) for a in (s.X, s.nodes, s.a, s.area, s.spacing))
-    law = (*(many(a) for a in (term.normal_penalty, term.tangential_penalty, s.stiffness)), 0.3, 0.0)
+    law = (*(many(a) for a in (term.normal_penalty, term.tangential_penalty, s.stiffness)), term.friction, 0.0)
     out = (term._force, term._tangent, term._arm, term.traction, term.gap, term.status, term.excess, term.cover)
     out, history = tuple(many(a) for a in out), (many(term._anchor), many(term.shift))
     place = (tool.kind, tool.shape, tool.origin, tool.axes, np.zeros(3))

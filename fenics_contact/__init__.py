@@ -1,6 +1,7 @@
 """Large-deformation frictional contact of rubber-like bodies on FEniCSx."""
 
 from fenics_contact import packages  # noqa: F401 - first, so that a missing module is named with its package
+from fenics_contact.contact.friction import coulomb
 from fenics_contact.contact.tools import rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
 from fenics_contact.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
@@ -22,6 +23,7 @@ __all__ = [
     "SceneError",
     "Travel",
     "Units",
+    "coulomb",
     "from_elastic",
     "mooney_paper",
     "mooney_rivlin",

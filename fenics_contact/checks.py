@@ -5,6 +5,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.parts import connected_parts
+from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.values import SceneError, count, group_names, positive, shown, text
 
@@ -36,7 +37,8 @@ def refuse_numbers(contact):
     """The name and the numbers of a contact must be such."""
     text(contact.name, "contact: name")
     what = f"contact '{contact.name}'"
-    positive(contact.friction, f"{what}: friction", zero=True)
+    if not isinstance(contact.friction, Friction):
+        positive(contact.friction, f"{what}: friction", zero=True, more=", Coulomb's mu, or coulomb(...)")
     for label in ("penalty", "tangential_penalty", "tangential_share", "penetration", "penalty_factor"):
         if (value := getattr(contact, label)) is not None:
             positive(value, f"{what}: {label}")

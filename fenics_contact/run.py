@@ -372,7 +372,7 @@ def _contact_summary(contact, system):
         "name": contact.name,
         "master": contact.master_name,
         "tool_edge": contact.edge,
-        "friction": contact.friction,
+        "friction": contact.friction_stated,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],
         "penalty_raised": contact.raise_factor(comm),

@@ -74,7 +74,7 @@ class _Contact:
     name: str
     slave: tuple
     master: Tool | tuple
-    friction: float
+    friction: object
     penalty: float | None
     penalty_factor: float | None
     tangential_penalty: float | None
@@ -160,10 +160,11 @@ class Scene:
         """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
-        friction: Coulomb's mu; penalty, tangential_penalty: [pressure/length], by default from the stiffness beneath each
-        slave point, raised where points sink in too far; penalty_factor: on that stiffness where no number is given
-        (PENALTY_FACTOR); tangential_share: tangential over normal penalty where no number is given (TANGENTIAL_SHARE, more
-        at high friction), see `contact.penalties`, where both are; points: Gauss points per direction of each facet, or
+        friction: Coulomb's mu, or `coulomb(...)` for one that depends on the pressure, or for a shear limit; penalty,
+        tangential_penalty: [pressure/length], by default from the stiffness beneath each slave point, raised where points
+        sink in too far; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
+        tangential over normal penalty where no number is given (TANGENTIAL_SHARE, more at high friction), see
+        `contact.penalties`, where both are; points: Gauss points per direction of each facet, or
         "nodes", which on a body look along the normals of the slave's facets as Gauss points do, and on a tool along the
         tool's, or "closest": nodes and their closest points on a body (the paper), where the force jumps at the master's
         edges; by default nodes on an analytic tool, and 3 on a body or a meshed tool; penetration:

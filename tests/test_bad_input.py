@@ -176,6 +176,15 @@ def test_friction_must_not_be_negative(mesh, bad):
     refused(lambda: pressed(mesh, friction=bad), "top", "friction", "positive")
 
 
+@pytest.mark.parametrize(("name", "bad"), [("exponent", -1.0), ("reference", 0.0), ("shear_limit", -1.0), ("exponent", NAN)])
+def test_a_friction_law_needs_numbers_that_make_one(name, bad):
+    refused(lambda: fc.coulomb(0.3, **{name: bad}), "friction", f"{name} = {bad}", "must be")
+
+
+def test_friction_is_a_number_or_a_law(mesh):
+    refused(lambda: pressed(mesh, friction="rough"), "top", "friction = 'rough'", "coulomb(...)")
+
+
 def test_tools_must_have_sane_lengths():
     refused(lambda: rigid_punch(half_width=-1.0, height=1.0), "half_width", "positive")
     refused(lambda: rigid_punch(half_width=1.0, height=NAN), "height", "positive")

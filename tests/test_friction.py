@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton, StepFailed
@@ -51,6 +51,21 @@ def test_sliding_force_is_mu_times_normal_force(mesh, tangential, steps, angle):
     last = force(solve(scene, steps=drag_times(steps), progress=False))[-1]
     assert last[2] > 0.0
     np.testing.assert_allclose(last[:2], -MU * last[2] * direction, atol=LAW * MU * last[2])
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("shear_limit", [None, 4.5])
+def test_friction_that_falls_with_pressure(mesh, shear_limit):
+    """mu(p) = 0.3 (p / 10 MPa)^(-1/3) under pressures of about 20 MPa, in places more than the shear limit allows."""
+    law = coulomb(MU, exponent=-1 / 3, reference=10.0, shear_limit=shear_limit)
+    result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(4), progress=False)
+    assert result.converged, result.verdict.reason
+    assert max(result.column("iterations")[2:]) <= 3  # slips on: as many as with a constant mu, for the tangent is exact
+    pressure, friction = result.system.contacts[0].split_traction(result.system.state)
+    free = MU * (10.0 * pressure**2) ** (1 / 3)
+    np.testing.assert_allclose(np.linalg.norm(friction, axis=-1), np.minimum(free, shear_limit or np.inf), rtol=LAW)
+    above = result.system.comm.allreduce(int((free > 4.5).sum())), result.system.comm.allreduce(int((free < 4.5).sum()))
+    assert min(above) > 0
 
 
 @pytest.mark.parametrize(("tangential", "steps"), [(1e4, 8), (1e4, 24), (1e6, 8)])

@@ -4,6 +4,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.contact.friction import friction_of
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -35,10 +36,10 @@ class DeformableContact(PairPenalties, SlavePoints):
     Points of slave facets, Gauss points or corners, seek the master along their own facet's normal, which stays continuous
     over the master's edges; slave nodes without a facet seek the closest point on the master and its normal (the paper).
     surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals
-    say where a slave node looks; master: MasterSurface; friction: Coulomb's mu; normal_penalty, tangential_penalty (ne,)
-    [pressure/length]. Each rank evaluates its slave points against the whole master surface; forces on the master go
-    back by a sum over its nodes. All methods that take a state are collective. Evaluation is pure; `commit` writes the
-    anchors.
+    say where a slave node looks; master: MasterSurface; friction: Coulomb's mu or what contact/friction.py gives;
+    normal_penalty, tangential_penalty (ne,) [pressure/length]. Each rank evaluates its slave points against the whole
+    master surface; forces on the master go back by a sum over its nodes. All methods that take a state are collective.
+    Evaluation is pure; `commit` writes the anchors.
     """
 
     edge = "none"
@@ -47,9 +48,9 @@ class DeformableContact(PairPenalties, SlavePoints):
 
     def __init__(self, name, master_name, surface, facets, master, friction, normal_penalty, tangential_penalty, space):
         self.name, self.master_name, self.surface, self.master = name, master_name, surface, master
-        self.friction = friction
+        self.friction = friction_of(friction)
         # along the slave's normal even frictionless forces have no potential
-        self.symmetric = friction == 0.0 and surface.gradients is None
+        self.symmetric = not self.rough and surface.gradients is None
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
         self.touch = TOUCH * surface.cell_height
         self.search = max(surface.cell_height, master.longest)
@@ -185,7 +186,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         """Axes along which the contact can hold a body: without friction, those its normals have a part in."""
         normals = np.abs(self._point_normals(state.u.x.array)).max(axis=0, initial=0.0)
         largest = np.max(comm.allgather(normals), axis=0)
-        return set("xyz") if self.friction > 0.0 else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+        return set("xyz") if self.rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
     def looks(self, state):
         """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
@@ -276,7 +277,7 @@ class DeformableContact(PairPenalties, SlavePoints):
         coords, _, projection = self._project(state)
         self._places = self._placed
         self._gaps = (self.gap + self.shift).ravel(), self._gaps[0]
-        if self.friction > 0.0 or self.tolerance is not None:
+        if self.rough or self.tolerance is not None:
             resting, feet = (self.status == STICK).reshape(-1, 1), self._new_anchors(coords, projection, -np.inf)[0]
             self._rests = tuple(np.where(resting, old, new) for old, new in zip(self._rests, feet, strict=True))
         self.before = self._anchors

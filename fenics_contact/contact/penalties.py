@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fenics_contact.contact.friction import friction_of
 from fenics_contact.kernels.status import OPEN
 
 # Default penalty over (Young's modulus at rest / distance of nodes below each other): the force it costs is reported in the
@@ -31,7 +32,7 @@ def penalties(statement, surface):
     A number that the user has given stays what it is.
     """
     factor = statement.penalty_factor or PENALTY_FACTOR
-    share = statement.tangential_share or max(TANGENTIAL_SHARE, statement.friction / SLIPS)
+    share = statement.tangential_share or max(TANGENTIAL_SHARE, friction_of(statement.friction).mu / SLIPS)
     normal = np.full_like(surface.stiffness, statement.penalty) if statement.penalty else factor * surface.stiffness
     typed = statement.tangential_penalty
     tangential = np.full_like(normal, typed) if typed else share * normal

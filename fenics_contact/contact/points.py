@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
+from fenics_contact.contact.friction import allowed, coulomb
 from fenics_contact.contact.penalties import Penalties
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
@@ -72,7 +73,7 @@ class SlavePoints(Penalties):
     def only(self, mask, frictionless=False):
         """Within it the points (n,) of a mask alone exert forces, without friction if so asked."""
         area, friction = self.surface.area, self.friction
-        self.friction = 0.0 if frictionless else friction
+        self.friction = coulomb(0.0) if frictionless else friction
         self.weigh(np.where(mask.reshape(area.shape), area, 0.0))
         try:
             yield
@@ -81,20 +82,20 @@ class SlavePoints(Penalties):
             self.weigh(area)
 
     @contextmanager
-    def with_friction(self, friction):
+    def with_friction(self, mu):
         """Within it the contact has another coefficient of friction."""
-        own, self.friction = self.friction, friction
+        own, self.friction = self.friction, coulomb(mu)
         try:
             yield
         finally:
             self.friction = own
 
     def grip(self, state):
-        """(friction, what Coulomb's law allows): sums of their sizes over this rank's points at a state [force]."""
+        """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""
         self.evaluate(state)
         pressure, along = self.split_traction(state)
         area = self.surface.area
-        return float((np.linalg.norm(along, axis=2) * area).sum()), self.friction * float((pressure * area).sum())
+        return float((np.linalg.norm(along, axis=2) * area).sum()), float((allowed(self.friction, pressure) * area).sum())
 
     def weigh(self, area):
         """Take other areas (ne, nq) [length^2] for the points."""
@@ -116,9 +117,19 @@ class SlavePoints(Penalties):
         self.evaluate(state)
         closed, pressing = self.status != OPEN, np.linalg.norm(self.traction, axis=2) * self.surface.area
         along = np.abs(self.normals(state)[closed]).max(axis=0, initial=0.0) > 1e-6
-        along = along | (self.friction > 0.0 and bool(closed.any()))
+        along = along | (self.rough and bool(closed.any()))
         sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
         return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
+
+    @property
+    def rough(self):
+        """Whether there is friction."""
+        return self.friction.mu > 0.0
+
+    @property
+    def friction_stated(self):
+        """Coulomb's mu, or the numbers of a friction law by name."""
+        return self.friction.mu if self.friction == coulomb(self.friction.mu) else self.friction._asdict()
 
     @property
     def key(self):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.contact.friction import friction_of
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.points import SlavePoints
 from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
@@ -17,18 +18,20 @@ TOUCH = 1e-10
 class RigidContact(SlavePoints):
     """Penalty contact with Coulomb friction between slave points and a rigid tool.
 
-    surface: SlaveSurface; tool: RigidTool; index: row of the tool in the state's travel; friction: Coulomb's mu;
-    normal_penalty, tangential_penalty (ne,) [pressure/length]. Evaluation is pure; `commit` writes the anchors.
+    surface: SlaveSurface; tool: RigidTool; index: row of the tool in the state's travel; friction: Coulomb's mu
+    or what contact/friction.py gives; normal_penalty, tangential_penalty (ne,) [pressure/length]. Evaluation is pure;
+    `commit` writes the anchors.
     """
 
     grounded = True
 
     def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
-        self.name, self.surface, self.tool, self.index, self.friction = name, surface, tool, index, friction
+        self.name, self.surface, self.tool, self.index = name, surface, tool, index
+        self.friction = friction_of(friction)
         self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
         self.master_name, self.edge = tool.name, tool.edge
         self.softens = tool.edge != "sharp"
-        self.symmetric = friction == 0.0 and tool.edge != "sharp"
+        self.symmetric = not self.rough and tool.edge != "sharp"
         self.touch = TOUCH * surface.cell_height
         ne, k = surface.nodes.shape
         nq = surface.area.shape[1]
@@ -51,7 +54,7 @@ class RigidContact(SlavePoints):
 
     def initialise(self, state):
         """Anchor every point at its projection in the initial state."""
-        self._feet = self._rest = self._anchor = self.before = self._anchors(state, 0.0, -np.inf)[0]
+        self._feet = self._rest = self._anchor = self.before = self._anchors(state, -np.inf)[0]
         self._kept = self._anchor, self.shift
         self.evaluate(state, True)
 
@@ -64,14 +67,14 @@ class RigidContact(SlavePoints):
         s = self.surface
         return (s.X, s.nodes, s.a, s.area, s.spacing), state.u.x.array, self._placed_tool(state)
 
-    def _law(self, mu, touch):
-        return self.normal_penalty, self.tangential_penalty, self.surface.stiffness, float(mu), float(touch)
+    def _law(self, touch):
+        return self.normal_penalty, self.tangential_penalty, self.surface.stiffness, self.friction, float(touch)
 
     def evaluate(self, state, want_tangent=False):
         """Evaluate all points; returns the numbers of the elements in contact."""
         if self._feet is None:  # the first state after a restart
-            self._feet = self._anchors(state, 0.0, -np.inf)[0]
-        at, law = self._at(state), self._law(self.friction, self.touch)
+            self._feet = self._anchors(state, -np.inf)[0]
+        at, law = self._at(state), self._law(self.touch)
         at_points = self.traction, self.gap, self.status, self.excess, self.cover
         out = self._force, self._tangent, self._arm, *at_points
         with self.timers("contact kernel"):
@@ -106,16 +109,16 @@ class RigidContact(SlavePoints):
     def held_axes(self, state, comm):
         """Axes along which the contact can hold a body: all with friction, else those of its first normal. Collective."""
         normal = np.abs(self.first_normal(state, comm))
-        return {axis for axis, part in zip("xyz", normal, strict=True) if self.friction > 0.0 or part > 1e-6}
+        return {axis for axis, part in zip("xyz", normal, strict=True) if self.rough or part > 1e-6}
 
     def commit(self, state):
         """Accept the state: the only place where friction history changes."""
         self.release()
         self.evaluate(state)
         self.met = self.met | (self.status != OPEN)
-        resting, self._feet = (self.status == STICK)[..., None], self._anchors(state, 0.0, -np.inf)[0]
+        resting, self._feet = (self.status == STICK)[..., None], self._anchors(state, -np.inf)[0]
         self._rest, self.before = np.where(resting, self._rest, self._feet), self._anchor
-        self._anchor, sliding = self._anchors(state, self.friction, self.touch)
+        self._anchor, sliding = self._anchors(state, self.touch)
         self.slip_path = self.slip_path + sliding
         self._kept = self._anchor, self.shift
         self.keep_penalties()
@@ -138,12 +141,12 @@ class RigidContact(SlavePoints):
 
     def rest_anchors(self, state, factor):
         self.evaluate(state)
-        foot, sticks = self._anchors(state, 0.0, -np.inf)[0], (self.status == STICK)[..., None]
+        foot, sticks = self._anchors(state, -np.inf)[0], (self.status == STICK)[..., None]
         return np.where(sticks, foot - (foot - self._anchor + (factor - 1.0) * self._slip(state)) / factor, self._anchor)
 
     def _slip(self, state):
         """Slip (ne, nq, 3) of sticking points since they came to rest, in the tool's frame [length]; 0 for others."""
-        foot, normal = self._anchors(state, 0.0, -np.inf)[0], self.normals(state) @ self.tool.axes
+        foot, normal = self._anchors(state, -np.inf)[0], self.normals(state) @ self.tool.axes
         moved = foot - self._rest
         along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
         return np.where((self.status == STICK)[..., None], moved - along, 0.0)
@@ -155,10 +158,10 @@ class RigidContact(SlavePoints):
     def shift_anchors(self, state):
         self._anchor = self._anchor - self._slip(state)
 
-    def _anchors(self, state, mu, touch):
+    def _anchors(self, state, touch):
         """(anchors to keep, slid distance) at a state; with touch = -inf the points' places on the tool."""
         new, sliding = np.empty_like(self._anchor), np.empty_like(self.gap)
-        committed_anchors(*self._at(state), self._law(mu, touch), (self._anchor, self.shift), new, sliding)
+        committed_anchors(*self._at(state), self._law(touch), (self._anchor, self.shift), new, sliding)
         return new, sliding
 
     def history(self):

@@ -9,7 +9,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.deformable_element import place, place_apart, slide_anchor
-from fenics_contact.kernels.law import Gaps, Law, excess, traction
+from fenics_contact.kernels.law import FRICTIONLESS, Gaps, Law, excess, traction
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
@@ -30,7 +30,7 @@ def presses(q, projection, law, judged):
 @njit(cache=True)
 def point_law(q, law, anchors):
     """The Law of point q: without friction where it has no anchor."""
-    return Law(law[0][q], law[1][q], law[2] if anchors[0][q, 0] >= 0 else 0.0, law[3])
+    return Law(law[0][q], law[1][q], law[2] if anchors[0][q, 0] >= 0 else FRICTIONLESS, law[3])
 
 
 @njit(cache=True)

@@ -19,8 +19,9 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64):
     projection (facet (np,), kind (np,), feature (np,), xi (np, 2), gap (np,), normal (np, 3)) as filled by
                kernels/closest_point.py or kernels/slave_ray.py at the same coordinates
     anchors    (nodes (np, 4), weights W (np, 4)); nodes[:, 0] = -1: no anchor yet
-    law        (eps_n (np,), eps_t (np,) [pressure/length], mu, touch [length], shift (np,) [length]); shift: multiplier over
-               eps_n, by which a point presses more than its gap does; touch: gap + shift up to it counts as closed
+    law        (eps_n (np,), eps_t (np,) [pressure/length], Friction of kernels/law.py, touch [length], shift (np,)
+               [length]); shift: multiplier over eps_n, by which a point presses more than its gap does; touch: gap + shift
+               up to it counts as closed
 """
 
 import math

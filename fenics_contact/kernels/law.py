@@ -14,37 +14,67 @@ from fenics_contact.kernels.vectors import AXES, ZERO, dot, less, norm, plus, ti
 
 ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative, where slips are a millionth of the coordinates
 
-# Penalties eps_N, eps_T [pressure/length]; Coulomb's mu, 0 where there is no anchor; a gap up to touch [length] is closed.
-Law = namedtuple("Law", "eps_n eps_t mu touch")
+# |T_T| <= mu(p) p under a pressure p: mu(p) = mu (p/reference)^exponent, Coulomb's constant mu for an exponent of 0; and
+# |T_T| <= shear [pressure], 0: no such limit.
+Friction = namedtuple("Friction", "mu reference exponent shear")
+FRICTIONLESS = Friction(0.0, 1.0, 0.0, 0.0)
+# Penalties eps_N, eps_T [pressure/length]; Friction, none where there is no anchor; a gap up to touch [length] is closed.
+Law = namedtuple("Law", "eps_n eps_t friction touch")
 # press: the gap and its multiplier over eps_N [length], by which the point presses; decides: what tells open from closed
 # and stick from slip, press itself or the press that Newton's last solve foresaw (contact/deformable.py).
 Gaps = namedtuple("Gaps", "press decides")
-# status; N and Coulomb's limit [pressure]; T_T^tr, T_T and T (3,).
-Traction = namedtuple("Traction", "status N limit trial tangential T")
-# dT/dg and dT/d(eps_N) (3,); dT/dn and dT/dw (3, 3), by rows. Each holds the status and the other arguments.
+# status; N [pressure]; the limit of |T_T| [pressure] and its slope d(limit)/dp; T_T^tr, T_T and T (3,).
+Traction = namedtuple("Traction", "status N limit slope trial tangential T")
+# dT/dg and dT/d(eps_N) (3,); dT/dn and dT/dw (3, 3), by rows. Each holds the status, a foreseen pressure, and the other
+# arguments.
 Partials = namedtuple("Partials", "g eps_n n w")
+
+
+@njit(cache=True, error_model="numpy")
+def friction_limit(friction, p):
+    """The greatest |T_T| [pressure] under a pressure p, mu |N| of (16), and its slope."""
+    if p <= 0.0:  # a gap within touch presses on nothing
+        return 0.0, 0.0
+    mu = friction.mu
+    if friction.exponent != 0.0:
+        mu *= (p / friction.reference) ** friction.exponent
+    if 0.0 < friction.shear <= mu * p:
+        return friction.shear, 0.0
+    return mu * p, mu * (1.0 + friction.exponent)
+
+
+@njit(cache=True)
+def friction_limits(friction, pressures, limits):
+    """Fill limits (n,) under pressures (n,)."""
+    for i in range(len(limits)):
+        limits[i] = friction_limit(friction, pressures[i])[0]
+
+
+@njit(cache=True)
+def _strength(law, gaps, N, limit, slope):
+    """|T_T| in slip (18); under a foreseen pressure linear in the gap, so that one more solve mends what was foreseen."""
+    return limit if gaps.decides == gaps.press else limit + slope * (law.eps_n * gaps.decides - N)
 
 
 @njit(cache=True, error_model="numpy")
 def traction(law, gaps, n, w):
     """The Traction T = N n + T_T of a point."""
     if gaps.decides > law.touch:
-        return Traction(OPEN, 0.0, 0.0, ZERO, ZERO, ZERO)
+        return Traction(OPEN, 0.0, 0.0, 0.0, ZERO, ZERO, ZERO)
     N = law.eps_n * gaps.press  # penalty of (15)
-    if law.mu == 0.0:
-        return Traction(CLOSED, N, 0.0, ZERO, ZERO, times(N, n))
+    if law.friction.mu == 0.0:
+        return Traction(CLOSED, N, 0.0, 0.0, ZERO, ZERO, times(N, n))
     # of (17): eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k))
     trial = times(law.eps_t, less(w, dot(n, w), n))
-    limit = law.mu * max(-law.eps_n * gaps.decides, 0.0)  # mu |N| of (16); a gap within touch presses on nothing
+    limit, slope = friction_limit(law.friction, -law.eps_n * gaps.decides)
     size = norm(trial)
     # A way within round-off has no direction to slip in. A point that slipped when the last step was accepted starts the
     # next one on the cone to round-off: it slips, so that the next step's first tangent lets it go on.
     if size <= law.eps_t * law.touch or size <= limit * (1.0 - ON_CONE):
-        return Traction(STICK, N, limit, trial, trial, plus(times(N, n), trial))
-    # (18); under a foreseen pressure linear in the gap, so that one more solve mends what was foreseen amiss
-    share = min(limit / size, 1.0) if gaps.decides == gaps.press else -law.mu * N / size
-    tangential = times(share, trial)
-    return Traction(SLIP, N, limit, trial, tangential, plus(times(N, n), tangential))
+        return Traction(STICK, N, limit, slope, trial, trial, plus(times(N, n), trial))
+    share = _strength(law, gaps, N, limit, slope) / size
+    tangential = times(min(share, 1.0) if gaps.decides == gaps.press else share, trial)
+    return Traction(SLIP, N, limit, slope, trial, tangential, plus(times(N, n), tangential))
 
 
 @njit(cache=True, error_model="numpy")
@@ -56,10 +86,9 @@ def partials(law, gaps, n, w, found):
     if found.status == STICK:
         rub = law.eps_t
     elif found.status == SLIP:
-        size, foreseen = norm(found.trial), gaps.decides != gaps.press
+        size, lost = norm(found.trial), found.slope  # -d|T_T|/dN
         t = times(1.0 / size, found.trial)
-        rub = law.eps_t / size * (-law.mu * found.N if foreseen else found.limit)
-        lost = law.mu if foreseen or found.N < 0.0 else 0.0  # -d|T_T|/dN: none within touch
+        rub = law.eps_t / size * _strength(law, gaps, found.N, found.limit, found.slope)
     push = less(n, lost, t)  # dT/dN
     n0, w0 = _rows(AXES[0], n[0], t[0], rub, found.N, n, w, t)
     n1, w1 = _rows(AXES[1], n[1], t[1], rub, found.N, n, w, t)
@@ -79,5 +108,5 @@ def _rows(e, n_e, t_e, rub, N, n, w, t):
 
 @njit(cache=True)
 def excess(found):
-    """|T_T^tr| over the Coulomb limit minus 1 of a Traction; 0 without friction."""
+    """|T_T^tr| over the limit of friction minus 1, of a Traction; 0 without friction."""
     return norm(found.trial) / max(found.limit, 1e-300) - 1.0 if found.status >= STICK else 0.0

@@ -7,7 +7,8 @@ Arrays travel in groups (tuples):
     points   (X (ne, k, 3) reference positions, nodes (ne, k) local node numbers, weights a (ne, nq, k) of the nodes in a
              point, area (ne, nq) tributary reference areas [length^2], spacing (ne,) of the points [length])
     tool     (kind, shape (4,), origin (3,), axes (3, 3), travel (3,)), kind and shape as in kernels/rigid_shapes.py
-    law      (eps_n (ne,), eps_t (ne,), body (ne,): penalties and stiffness beneath [pressure/length], mu, touch [length])
+    law      (eps_n (ne,), eps_t (ne,), body (ne,): penalties and stiffness beneath [pressure/length], Friction of
+             kernels/law.py, touch [length])
     history  (anchor (ne, nq, 3) in the tool's frame, shift (ne, nq) [length]: multiplier over eps_n, by which a point
              presses more than its gap does)
 u are local displacements, three per node.
@@ -87,7 +88,7 @@ def contact_elements(points, u, tool, law, history, judged, want_tangent, out):
     slides out under a sharp edge).
     """
     a, area, axes = points[2], points[3], tool[3]
-    eps_n, eps_t, body, mu, touch = law
+    eps_n, eps_t, body, friction, touch = law
     force, tangent, arm, tractions, gap, status, excesses, cover = out
     scratch, D = _scratch(), np.empty((3, 3))
     H, dcover = scratch[3:]
@@ -107,7 +108,7 @@ def contact_elements(points, u, tool, law, history, judged, want_tangent, out):
             if decides > touch:  # most points of a surface are open: leave before any law is evaluated
                 status[e, q] = OPEN
                 continue
-            numbers, gaps = Law(eps, eps_t[e], mu, touch), Gaps(decides if want_tangent else press, decides)
+            numbers, gaps = Law(eps, eps_t[e], friction, touch), Gaps(decides if want_tangent else press, decides)
             w = minus(less(x, g, n), got(history[0], e, q))
             found = traction(numbers, gaps, n, w)
             status[e, q], excesses[e, q] = found.status, excess(found)
@@ -157,14 +158,14 @@ def committed_anchors(points, u, tool, law, history, new_anchor, sliding):
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
     the elastic slip T_T/eps_T ends: the return mapping of (16). Fills new_anchor and sliding (ne, nq) [length].
     """
-    eps_n, eps_t, body, mu, touch = law
+    eps_n, eps_t, body, friction, touch = law
     scratch = _scratch()
     for e in range(sliding.shape[0]):
         for q in range(sliding.shape[1]):
             g, x, n, share = _meet(e, q, points, u, tool, scratch)
             foot, anchor = less(x, g, n), got(history[0], e, q)
             eps, press = _edge_penalty(eps_n[e], body[e], share)[0], g + history[1][e, q]
-            found = traction(Law(eps, eps_t[e], mu, touch), Gaps(press, press), n, minus(foot, anchor))
+            found = traction(Law(eps, eps_t[e], friction, touch), Gaps(press, press), n, minus(foot, anchor))
             kept = anchor
             if found.status == OPEN:
                 kept = foot

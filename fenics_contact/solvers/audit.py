@@ -93,7 +93,7 @@ def _blocks(system, term, move):
 
 def _parts(system, term, move):
     """(name, without friction?, mask of the points) of a contact's laws."""
-    frictions = [False, True] if term.friction > 0.0 else [True]
+    frictions = [False, True] if term.rough else [True]
     for frictionless in frictions:
         with term.only(np.ones(term.surface.points, dtype=bool), frictionless):
             branches = []

@@ -115,7 +115,7 @@ def _lowest(energy, weight):
 # -- friction used up -------------------------------------------------------------------------------------------------
 def sliding(system):
     """A finding if bodies or pushed tools are held along some way by friction alone, and no more of it can be had."""
-    rough = [contact for contact in system.contacts if contact.friction > 0.0 and closed(system, contact)]
+    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     if not rough:
         return None
     motions = rigid_motions(system)

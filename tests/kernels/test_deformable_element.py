@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from dense import evaluated
 
+from fenics_contact import coulomb
+from fenics_contact.contact.friction import friction_of
 from fenics_contact.kernels import contact_pairs as element
 from fenics_contact.kernels.closest_point import EDGE, INTERIOR, NONE, VERTEX, closest_points
 from fenics_contact.kernels.deformable_element import slave_points
@@ -36,7 +38,7 @@ class Pair:
             np.array([AREA]),
             np.empty((0, 2, len(slave))),
         )
-        self.law = (np.array([EPS_N]), np.array([EPS_T]), float(mu), float(touch), np.zeros(1))
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), friction_of(mu), float(touch), np.zeros(1))
         self.anchors = (np.full((1, 4), -1, np.int64), np.zeros((1, 4)))
         self.up = -DOWN
         if anchor is not None:
@@ -119,6 +121,9 @@ VALLEY = {"at": [1.03, 0.45, -0.3]}
 BOTTOM = {"at": [0.03, -0.02, -0.3]}
 WARPED, FLAT = sheet(warp=0.25), sheet()
 
+FALLING = coulomb(0.3, exponent=-1 / 3, reference=0.5)  # at 5, half of its mu
+CAPPED = coulomb(0.3, exponent=-1 / 3, reference=0.5, shear_limit=0.5)
+
 STATES = {
     # name: (builder, status, kind)
     "open": (lambda: make(WARPED, QUADS, 0.05), OPEN, INTERIOR),
@@ -155,6 +160,10 @@ STATES = {
     "slip valley edge": (
         lambda: make(sheet(0.1, 0.5), QUADS, 0, mu=0.1, anchor=SAME_FACET, **VALLEY), SLIP, EDGE),
     "slip pit vertex": (lambda: make(*pit(0.5), 0, mu=0.05, anchor=SAME_FACET, **BOTTOM), SLIP, VERTEX),
+    "slip, mu falls": (lambda: make(WARPED, QUADS, -0.1, mu=FALLING, anchor=SAME_FACET), SLIP, INTERIOR),
+    "slip, mu falls, valley edge": (
+        lambda: make(sheet(0.1, 0.5), QUADS, 0, mu=FALLING, anchor=SAME_FACET, **VALLEY), SLIP, EDGE),
+    "slip, shear limit": (lambda: make(WARPED, QUADS, -0.1, mu=CAPPED, anchor=NEXT_FACET), SLIP, INTERIOR),
     "slip in tension": (
         lambda: make(WARPED, QUADS, 1e-2, mu=0.3, touch=0.02, anchor=SAME_FACET), SLIP, INTERIOR),
 }  # fmt: skip
@@ -235,7 +244,7 @@ def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
     slip = moved - (moved @ r["normal"]) * r["normal"]
     np.testing.assert_allclose(slips[0], np.linalg.norm(slip), rtol=1e-12)
     assert slips[0] > 1e-3
-    pair.anchors, pair.law = new, (*pair.law[:2], 1e3, *pair.law[3:])  # a cone that holds the greater traction too
+    pair.anchors, pair.law = new, (*pair.law[:2], coulomb(1e3), *pair.law[3:])  # a cone that holds the greater traction too
     after = pair.evaluate(want_tangent=False)
     assert after["status"] == STICK
     np.testing.assert_allclose(after["T"], r["T"] + EPS_T * slip, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
@@ -297,7 +306,12 @@ def test_laws_hold(name):
     N = EPS_N * r["gap"]
     tangential = r["T"] - N * r["normal"]
     assert abs(tangential @ r["normal"]) < 1e-14 * EPS_N
-    limit = pair.law[2] * max(-N, 0.0)
+    friction, limit = pair.law[2], pair.law[2].mu * max(-N, 0.0)
+    if friction.exponent:
+        limit *= (-N / friction.reference) ** friction.exponent
+    if friction.shear:
+        assert limit > friction.shear
+        limit = friction.shear
     if r["status"] == SLIP:
         assert abs(np.linalg.norm(tangential) - limit) < 1e-14 and r["slip"] > 0
     else:
@@ -351,7 +365,7 @@ def test_a_batch_is_its_pairs_one_by_one():
         np.empty((0, 2, 1)),
     )
     anchors = tuple(np.concatenate([pair.anchors[i] for pair in single]) for i in (0, 1))
-    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), 0.5, 0.0, np.zeros(n_points))
+    law = (np.full(n_points, EPS_N), np.full(n_points, EPS_T), coulomb(0.5), 0.0, np.zeros(n_points))
     lists = (4 * np.arange(n_points + 1), np.tile(np.arange(4), n_points))
     ints = [np.zeros(n_points, np.int64) for _ in range(3)]
     projection = (*ints, np.zeros((n_points, 2)), np.zeros(n_points), np.zeros((n_points, 3)))

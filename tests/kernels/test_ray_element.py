@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dense import evaluated
 
+from fenics_contact import coulomb
 from fenics_contact.kernels.closest_point import INTERIOR, NONE
 from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.slave_ray import slave_rays
@@ -34,7 +35,7 @@ class Pair:
         self.surface = (np.array(facets), np.array([len(set(f)) for f in facets]))
         weights, gradients = shapes(*at)
         self.slaves = (np.arange(6, 10)[None], weights[None], np.array([AREA]), gradients[None])
-        self.law = (np.array([EPS_N]), np.array([EPS_T]), mu, 0.0, np.zeros(1))
+        self.law = (np.array([EPS_N]), np.array([EPS_T]), coulomb(mu), 0.0, np.zeros(1))
         self.anchors = (np.full((1, 4), -1), np.zeros((1, 4)))
         if anchor:
             self.anchors = (np.array([anchor[0]]), np.array([anchor[1]]))
@@ -167,7 +168,7 @@ def facet_of_points(mu, anchors=None):
     weights, gradients = (np.array([place[i] for place in places]) for i in (0, 1))
     n = len(weights)
     pair.slaves = (np.tile(np.arange(6, 10), (n, 1)), weights, np.linspace(0.1, 0.4, n), gradients)
-    pair.law = (np.full(n, EPS_N), np.full(n, EPS_T), mu, 0.0, np.zeros(n))
+    pair.law = (np.full(n, EPS_N), np.full(n, EPS_T), coulomb(mu), 0.0, np.zeros(n))
     pair.anchors = (np.full((n, 4), -1), np.zeros((n, 4))) if anchors is None else anchors
     return pair
 

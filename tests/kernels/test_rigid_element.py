@@ -7,6 +7,8 @@ import sys
 import numpy as np
 import pytest
 
+from fenics_contact import coulomb
+from fenics_contact.contact.friction import friction_of
 from fenics_contact.kernels import rigid_element as element
 from fenics_contact.kernels.rigid_shapes import BOX, CYLINDER, PLANE, SPHERE
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
@@ -73,7 +75,7 @@ class Contact:
         return points, u.ravel(), (self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel)
 
     def _law(self, mu, touch):
-        return *(np.array([v]) for v in (EPS_N, self.eps_t, BODY)), float(mu), float(touch)
+        return *(np.array([v]) for v in (EPS_N, self.eps_t, BODY)), friction_of(mu), float(touch)
 
     def evaluate(self, u=None, travel=None, want_tangent=True):
         """Everything the kernel fills, over outputs that started as NaN."""
@@ -132,11 +134,12 @@ PLACES = {
 }
 FLAT = ("plane", "punch face", "punch back", "punch side", "fillet face")
 EDGES = ("sharp edge", "sharp edge, nearly out", "sharp corner")
-LAWS = {"open": OPEN, "closed": CLOSED, "stick": STICK, "slip": SLIP}
+LAWS = {"open": OPEN, "closed": CLOSED, "stick": STICK, "slip": SLIP, "falling": SLIP}
+FALLING = coulomb(0.3, exponent=-1 / 3, reference=2.0, shear_limit=50.0)
 DEPTH = 0.1
 CASES = [(p, law, k) for p in PLACES for law in LAWS for k in (1, 4) if p != "sharp edge outside" or law == "open"]
 TOUCHING = [case for case in CASES if case[1] != "open"]
-RUBBING = [case for case in CASES if case[1] in ("stick", "slip")]
+RUBBING = [case for case in CASES if case[1] in ("stick", "slip", "falling")]
 
 
 def build(place, law, k, depth=DEPTH):
@@ -144,7 +147,7 @@ def build(place, law, k, depth=DEPTH):
     normal = np.asarray(normal, float)
     across = np.cross(normal, [0.5, 0.3, -0.6])
     across /= np.linalg.norm(across)
-    mu = {"open": 0.3, "closed": 0.0, "stick": 200.0 if place in EDGES else 9.0, "slip": 0.3}[law]
+    mu = {"open": 0.3, "closed": 0.0, "stick": 200.0 if place in EDGES else 9.0, "slip": 0.3, "falling": FALLING}[law]
     at = np.asarray(y) + (0.3 * depth if law == "open" else -depth) * normal
     contact = Contact(Tool(kind, shape), at, normal, k, mu, elastic=0.2 * across)
     r = contact.evaluate()
@@ -219,7 +222,7 @@ def test_a_multiplier_presses_like_a_gap(place, law, k):
     np.testing.assert_allclose(lifted["T"], plain["T"], rtol=1e-12)  # round-off of the places
 
 
-@pytest.mark.parametrize(("place", "law", "k"), [c for c in CASES if c[1] == "slip"])
+@pytest.mark.parametrize(("place", "law", "k"), [c for c in CASES if c[1] in ("slip", "falling")])
 def test_taylor_when_the_slip_direction_turns(place, law, k):
     contact, r = build(place, law, k)
     n, T = r["normal"][0], r["T"][0]
@@ -260,10 +263,11 @@ def test_laws_hold(place, law, k):
     N = np.einsum("qc,qc->q", r["T"], r["normal"])
     assert np.abs(N - eps * r["gap"]).max() < 1e-13  # rounding of a pressure of 5
     tangential = np.linalg.norm(r["T"] - N[:, None] * r["normal"], axis=1)
-    limit = contact.mu * eps * -r["gap"]
+    pressure = -eps * r["gap"]
+    limit = 0.3 * (2.0 * pressure**2) ** (1 / 3) if law == "falling" else contact.mu * pressure
     if law == "closed":
         assert tangential.max() < 1e-13
-    elif law == "slip":
+    elif law in ("slip", "falling"):
         assert np.abs(tangential - limit).max() < 1e-13 and (r["slip"] > 0).all()
     else:
         assert (1e-3 * limit < tangential).all() and (tangential < limit).all() and (r["slip"] < 0).all()
@@ -465,7 +469,7 @@ def test_a_batch_is_its_elements_one_by_one():
     T, gap, slip, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(3))
     status = np.zeros((ne, 1), np.int32)
     placed = tool.kind, tool.shape, tool.origin, tool.axes, tool.travel
-    points, law = (X, nodes, a, area, spacing), (eps_n, eps_t, body, 0.3, 0.0)
+    points, law = (X, nodes, a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0)
     out = force, tangent, arm, T, gap, status, slip, cover
     element.contact_elements(points, u.ravel(), placed, law, history, np.empty(0), True, out)
     for e, r in enumerate(alone):
