@@ -14,12 +14,22 @@ def require(*names):
         try:
             import_module(name)
         except ImportError as error:
-            root = (error.name or name).partition(".")[0]
+            root = (error.name or _missing_under(name)).partition(".")[0]
             missing = root if root in PACKAGES else name
             raise ImportError(
-                f"{missing} is missing ({error}): install Debian's package {PACKAGES[missing]} and use /usr/bin/python3 or "
+                f"{missing} is missing ({str(error).splitlines()[0]}): install Debian's package {PACKAGES[missing]} and use /usr/bin/python3 or "
                 "a virtual environment made from it with --system-site-packages (`make demo` does both)"
             ) from error
+
+
+def _missing_under(name):
+    """What a module needs and cannot be imported, where its own error does not tell: dolfinx of Debian 13 explains at length."""
+    for needed in ("numpy", "mpi4py", "petsc4py", "ufl", "basix"):
+        try:
+            import_module(needed)
+        except ImportError:
+            return needed
+    return name
 
 
 require(*(name for name in PACKAGES if name != "scipy"))  # that one is for the studies alone
