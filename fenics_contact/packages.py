@@ -16,14 +16,15 @@ def require(*names):
         except ImportError as error:
             root = (error.name or _missing_under(name)).partition(".")[0]
             missing = root if root in PACKAGES else name
+            told = str(error).splitlines()[0]
             raise ImportError(
-                f"{missing} is missing ({str(error).splitlines()[0]}): install Debian's package {PACKAGES[missing]} and use /usr/bin/python3 or "
+                f"{missing} is missing ({told}): install Debian's package {PACKAGES[missing]} and use /usr/bin/python3 or "
                 "a virtual environment made from it with --system-site-packages (`make demo` does both)"
             ) from error
 
 
 def _missing_under(name):
-    """What a module needs and cannot be imported, where its own error does not tell: dolfinx of Debian 13 explains at length."""
+    """What a module needs that cannot be imported, where its error names none: that of Debian 13's dolfinx does not."""
     for needed in ("numpy", "mpi4py", "petsc4py", "ufl", "basix"):
         try:
             import_module(needed)
