@@ -78,7 +78,7 @@ class Probe:
 def beyond_coulomb(contact, state, least):
     """Of the largest pressure: friction beyond mu N, and pull, of any point; zeros below that pressure. Collective."""
     pressure, along = contact.split_traction(state)
-    over = (np.linalg.norm(along, axis=2) - contact.friction * pressure).max(initial=0.0)
+    over = (np.linalg.norm(along, axis=2) - contact.friction.mu * pressure).max(initial=0.0)
     most, over, pull = np.max(COMM.allgather((pressure.max(initial=0.0), over, -pressure.min(initial=0.0))), axis=0)
     return (over / most, pull / most) if most > least else (0.0, 0.0)
 
