@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test nightly bench study lint setup test-debian13 test-newest
+.PHONY: demo test test-rounding nightly bench study lint setup test-debian13 test-newest
 setup:
 	@bash .ci/setup
 
@@ -19,6 +19,11 @@ lint: setup
 test: lint
 	@$(ENV) python3 -m pytest -n 2
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
+
+# What could hinge on the last bits, with the plain kernels that OpenBLAS falls back to on CPUs it does not know
+test-rounding: setup
+	@$(ENV) OPENBLAS_CORETYPE=Prescott python3 -m pytest -n 2 tests/test_linear.py tests/test_verdicts.py tests/test_damping.py \
+	  tests/test_stabilisation.py tests/test_arc_length.py tests/test_steppers.py
 
 # 200 random scenes on one process and on two, each in a process of its own: a line per scene, and how many ended how
 nightly: setup
