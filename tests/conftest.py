@@ -7,8 +7,8 @@ from mpi4py import MPI
 
 COMM = MPI.COMM_WORLD
 
-# Freeing a mesh or a space frees its communicator, for which ranks may wait for each other: Python's collector, which comes by
-# at another time on each rank, must not do it in the middle of a test.
+# Freeing a mesh or a space frees its communicator, for which ranks may wait for each other: Python's collector, which comes
+# by at another time on each rank, must not do it in the middle of a test.
 if COMM.size > 1:
     gc.disable()
 
