@@ -10,6 +10,7 @@ import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
+from refusals import refused
 
 import fenics_contact as fc
 from fenics_contact import (
@@ -77,15 +78,6 @@ def stacked(pair, **contact):
     scene.fix("upper_top", "xy")
     scene.contact(**{"slave": "upper_bottom", "master": "lower_top", "name": "joint", **contact})
     return scene
-
-
-def refused(action, *words):
-    """The action raises ValueError (SceneError is one) on every rank, with all words in its message."""
-    with pytest.raises(ValueError) as caught:
-        action()
-    message = str(caught.value)
-    assert all(word in message for word in words), message
-    assert len(set(COMM.allgather(message))) == 1, "the ranks say different things"
 
 
 # -- groups and meshes ------------------------------------------------------------------------------------------------

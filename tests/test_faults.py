@@ -3,10 +3,12 @@
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import refusals
 from mpi4py import MPI
 from test_restart import alone, mpirun
 
@@ -24,14 +26,7 @@ def bar(cells=(8, 1, 1)):
     return scene
 
 
-def refused(action, *words):
-    """The action raises SceneError on every rank, with all words in its one message; returns it."""
-    with pytest.raises(SceneError) as caught:
-        action()
-    message = str(caught.value)
-    assert all(word in message for word in words), message
-    assert len(set(COMM.allgather(message))) == 1, "the ranks say different things"
-    return message
+refused = partial(refusals.refused, kind=SceneError)
 
 
 def broken(answer, after=0.4):

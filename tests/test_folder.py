@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from refusals import refused
 from test_restart import alone, mpirun, times_of_fields
 
 from fenics_contact import Body, Scene, SceneError, neo_hooke, read_gmsh, rigid_sphere, solve
@@ -57,12 +58,7 @@ def press(out, depth=-1.0, steps=4, method="newton", record=None, **options):
 
 
 def raised(kind, action, *words):
-    """The action raises `kind` on every rank, with all words in its one message."""
-    with pytest.raises(kind) as caught:
-        action()
-    message = str(caught.value)
-    assert all(word in message for word in words), message
-    assert len(set(COMM.allgather(message))) == 1, "the ranks say different things"
+    refused(action, *words, kind=kind)
 
 
 def rows_in(folder):

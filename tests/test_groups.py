@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from refusals import refused
 
 from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, rigid_surface, solve
 from meshes import box, two_blocks
@@ -45,15 +46,6 @@ def copied():
             _, _, (nodes,) = gmsh.model.mesh.getElements(2, faces(side)[0])
             gmsh.model.mesh.addElementsByType(again, 3, [], nodes)
         named(2, [again], name)
-
-
-def refused(action, *words):
-    """The action raises ValueError (SceneError is one) on every rank, with all words in its message."""
-    with pytest.raises(ValueError) as caught:
-        action()
-    message = str(caught.value)
-    assert all(word in message for word in words), message
-    assert len(set(COMM.allgather(message))) == 1, "the ranks say different things"
 
 
 def count(mesh, *names):

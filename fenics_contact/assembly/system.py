@@ -157,7 +157,7 @@ class System:
 
     def misfit(self):
         """Largest error of the augmented terms over their tolerances. Collective."""
-        return max(self.comm.allgather(max((term.misfit(self.state) for term in self.augmented), default=0.0)))
+        return max(self.comm.allgather(max(term.misfit(self.state) for term in self.augmented)))
 
     def augment(self, share=1.0):
         """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""

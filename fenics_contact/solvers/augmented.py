@@ -121,8 +121,6 @@ def augment(system, report, limit):
 
     A state far from balance, as an incremental step leaves it where points have closed, is solved again as it is.
     """
-    if not system.augmented:
-        return False
     report.misfits.append(system.misfit())
     if report.misfits[-1] <= 1.0:
         return False
