@@ -1,6 +1,7 @@
 """What goes wrong on one rank alone ends all of them, with one error: users' functions and files may fail anywhere."""
 
 import functools
+import gc
 import sys
 import time
 from contextlib import contextmanager
@@ -12,6 +13,18 @@ from mpi4py import MPI
 # same function, and nobody but this rank can end that.
 PATIENCE = 30.0
 ALIKE = 1e-9  # of its size: what a sum over ranks may differ by from rank to rank is round-off
+
+
+def collect_together(comm):
+    """Free what Python has dropped, on all ranks at once; from then on its collector comes by nowhere else. Collective.
+
+    Left alone it comes by at another time on each rank. But freeing a mesh or a space frees its communicator, for which
+    ranks may wait for each other, and a matrix that one rank has dropped before the solver which holds it, and another one
+    after it, freezes PETSc when the program ends.
+    """
+    if comm.size > 1:
+        gc.disable()
+        gc.collect()
 
 
 class Lost(RuntimeError):

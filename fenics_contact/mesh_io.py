@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat, gmsh_model
+from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import known_group
 
 
@@ -51,6 +52,7 @@ def read_gmsh(source, comm=MPI.COMM_WORLD, ranks=None, **parameters):
     groups, cells that are not hexahedra or tetrahedra, of two types, in two groups or in none, and inverted cells.
     """
     groups, owners, failure = None, None if ranks is None else [], None
+    collect_together(comm)
     if comm.rank == 0:
         try:
             gmsh_model.draw(source, parameters)

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact import virtual_power as vp
+from fenics_contact.agreement import collect_together
 from fenics_contact.assembly.cell_forms import is_symmetric
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
@@ -205,6 +206,7 @@ class Scene:
     def system(self, move=None, push=None, timers=None, stabilise=False, damping=False):
         """The System of this scene. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1
         or function of t}; a pushed tool is free to travel along the axes in which its force acts."""
+        collect_together(self.mesh.comm)
         refuse_doubled(self)
         motion = self._motion(move or {}, push or {})
         u = compat.Function(self.space, name="displacement")
