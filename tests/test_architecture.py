@@ -8,9 +8,9 @@ import pytest
 pytestmark = pytest.mark.serial
 
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
-STANDARD = {"argparse", "collections", "contextlib", "csv", "dataclasses", "errno", "functools", "importlib", "inspect",
-            "io", "itertools", "json", "logging", "math", "numbers", "os", "pathlib", "platform", "re", "resource",
-            "statistics", "subprocess", "sys", "tempfile", "textwrap", "time", "types", "typing", "warnings",
+STANDARD = {"argparse", "collections", "contextlib", "csv", "dataclasses", "errno", "functools", "gc", "importlib",
+            "inspect", "io", "itertools", "json", "logging", "math", "numbers", "os", "pathlib", "platform", "re",
+            "resource", "statistics", "subprocess", "sys", "tempfile", "textwrap", "time", "types", "typing", "warnings",
             "xml", "zipfile"}  # fmt: skip
 LONGEST_MODULE = 400
 
