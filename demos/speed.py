@@ -348,18 +348,21 @@ def kernels():
 def rigid_elements(system, points):
     """The elements of a small scene repeated up to a number of points, all closed, with tangent."""
     term = system.contacts[0]
-    s, tool = term.surface, term.tool
+    s, tool, law = term.surface, term.partner.tool, term.trial.law
     n = -(-points // s.area.size)
 
     def many(array):
         return np.concatenate([array] * n)
 
-    at = tuple(many(a) for a in (s.X, s.nodes, s.a, s.area, s.spacing))
-    law = (*(many(a) for a in (term.normal_penalty, term.tangential_penalty, s.stiffness)), term.friction, 0.0)
-    out = (term._force, term._tangent, term._arm, term.traction, term.gap, term.status, term.excess, term.cover)
-    out, history = tuple(many(a) for a in out), (many(term._anchor), many(term.shift))
+    x = s.X + system.state.u.x.array.reshape(-1, 3)[s.nodes]
+    at = tuple(many(a) for a in (x, s.a, s.area, s.spacing))
+    law = (*(many(a) for a in (law.eps_n, law.eps_t, s.stiffness)), law.friction, 0.0)
+    (ne, nq, k), points = s.a.shape, s.area.shape
+    out = [np.empty((ne, k, 3)), np.empty((ne, 3 * k, 3 * k)), np.empty((ne, k, 3, 3)), np.empty((ne, nq, 3))]
+    out += [np.empty(points), np.empty(points, dtype=np.int32), np.empty(points), np.empty(points)]
+    out, history = tuple(many(a) for a in out), (many(term.trial.history.anchors[0]), many(term.trial.history.shift))
     place = (tool.kind, tool.shape, tool.origin, tool.axes, np.zeros(3))
-    return lambda: contact_elements(at, system.state.u.x.array, place, law, history, np.empty(0), True, out)
+    return lambda: contact_elements(at, place, law, history, np.empty(0), True, out)
 
 
 def master_search(points):

@@ -131,7 +131,7 @@ def refuse_doubled(scene):
 
 def refuse_loose(holds, state, comm):
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
-    for i, axes in holds.loose(lambda contact: contact.held_axes(state, comm)).items():
+    for i, axes in holds.loose(lambda contact: contact.held_axes(state)).items():
         raise SceneError(
             f"nothing holds body '{holds.bodies[i][0]}' along {', '.join(axes)}: fix a surface, use a symmetry plane, or "
             "add a contact that holds it; bodies that hold only each other are loose together"
@@ -166,7 +166,7 @@ def bonded_bodies(scene):
 def refuse_behind(system):
     """The slave surface must lie on the outer side of a meshed tool, by the majority of its points. Collective."""
     for contact in system.contacts:
-        share = contact.back_share(system.state, system.comm)
+        share = contact.partner.back_share(system.state)
         if share > 0.5:
             raise SceneError(
                 f"contact '{contact.name}': the normals of '{contact.master_name}' point away from the slave surface, whose "
@@ -184,7 +184,7 @@ def refuse_deep_start(scene, system):
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
         slave = np.zeros(len(X), dtype=bool)
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
-        at_surface, behind = contact.overlap(system.state, X, slave, scene.mesh.comm)
+        at_surface, behind = contact.partner.overlap(system.state, X, slave)
         height, depth = contact.surface.cell_height, max(at_surface, behind)
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"
@@ -201,9 +201,9 @@ def refuse_held(scene, system):
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
         s = contact.surface
         free = ~np.isin(3 * s.nodes[:, :, None] + np.arange(3), held)
-        moved = np.einsum("eqk,eqc,ekc->eqkc", np.abs(s.a), np.abs(contact.looks(system.state)), free)
+        moved = np.einsum("eqk,eqc,ekc->eqkc", np.abs(s.a), np.abs(contact.partner.looks(system.state)), free)
         gives = bool(moved.max(initial=0.0) > 1e-6)
-        gives |= not (contact.grounded or np.isin(3 * contact.master.owned[:, None] + np.arange(3), held).all())
+        gives |= contact.partner.gives(held)
         if not comm.allreduce(int(gives)):
             raise SceneError(
                 f"contact '{contact.name}': every node of '{'+'.join(statement.slave)}' is prescribed along the contact's "

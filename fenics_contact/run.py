@@ -238,7 +238,7 @@ class _Record:
     def _row(self, report, seconds):
         state, units = self.system.state, self.scene.units
         travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
-        measures = {contact.name: contact.measures(state, self.system.comm) for contact in self.system.contacts}
+        measures = {contact.name: contact.measures(state) for contact in self.system.contacts}
         row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
         if self._augments:
             row["augmentations"] = report.augmentations
@@ -365,17 +365,17 @@ def _contact_summary(contact, system):
     """What a reader must know of a contact: its edge, its penalties and its points. Collective."""
     comm, units = system.comm, system.units
     low, high = (
-        choose(comm.allgather(choose(contact.normal_penalty, default=start)))
+        choose(comm.allgather(choose(contact.trial.law.eps_n, default=start)))
         for choose, start in ((min, np.inf), (max, 0.0))
     )
     return {
         "name": contact.name,
         "master": contact.master_name,
-        "tool_edge": contact.edge,
+        "tool_edge": contact.partner.edge,
         "friction": contact.friction_stated,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],
-        "penalty_raised": contact.raise_factor(comm),
+        "penalty_raised": contact.penalties.raise_factor(system.state),
         f"penetration_allowed_{units.length}": contact.tolerance,
     }
 

@@ -32,12 +32,13 @@ from fenics_contact.checks import (
     refuse_volumes,
     sides,
 )
-from fenics_contact.contact.deformable import DeformableContact
+from fenics_contact.contact.facets import FacetPartner, MeshedToolPartner
+from fenics_contact.contact.friction import friction_of
 from fenics_contact.contact.master import MasterSurface, oriented_facets
-from fenics_contact.contact.meshed_tool import MeshedToolContact
-from fenics_contact.contact.penalties import penalties
+from fenics_contact.contact.penalties import Penalty
+from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import slave_surface
-from fenics_contact.contact.term import RigidContact
+from fenics_contact.contact.term import Contact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.drives import supports_of
 from fenics_contact.elements import locking_notes, quadrature_degree, refuse_element, solid_term
@@ -220,12 +221,8 @@ class Scene:
             terms = [solid] + ([self._pressure(u, pressures, supports)] if pressures else [])
             check = self.volume_ratio(u).check
         modulus = self._modulus_by_cell()
-        contacts = [self._contact_term(contact, modulus) for contact in self.contacts]
-        for term, contact in zip(contacts, self.contacts, strict=True):
-            term.tolerance, term.adapts = contact.penetration, penalties(contact, term.surface)[2]
         with timers("compile"):  # the first call of a kernel loads or compiles it
-            for term in contacts:
-                term.initialise(state)
+            contacts = [self._contact_term(contact, modulus, state, timers) for contact in self.contacts]
         bodies = bonded_bodies(self)
         holds = Holds(self.mesh.comm, bodies, supports, contacts)
         refuse_loose(holds, state, self.mesh.comm)
@@ -241,8 +238,8 @@ class Scene:
             for constant, _, path in [*loads, *pressures]:
                 constant.value[...] = path(t)
 
-        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bodies, timers)
-        system.contacts, system.units, system.stress_laws = contacts, self.units, stress_laws
+        system = System(state, [*terms, *contacts], supports, motion, set_loads, check, bodies, contacts, timers)
+        system.units, system.stress_laws = self.units, stress_laws
         system.grounding, system.holds, system.damping = grounding, holds, damped
         if grounding:
             grounding.bind(system)
@@ -319,28 +316,29 @@ class Scene:
             modulus[mine] = young(body.material)
         return modulus
 
-    def _contact_term(self, contact, modulus):
+    def _contact_term(self, contact, modulus, state, timers):
         points = contact.points
         if not isinstance(points, str):
             points = int(points)
         else:  # a tool keeps its shape, and its own normal is the right one
             points = "nodes" if points == "closest" or isinstance(contact.master, Tool) else "corners"
         surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, points)
-        normal, tangential, _ = penalties(contact, surface)
-        if isinstance(contact.master, RigidTool):
-            index = self.tools.index(contact.master)
-            return RigidContact(contact.name, surface, contact.master, index, contact.friction, normal, tangential)
+        friction = friction_of(contact.friction)
+        numbers = contact.penalty, contact.tangential_penalty, contact.penalty_factor, contact.tangential_share
+        penalty, partner = Penalty(*numbers), self._partner(contact, surface, timers)
+        values, adapts = penalty.values(surface.stiffness, friction), penalty.adapts(contact.penetration)
+        return Contact(contact.name, surface, partner, friction, values, adapts, contact.penetration, state, timers)
+
+    def _partner(self, contact, surface, timers):
+        """Whom the slave points of a stated contact meet. Collective."""
+        master = contact.master
+        if isinstance(master, RigidTool):
+            return RigidPartner(surface, master, self.tools.index(master))
         facets = oriented_facets(self.space, self.mesh.facets(*contact.slave))
-        if isinstance(contact.master, MeshedTool):
-            index = self.tools.index(contact.master)
-            return MeshedToolContact(
-                contact.name, surface, facets, contact.master, index, contact.friction, normal, tangential, self.space
-            )
+        if isinstance(master, MeshedTool):
+            return MeshedToolPartner(surface, facets, master, self.tools.index(master), self.space, timers)
         master = self._master_surface(contact, surface)
-        master_name = _master_name(contact.master)
-        return DeformableContact(
-            contact.name, master_name, surface, facets, master, contact.friction, normal, tangential, self.space
-        )
+        return FacetPartner(_master_name(contact.master), surface, facets, master, self.space, timers)
 
     def _master_surface(self, contact, surface):
         """The master of a contact, checked. Collective."""

@@ -14,6 +14,7 @@ from random_scenes import BREAKS, GOOD, build, draw, make_tool, times
 
 from fenics_contact import Load, SceneError, solve
 from fenics_contact.assembly.exchange import ghosted_vector, sum_to_owners
+from fenics_contact.contact import findings
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels import rigid_shapes
 
@@ -63,8 +64,8 @@ class Probe:
         owned[system.supports.owned] = 0.0
         owed = np.where(system.tools.free, COMM.allreduce(tools) - system.tools.forces(state.t), 0.0)
         left = np.sqrt(COMM.allreduce(float(owned @ owned)) + np.sum(owed**2))
-        forces = {c.name: c.measures(state, COMM)["force"] for c in system.contacts}
-        outside = sum((forces[c.name] for c in system.contacts if c.grounded), np.zeros(3))
+        forces = {c.name: c.measures(state)["force"] for c in system.contacts}
+        outside = sum((forces[c.name] for c in system.contacts if c.partner.grounded), np.zeros(3))
         sum_of_all = outside + loads + COMM.allreduce(held.reshape(-1, 3).sum(axis=0))
         row = {"t": state.t, "forces": forces, "loads": loads, "left": left, "sum": np.linalg.norm(sum_of_all)}
         row |= {"scale": system.scale, "size": size, "cone": 0.0, "pull": 0.0}
@@ -75,10 +76,13 @@ class Probe:
         return 0.0
 
 
-def beyond_coulomb(contact, state, least):
-    """Of the largest pressure: friction beyond mu N, and pull, of any point; zeros below that pressure. Collective."""
+def beyond_coulomb(contact, state, least, share=1.0):
+    """Of the largest pressure: friction beyond mu N, and pull, of any point; zeros below that pressure.
+
+    share: of its coefficient of friction. Collective.
+    """
     pressure, along = contact.split_traction(state)
-    over = (np.linalg.norm(along, axis=2) - contact.friction.mu * pressure).max(initial=0.0)
+    over = (np.linalg.norm(along, axis=2) - share * contact.trial.law.friction.mu * pressure).max(initial=0.0)
     most, over, pull = np.max(COMM.allgather((pressure.max(initial=0.0), over, -pressure.min(initial=0.0))), axis=0)
     return (over / most, pull / most) if most > least else (0.0, 0.0)
 
@@ -150,8 +154,8 @@ def depths(run):
     X = run.scene.space.tabulate_dof_coordinates()
     for contact, stated in zip(system.contacts, run.scene.contacts, strict=True):
         height, name = contact.surface.cell_height, contact.name
-        found = {"a point": contact._deepest(COMM)[0]}
-        found["a node"] = contact.node_depth(system.state)[0]
+        found = {"a point": findings.deepest_point(contact, system.state)[0]}
+        found["a node"] = findings.node_depth(contact, system.state)[0]
         if isinstance(stated.master, RigidTool) and stated.master.kind in (0, rigid_shapes.SPHERE, rigid_shapes.CYLINDER):
             gaps = distance(stated.master, X + u, system.state.travel[run.scene.tools.index(stated.master)])
             slave = np.isin(np.arange(len(X)), contact.surface.nodes)

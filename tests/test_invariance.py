@@ -263,7 +263,7 @@ def final(name, times, lost=None):
             system.rollback()
         stepper.step(system, t)
         system.commit()
-    slid = [contact.slip_path.copy() for contact in system.contacts]
+    slid = [contact.accepted.history.slip_path for contact in system.contacts]
     return system.state.u.x.array.copy(), np.concatenate([path.ravel() for path in slid])
 
 

@@ -83,8 +83,8 @@ def test_the_solution_is_that_of_the_penalties():
     scale = np.abs(plain.state.u.x.array).max()
     np.testing.assert_allclose(eased.state.u.x.array, plain.state.u.x.array, rtol=0, atol=1e-9 * scale)
     for a, b in zip(eased.contacts, plain.contacts, strict=True):
-        assert np.array_equal(a.normal_penalty, b.normal_penalty)
-        assert np.array_equal(a.tangential_penalty, b.tangential_penalty)
+        assert np.array_equal(a.trial.law.eps_n, b.trial.law.eps_n)
+        assert np.array_equal(a.trial.law.eps_t, b.trial.law.eps_t)
         assert np.array_equal(a.statuses(), b.statuses())
 
 
@@ -98,11 +98,9 @@ def test_a_failure_on_the_way_puts_penalties_back():
     stepper = Softened(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
     system.commit()
-    before = [(c.history(), c.normal_penalty, c.tangential_penalty) for c in system.contacts]
+    before = [c.trial for c in system.contacts]
     stepper.helps, stepper.rough.limit = True, 1
     with pytest.raises(StepFailed):
         stepper.step(system, 1.0)
     system.rollback()
-    for contact, (history, *penalties) in zip(system.contacts, before, strict=True):
-        assert all(np.array_equal(history[name], value) for name, value in contact.history().items())
-        assert contact.normal_penalty is penalties[0] and contact.tangential_penalty is penalties[1]
+    assert all(contact.trial is trial for contact, trial in zip(system.contacts, before, strict=True))

@@ -88,10 +88,11 @@ def two_rough_blocks():
 def test_counts_of_two_blocks(monkeypatch):
     system, states = two_rough_blocks(), []
     contact = system.contacts[0]
-    project, look = contact._pairing.project, contact._pairing._sought
+    pairing = contact.partner._pairing
+    project, look = pairing.project, pairing._sought
     searched = []
-    monkeypatch.setattr(contact._pairing, "project", lambda *a: states.append(system.state.u.x.array.copy()) or project(*a))
-    monkeypatch.setattr(contact._pairing, "_sought", lambda *a: searched.append(0) or look(*a))
+    monkeypatch.setattr(pairing, "project", lambda *a: states.append(system.state.u.x.array.copy()) or project(*a))
+    monkeypatch.setattr(pairing, "_sought", lambda *a: searched.append(0) or look(*a))
     solver, iterations = carried(system, "direct")
     different = 1 + sum(not np.array_equal(a, b) for a, b in zip(states, states[1:], strict=False))
     same_everywhere = system.comm.allreduce(different)  # a rank projects again where only another one's nodes have moved
@@ -150,8 +151,8 @@ def test_modes_that_fade_where_penalties_hold(monkeypatch):
 @pytest.mark.serial
 def test_history_takes_32_bytes_per_point():
     """Anchor and slip path: what a step cut back must restore."""
-    term = rough_punch().contacts[0]
-    assert (term._anchor.nbytes + term.slip_path.nbytes) / term.gap.size == 32
+    history = rough_punch().contacts[0].accepted.history
+    assert (history.anchors[0].nbytes + history.slip_path.nbytes) / history.met.size == 32
 
 
 @pytest.mark.serial

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import FormTerm
 
 
@@ -57,6 +58,8 @@ class CondensedPressure(FormTerm):
     pressure, predicted, dilatation: Functions in q's space, written here; residual holds `pressure`, tangent `predicted`.
     """
 
+    condensed = True
+
     def __init__(self, name, residual, tangent, forms, u, pressure, predicted, dilatation, symmetric=True):
         super().__init__(name, residual, tangent, symmetric)
         self.pressure, self._predicted, self._dilatation = pressure, predicted, dilatation
@@ -70,7 +73,6 @@ class CondensedPressure(FormTerm):
         self._dofs = _dofs(v)[:cells]
         self._blocks = np.ascontiguousarray(compat.cell_dofs(v)[:cells])
         self._start = u.x.array.copy(), self._cell_values(self._predicted)  # committed displacement and its prediction
-        self._u = u
         self.key = compat.original_cells(u.function_space.mesh)[:cells].astype(np.int64)
         self._last = None  # displacement, pressure and its slope (cells, q, dofs) of the last tangent
 
@@ -103,7 +105,7 @@ class CondensedPressure(FormTerm):
         self._predicted.x.array[self._pressure_dofs] = values
         return values
 
-    def add_residual(self, state, residual, tool_residual):
+    def add_residual(self, state, residual, tool_residual, trial=None):
         self._evaluate()
         super().add_residual(state, residual, tool_residual)
 
@@ -114,14 +116,12 @@ class CondensedPressure(FormTerm):
         super().add_residual(state, residual, tool_residual)
         self.pressure.x.array[self._pressure_dofs] = kept
 
-    def add_tangent(self, state, matrix, border):
+    def tangent(self, state, trial=None):
         eliminated, own = self._evaluate(), self._follow(state)
-        super().add_tangent(state, matrix, border)
         coupling = self._coupling.assemble()
         slope = self._inverse_mass @ (self._stiffness.assemble() @ (self._inverse_mass @ coupling))
-        if len(coupling):
-            matrix.setValuesBlockedLocalRCV(self._blocks, self._blocks, coupling.transpose(0, 2, 1) @ slope, addv=True)
         self._last = state.u.x.array.copy(), own, eliminated, slope
+        return Blocks(forms=tuple(self._tangents), cells=(self._blocks, coupling.transpose(0, 2, 1) @ slope))
 
     def commit(self, state):
         """Keep the pressure at the accepted displacement: where the next step, or its repetition, starts."""
@@ -132,6 +132,6 @@ class CondensedPressure(FormTerm):
         """The committed prediction of the pressure, by owned cell (cells, q)."""
         return {"pressure": self._start[1]}
 
-    def restore(self, values):
+    def restore(self, values, state):
         """The displacement is the committed one already."""
-        self._start = self._u.x.array.copy(), np.array(values["pressure"])
+        self._start = state.u.x.array.copy(), np.array(values["pressure"])

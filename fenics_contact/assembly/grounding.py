@@ -36,9 +36,9 @@ class Grounding(SpringTerm):
     def engaged(self, wanted):
         """Put the springs in, from the last accepted state on, or take them out. Collective."""
         self._engaged, self._left, self.used = wanted, 0.0, self.used or wanted
-        self.drop()
+        self.rollback()
 
-    def drop(self):
+    def rollback(self):
         if self._pull is not None:
             self._left = self._pull
         self._pull, self.share = None, SHARE if self._engaged else 0.0

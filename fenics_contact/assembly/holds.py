@@ -20,7 +20,7 @@ class Holds:
             counts = comm.allreduce(np.array(counts))
             self._supported.append({letter for letter, count in zip(AXES, counts, strict=True) if count})
         for contact in contacts:
-            met = comm.allreduce(np.array([contact.touches(blocks) for _, blocks in bodies], dtype=int))
+            met = comm.allreduce(np.array([contact.partner.touches(blocks) for _, blocks in bodies], dtype=int))
             self._ties.append((contact, np.flatnonzero(met)))
 
     @property
@@ -40,5 +40,5 @@ class Holds:
             for (contact, met), along in zip(self._ties, axes, strict=True):
                 for i in met:
                     others = (held[j] for j in met if j != i)
-                    held[i] |= along if contact.grounded else along & set().union(*others)
+                    held[i] |= along if contact.partner.grounded else along & set().union(*others)
         return {i: "".join(sorted(set(AXES) - axes)) for i, axes in enumerate(held) if len(axes) < len(AXES)}

@@ -12,7 +12,7 @@ class Memory:
     states accepted before it, through which the next step is extrapolated.
 
     Terms with a history offer key (ne,), a number per element that no partition changes, history() -> {name: (ne, ...)}
-    and restore({name: (ne, ...)}). fields(): further {name: local array like u} to keep, e.g. a predictor's.
+    and restore({name: (ne, ...)}, state). fields(): further {name: local array like u} to keep, e.g. a predictor's.
     """
 
     def __init__(self, system):
@@ -53,12 +53,14 @@ class Memory:
         if not all(comm.allgather(same)):
             raise ValueError("its nodes lie in other places: the mesh was made with other parameters")
         system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
-        for i, term in enumerate(system.terms):
-            term.restore({name: self._rows(arrays, f"term/{i}/{name}", term.key) for name in term.history()})
+        kept = [
+            {name: self._rows(arrays, f"term/{i}/{name}", term.key) for name in term.history()}
+            for i, term in enumerate(system.terms)
+        ]
         names = ("travel", "t", "force_scale", "stiffness", "before/travel", "before/t")
         travel, t, system.force_scale, system.stiffness, *before = comm.bcast(arrays and [arrays[name] for name in names])
         places = [self._nodal(arrays, f"before/{i}/u").ravel() for i in range(len(before[1]))]
-        system.resume(travel, float(t), list(zip(places, *before, strict=True)))
+        system.resume(travel, float(t), kept, list(zip(places, *before, strict=True)))
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.term import FormTerm
 
@@ -45,17 +46,17 @@ class SpringTerm(FormTerm):
     def _tool_pull(self, state):
         return np.where(self._free, self.share * self._on_tools * (state.travel - self._travel), 0.0)
 
-    def add_residual(self, state, residual, tool_residual):
+    def add_residual(self, state, residual, tool_residual, trial=None):
         if self.share > 0.0:
             super().add_residual(state, residual, tool_residual)
             if self._first_rank:
                 tool_residual += self._tool_pull(state)
 
-    def add_tangent(self, state, matrix, border):
-        if self.share > 0.0:
-            super().add_tangent(state, matrix, border)
-            if border is not None and self._first_rank:
-                border.corner += np.diag(self.share * self._on_tools * self._free.ravel())
+    def tangent(self, state, trial=None):
+        if not self.share > 0.0:
+            return Blocks()
+        on_tools = self.share * self._on_tools * self._free.ravel() if self._first_rank else None
+        return Blocks(forms=tuple(self._tangents), free=on_tools)
 
     def spent(self, state):
         """(sum of the forces' sizes [force], their work on the way from u_0 at these forces [force length]). Collective."""

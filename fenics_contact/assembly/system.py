@@ -4,12 +4,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.blocks import Border, insert
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
-from fenics_contact.assembly.term import Border
 from fenics_contact.timing import Timers
 
 TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
@@ -21,19 +21,20 @@ class System:
 
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
     tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(least=0.0): None, or the Finding
-    that names the place where J is no more than `least`; bodies: (name, local nodes) of each group of bonded bodies.
+    that names the place where J is no more than `least`; bodies: (name, local nodes) of each group of bonded bodies;
+    contacts: those of the terms that are.
     """
 
-    def __init__(self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, bodies=(), timers=None):
+    def __init__(
+        self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, bodies=(), contacts=(), timers=None
+    ):
         self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
-        self.set_loads, self.check, self.bodies = set_loads, check, bodies
+        self.set_loads, self.check, self.bodies, self.contacts = set_loads, check, bodies, contacts
         self.timers = timers or Timers()
-        for term in terms:
-            term.timers = self.timers
         self.space = state.u.function_space
         self.comm = lasting(self.space.mesh.comm)
         self.symmetric = all(term.symmetric for term in terms)
-        self.condensed = any(hasattr(term, "add_followed_residual") for term in terms)
+        self.condensed = any(term.condensed for term in terms)
         self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
         self._couplings = [np.empty(0, dtype=np.int64)] * len(terms)
         self.matrix = self._new_matrix()
@@ -50,7 +51,8 @@ class System:
         self.reach = self.extent  # largest length of which gaps are differences, tools' radii among them
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
-        self._foreseeing = [term for term in terms if getattr(term, "foresees", False)]
+        self._foreseeing = [contact for contact in contacts if contact.foresees]
+        self._linearised = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
 
     def _new_matrix(self):
@@ -83,8 +85,7 @@ class System:
         """Return to the last committed state."""
         self.release()
         for term in self.terms:
-            if hasattr(term, "drop"):
-                term.drop()
+            term.rollback()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
         u, travel, t = self._committed
         self.state.u.x.array[:] = u
@@ -92,16 +93,18 @@ class System:
         self.state.t = t
         self.set_loads(t)
 
-    def resume(self, travel, t, before=()):
+    def resume(self, travel, t, histories, before=()):
         """Declare the displacement in the state, with this travel and t, the committed one, after those of `before`, like
-        `accepted`; the terms know their history."""
+        `accepted`; histories: of each term, what its `history` gave there."""
         self.state.travel[:] = travel
         self.state.t = t
         self.set_loads(t)
+        for term, values in zip(self.terms, histories, strict=True):
+            term.restore(values, self.state)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self.accepted = [*before, self._committed]
-        for term in self.augmented + ([self.grounding] if self.grounding else []):
-            term.drop()
+        if self.grounding:
+            self.grounding.rollback()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
     def extrapolate(self, owed):
@@ -119,8 +122,8 @@ class System:
                 continue
             step[dofs] = owed
             self.state.u.x.array[:] = u + step
-            for term in self._foreseeing:
-                term.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
+            for contact in self._foreseeing:
+                contact.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
             if np.isfinite(self.assemble_residual()):
                 return True
             self.release()
@@ -143,12 +146,12 @@ class System:
 
     def foresee(self):
         """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
-        for term in self._foreseeing:
-            term.foresee(self.state)
+        for contact in self._foreseeing:
+            contact.foresee(self.state, self._linearised[contact])
 
     def release(self):
-        for term in self.contacts:
-            term.release()
+        for contact in self.contacts:
+            contact.release()
 
     @property
     def augmented(self):
@@ -157,12 +160,12 @@ class System:
 
     def misfit(self):
         """Largest error of the augmented terms over their tolerances. Collective."""
-        return max(self.comm.allgather(max(term.misfit(self.state) for term in self.augmented)))
+        return max(self.comm.allgather(max(contact.multipliers.misfit(self.state) for contact in self.augmented)))
 
     def augment(self, share=1.0):
         """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
-        for term in self.augmented:
-            term.augment(self.state, share)
+        for contact in self.augmented:
+            contact.take(contact.multipliers.augmented(self.state, share))
 
     @property
     def committed(self):
@@ -247,7 +250,7 @@ class System:
                 with self._work.localForm() as local:
                     local.set(0.0)
                     array = local.array_w
-                    add = getattr(term, "add_followed_residual", term.add_residual) if followed else term.add_residual
+                    add = term.add_followed_residual if followed else term.add_residual
                     add(self.state, array, tool_residual)
                 sum_to_owners(self._work)
                 self.forces = max(self.forces, self._work.norm())
@@ -259,15 +262,23 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self, terms=None):
-        """Fill the matrix (supports not yet eliminated) and the border, with some of the terms if so asked."""
+    def assemble_tangent(self, terms=None, trials=None):
+        """Fill the matrix (supports not yet eliminated) and the border, with some of the terms if so asked.
+
+        trials: {contact: what it is evaluated with in the place of its own trial}.
+        """
         with self.timers("insertion"):
             self._provide_couplings()
         if self.border is not None:
             self.border.clear()
         for term in self.terms if terms is None else terms:
             with self.timers("bulk tangent"):
-                term.add_tangent(self.state, self.matrix, self.border)
+                blocks = term.tangent(self.state, (trials or {}).get(term))
+                for form in blocks.forms:
+                    form.add(self.matrix)
+            with self.timers("insertion"):
+                insert(blocks, self.matrix, self.border)
+            self._linearised[term] = blocks.at
         with self.timers("insertion"):
             self.matrix.assemble()
             self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))

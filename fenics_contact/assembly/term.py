@@ -1,4 +1,4 @@
-"""What a System sums: terms of the virtual power, the state they depend on, and the border of the tools' travel."""
+"""What a System sums: terms of the virtual power, and the state they depend on."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
 
 
@@ -23,22 +24,20 @@ class State:
 
 
 class Term(Protocol):
-    """A part of the virtual power. Evaluation depends on the state and committed history only; only commit writes.
+    """A part of the virtual power. Evaluation depends on the state and the trial only; only commit writes history.
 
-    A term with `foresees` set offers hold(share), foresee(state) and release(), between which its evaluation depends on
-    unknowns of its own too, e.g. contact pressures, which a stepper's solves carry along. A term without the attribute
-    has no such unknowns and no kinks either.
-
-    A term whose `tolerance` [length] is not None has multipliers that only augment(state) changes; misfit(state) is its
-    error over the tolerance. One with raise_penalty(state), collective, changes penalties and says so, or gives None.
-    drop(), where there is one, takes all of this back to the last commit.
+    symmetric: is its tangent so; condensed: has it unknowns of its own that are condensed out, for which
+    add_followed_residual gives the residual at the values that they have by the last tangent's linearisation, where
+    Newton's method proper has them; timers: seconds by stage.
     """
 
     name: str
     symmetric: bool
-    penalised: bool  # has it penalties: stiffen(state, factor), relax(), resultants(state) -> (forces (n,), pressures (m,))
+    condensed: bool
 
-    def add_residual(self, state, residual, tool_residual): ...
+    def add_residual(self, state, residual, tool_residual, trial=None): ...
+
+    def add_followed_residual(self, state, residual, tool_residual): ...
 
     def couplings(self, state):
         """None while the couplings given last, at first none, suffice; else keys row * N + column of global blocks.
@@ -46,15 +45,19 @@ class Term(Protocol):
         They come on top of the cells' own. Called on all ranks before every tangent; another rank may have other keys.
         """
 
-    def add_tangent(self, state, matrix, border): ...
+    def tangent(self, state, trial=None):
+        """Blocks of the tangent."""
 
     def commit(self, state): ...
+
+    def rollback(self):
+        """Back to what the last accepted step left."""
 
     def history(self):
         """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
 
-    def restore(self, values):
-        """Take up what history gave, for this rank's elements."""
+    def restore(self, values, state):
+        """Take up what history gave, for this rank's elements, at the accepted state."""
 
     def statuses(self):
         """Status codes (n,) of this rank's points at the state evaluated last."""
@@ -68,21 +71,8 @@ class Term(Protocol):
     def trouble(self, state):
         """None, or the Finding that keeps the step after this accepted state from converging. Collective."""
 
-    # A term that condenses unknowns of its own also offers add_followed_residual, with the arguments of add_residual: the
-    # residual at the values its unknowns have by the last tangent's linearisation, where Newton's method proper has them.
-
-
-class Border:
-    """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
-
-    def __init__(self, tools, dofs):
-        self.columns = np.zeros((3 * tools, dofs))
-        self.rows = np.zeros((3 * tools, dofs))
-        self.corner = np.zeros((3 * tools, 3 * tools))
-
-    def clear(self):
-        for part in (self.columns, self.rows, self.corner):
-            part[:] = 0.0
+    def remark(self, state):
+        """None, or what is to be said of an accepted state. Collective."""
 
 
 class FormTerm:
@@ -92,7 +82,7 @@ class FormTerm:
     confuses the values of two rules in one kernel.
     """
 
-    penalised = False
+    condensed = False
 
     def __init__(self, name, residual, tangent=None, symmetric=True):
         self.name, self.symmetric = name, symmetric
@@ -100,25 +90,31 @@ class FormTerm:
         self._tangents = [CellForm(form) for form in _listed(tangent)]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
-    def add_residual(self, state, residual, tool_residual):
+    def add_residual(self, state, residual, tool_residual, trial=None):
         for form in self._residuals:
             compat.assemble_vector(residual, form)
+
+    def add_followed_residual(self, state, residual, tool_residual):
+        """The residual: there are no other unknowns."""
+        self.add_residual(state, residual, tool_residual)
 
     def couplings(self, state):
         """None: the cells' own couplings are the pattern's base."""
 
-    def add_tangent(self, state, matrix, border):
-        for form in self._tangents:
-            form.add(matrix)
+    def tangent(self, state, trial=None):
+        return Blocks(forms=tuple(self._tangents))
 
     def commit(self, state):
         """Forms keep no history."""
+
+    def rollback(self):
+        """Nothing to take back."""
 
     def history(self):
         """None to keep."""
         return {}
 
-    def restore(self, values):
+    def restore(self, values, state):
         """Nothing to take up."""
 
     def statuses(self):
@@ -132,6 +128,9 @@ class FormTerm:
 
     def trouble(self, state):
         """None: what forms suffer from is found in the tangent."""
+
+    def remark(self, state):
+        """None."""
 
 
 def _listed(forms):

@@ -1,24 +1,27 @@
 """What a contact hands to the history: sums over its slave points on all ranks."""
 
+from typing import Any
+
 import numpy as np
 
-from fenics_contact.kernels.status import STICK
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.trial import Response
+from fenics_contact.kernels.status import OPEN, STICK
 
 
-def contact_measures(contact, state, comm, closed, gaps):
-    """Force and moment on the slave body [force, force x length], areas and counts of a contact's evaluated points.
-
-    closed (ne, nq) bool; gaps: those of the points whose penetration is an error of the penalty [length].
-    """
-    s = contact.surface
+def contact_measures(surface: SlaveSurface, response: Response, state: State) -> dict[str, Any]:
+    """Force and moment on the slave body [force, force x length], areas and counts of a contact's points. Collective."""
+    s, comm = surface, state.u.function_space.mesh.comm
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-    force = -contact.traction * s.area[..., None]
+    force, closed = -response.traction * s.area[..., None], response.status != OPEN
     sums = np.concatenate([
         force.sum(axis=(0, 1)),
         np.cross(x, force).sum(axis=(0, 1)),
-        [s.area[closed].sum(), closed.sum(), (contact.status == STICK).sum(), s.area.size],
+        [s.area[closed].sum(), closed.sum(), (response.status == STICK).sum(), s.area.size],
     ])  # fmt: skip
     sums = comm.allreduce(sums)
+    held = response.gap[response.cover >= 1.0]  # points half out under a sharp edge are meant to sink in
     return {
         "force": sums[:3],
         "moment": sums[3:6],
@@ -26,5 +29,5 @@ def contact_measures(contact, state, comm, closed, gaps):
         "active": int(sums[7]),
         "sticking": int(sums[8]),
         "points": int(sums[9]),
-        "penetration": -min(comm.allgather(gaps.min(initial=0.0))),
+        "penetration": -min(comm.allgather(held.min(initial=0.0))),
     }

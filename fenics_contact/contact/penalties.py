@@ -1,9 +1,20 @@
 """Penalties of a contact: from the stiffness beneath its slave points, raised where these sink in too far all the same."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from fenics_contact.contact.friction import friction_of
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.findings import deepest, worst
+from fenics_contact.contact.friction import Friction
+from fenics_contact.contact.trial import Floats, Law, Response, Trial
+from fenics_contact.kernels.status import STICK
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.term import Contact
 
 # Default penalty over (Young's modulus at rest / distance of nodes below each other): the force it costs is reported in the
 # README.
@@ -23,144 +34,123 @@ LARGEST = 10.0  # times the default; Newton's method fails the more often the st
 SOFTEST = 0.01
 WORTH = 0.5  # a greater part of the penalties is no help
 
-_NOT_HELD = np.empty(0)
 
+@dataclass(frozen=True)
+class Penalty:
+    """Penalties as the user states them: normal, tangential [pressure/length]; factor: in the place of a normal one, on
+    the stiffness beneath each slave point (PENALTY_FACTOR); share: in the place of a tangential one, tangential over
+    normal (TANGENTIAL_SHARE, more at high friction)."""
 
-def penalties(statement, surface):
-    """Normal and tangential penalties (ne,) [pressure/length] of a stated contact, and which of both may be raised.
+    normal: float | None = None
+    tangential: float | None = None
+    factor: float | None = None
+    share: float | None = None
 
-    A number that the user has given stays what it is.
-    """
-    factor = statement.penalty_factor or PENALTY_FACTOR
-    share = statement.tangential_share or max(TANGENTIAL_SHARE, friction_of(statement.friction).mu / SLIPS)
-    normal = np.full_like(surface.stiffness, statement.penalty) if statement.penalty else factor * surface.stiffness
-    typed = statement.tangential_penalty
-    tangential = np.full_like(normal, typed) if typed else share * normal
-    adapts = not (statement.penalty or statement.penalty_factor or statement.penetration)
-    return normal, tangential, (adapts, adapts and not typed)
+    def values(self, stiffness: Floats, friction: Friction) -> tuple[Floats, Floats]:
+        """Normal and tangential penalties (ne,) [pressure/length] over bodies of a stiffness (ne,)."""
+        normal = np.full_like(stiffness, self.normal) if self.normal else (self.factor or PENALTY_FACTOR) * stiffness
+        share = self.share or max(TANGENTIAL_SHARE, friction.mu / SLIPS)
+        return normal, np.full_like(normal, self.tangential) if self.tangential else share * normal
+
+    def adapts(self, penetration: float | None) -> tuple[bool, bool]:
+        """Which of both a run may raise: numbers that the user has given stay what they are."""
+        own = not (self.normal or self.factor or penetration)
+        return own, own and not self.tangential
 
 
 class Penalties:
-    """Mixed into contact terms: penalties that a run may raise, and vary to see what they cost.
+    """How the penalties of a contact may change: raised for good, softer on the way to a solution, or stiffer for once.
 
-    Needs normal_penalty, tangential_penalty (ne,) [pressure/length], gap, cover, status, shift, surface; evaluate(state);
-    _kept, the accepted (anchors, shift); before, the anchors at the start of the step accepted last; swap_anchors(anchors),
-    which gives back the old ones;
-    hold_friction(factor), which lets points feel their accepted friction traction again under tangential penalties greater
-    by that factor; and rest_anchors(state, factor), see `stiffen`.
+    law: with those at first; adapts: which of both, normal and tangential, a run may raise.
     """
 
-    adapts = (False, False)  # normal, tangential
-    # may have softer penalties on the way to a solution: not under a sharp edge, where other points then hold (19 cut-backs
-    # instead of 7 on a punch with 1000 E/h); with facets as a master it has not been tried
-    softens = False
-    _judged = _NOT_HELD  # (points,) gaps that decide statuses in the place of the present ones until `release`
+    def __init__(self, contact: Contact, law: Law, adapts: tuple[bool, bool]):
+        self._contact, self._first, self._adapts = contact, law, adapts
 
-    def set_up_penalties(self):
-        self._base = self.normal_penalty, self.tangential_penalty
-        # (ne, 2): how much greater the penalties are than at first, and how much they may become at most
-        self.raised = np.tile([1.0, LARGEST], (len(self.normal_penalty), 1))
-        self._raised = self.raised  # at the last accepted state
-        self._varied = None
+    # -- raised where points lie too deep -------------------------------------------------------------------------
+    def with_raised(self, trial: Trial) -> Trial:
+        """The penalties that its history says."""
+        factor = trial.history.raised[:, 0]
+        eps_t = self._first.eps_t * factor if self._adapts[1] else self._first.eps_t
+        law = Law(self._first.eps_n * factor, eps_t, trial.law.friction, trial.law.touch)
+        return trial.under(law)
 
-    def put_penalties(self, normal, tangential):
-        self.normal_penalty, self.tangential_penalty = normal, tangential
-
-    def _put_raised(self):
-        normal, tangential = self._base
-        factor = self.raised[:, 0]
-        self.put_penalties(normal * factor, tangential * factor if self.adapts[1] else tangential)
-
-    # -- raised where points lie too deep ---------------------------------------------------------------------------
-    def raise_penalty(self, state):
-        """None; or, where a point lies deeper than DEEPEST allows, penalties are raised and it is said how. Collective."""
-        if not self.adapts[0]:
+    def raised(self, state: State) -> tuple[Trial, str] | None:
+        """None; or, where a point lies deeper than DEEPEST allows, a trial with greater penalties, and words. Collective."""
+        if not self._adapts[0]:
             return None
-        self.evaluate(state)
+        contact, trial = self._contact, self._contact.trial
         comm = state.u.function_space.mesh.comm
-        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -self.gap, 0.0)
-        depth, place = self._worst(comm, (held / self.surface.height[:, None]).ravel())
-        room = min(comm.allgather((self.raised[:, 1] / self.raised[:, 0]).min(initial=np.inf)))
+        depth, place = self._depth(contact.response(state), contact.response(state).gap, comm)
+        raised = trial.history.raised
+        room = min(comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
         if depth <= DEEPEST or room <= 1.0 + 1e-9:  # round-off of a factor that has reached its bound
             return None
         factor = min(depth / (AIM * DEEPEST), room)
-        if self.adapts[1]:
-            self.hold_friction(factor)
-        self.raised = self.raised * [factor, 1.0]
-        self._put_raised()
-        return (
-            f"{place} lies {depth:.1%} of a cell deep: penalties raised to {self.raise_factor(comm):.3g} times the default"
-        )
+        if self._adapts[1]:
+            trial = self.friction_kept(trial, factor)
+        trial = self.with_raised(trial.remembering(raised=raised * [factor, 1.0]))
+        most = max(comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
+        return trial, f"{place} lies {depth:.1%} of a cell deep: penalties raised to {most:.3g} times the default"
 
-    def forgo_raise(self):
+    def forgo(self) -> None:
         """Penalties have been raised in vain: they stay as they are."""
-        self.raised = self.raised[:, [0, 0]]
+        contact = self._contact
+        contact.trial = contact.trial.remembering(raised=contact.trial.history.raised[:, [0, 0]])
 
-    def raise_factor(self, comm):
+    def raise_factor(self, state: State) -> float:
         """By how much the penalties are greater than at first, on all ranks. Collective."""
-        return max(comm.allgather(self.raised[:, 0].max(initial=1.0)))
+        raised = self._contact.trial.history.raised
+        return max(state.u.function_space.mesh.comm.allgather(raised[:, 0].max(initial=1.0)))
 
-    def keep_penalties(self):
-        self._raised = self.raised
+    def _depth(self, response: Response, gap: Floats, comm):
+        """(deepest point [of a cell's height], its place). Collective."""
+        held = deepest(response, gap)
+        return worst(self._contact, comm, (held / self._contact.surface.height[:, None]).ravel())
 
-    def drop_penalties(self):
-        if self.raised is not self._raised:
-            self.raised = self._raised
-            self._put_raised()
+    def friction_kept(self, trial: Trial, factor: float) -> Trial:
+        """Points feel their accepted friction traction again under tangential penalties greater by a factor."""
+        partner, feet = self._contact.partner, trial.history.feet
+        rests = partner.places(feet, trial)
+        return trial.remembering(anchors=partner.stiffened(feet, trial, rests, factor))
 
-    def restore_penalties(self, raised):
-        self.raised = self._raised = raised
-        self._put_raised()
+    # -- softer on the way to a solution --------------------------------------------------------------------------
+    def softness(self, state: State) -> float:
+        """The part of the penalties under which the accepted pressures sink AIM * DEEPEST of a cell, or 1. Collective.
 
-    # -- softer on the way to a solution ----------------------------------------------------------------------------
-    def softness(self, state):
-        """The part of the penalties under which the accepted pressures sink AIM * DEEPEST of a cell, or 1. Collective."""
-        if not self.softens:
+        Not under a sharp edge, where other points then hold (19 cut-backs instead of 7 on a punch with 1000 E/h); with
+        facets as a master it has not been tried.
+        """
+        if not self._contact.partner.softens:
             return 1.0
-        self.evaluate(state)
-        held = np.where((self.cover >= 1.0) & (self.status != OPEN), -(self.gap + self.shift), 0.0)
-        depth = self._worst(state.u.function_space.mesh.comm, (held / self.surface.height[:, None]).ravel())[0]
+        response = self._contact.response(state)
+        gap = response.gap + self._contact.trial.history.shift
+        depth = self._depth(response, gap, state.u.function_space.mesh.comm)[0]
         part = max(depth / (AIM * DEEPEST), SOFTEST)
         return part if part < WORTH else 1.0
 
-    def soften(self, state, part):
-        """Until `harden`, only a part of the penalties at an accepted state; until `release` points press as they did.
+    def softened(self, state: State, part: float) -> Trial:
+        """A part of the penalties at an accepted state; until `release` points press as they did. Friction goes on from
+        the traction it had."""
+        trial = self._contact.trial
+        gaps = (self._contact.response(state).gap + trial.history.shift) / part
+        trial = self.friction_kept(trial, part)
+        trial = trial.remembering(shift=trial.history.shift / part).under(trial.law.times(part))
+        return trial.judging(gaps.ravel())
 
-        Friction goes on from the traction it had.
-        """
-        self.evaluate(state)
-        gaps = (self.gap + self.shift) / part
-        self._hard = self._kept[0], self.shift, self.normal_penalty, self.tangential_penalty
-        self.hold_friction(part)
-        self.shift = self.shift / part
-        self.put_penalties(part * self.normal_penalty, part * self.tangential_penalty)
-        self._judged = gaps.ravel()
-
-    def release(self):
-        """Judge by the gaps again."""
-        self._judged = _NOT_HELD
-
-    def harden(self):
-        """The penalties and the friction history of before."""
-        self.release()
-        anchors, self.shift, *both = self._hard
-        self.swap_anchors(anchors)
-        self.put_penalties(*both)
-
-    # -- varied to see what they cost -------------------------------------------------------------------------------
-    def stiffen(self, state, factor):
-        """Until `relax`, forces are those that penalties greater by `factor` give at a state just accepted.
+    # -- varied to see what they cost -----------------------------------------------------------------------------
+    def stiffened(self, state: State, factor: float) -> Trial:
+        """Penalties greater by a factor at a state just accepted: forces are those that they would give.
 
         Multipliers stay; what sticks has rested at the same place under the same traction, and slips on from there by as
         much; what slipped in the last step slips. Collective.
         """
-        anchors = self.swap_anchors(self.before)
-        self._varied = anchors, self.shift, self.normal_penalty, self.tangential_penalty
-        self.swap_anchors(self.rest_anchors(state, factor))
-        self.shift = self.shift / factor
-        self.put_penalties(self.normal_penalty * factor, self.tangential_penalty * factor)
-
-    def relax(self):
-        anchors, self.shift, *both = self._varied
-        self.swap_anchors(anchors)
-        self.put_penalties(*both)
+        contact, h = self._contact, self._contact.trial.history
+        trial = contact.trial.remembering(anchors=h.before)
+        feet, sticks = contact.partner.feet(state), contact.response(state, trial).status == STICK
+        new = contact.partner.stiffened(feet, trial, h.rests, factor)
+        anchors = tuple(
+            np.where(sticks.reshape(old.shape[:-1])[..., None], ours, old) for ours, old in zip(new, h.before, strict=True)
+        )
+        trial = trial.remembering(anchors=anchors, shift=h.shift / factor)
+        return trial.under(trial.law.times(factor))

@@ -1,250 +1,263 @@
-"""Contact of a slave surface with a rigid tool as one term of a System: forces, tangent, history."""
+"""Contact of a slave surface with its master as one term of a System: pure response and tangent, history when accepted."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from fenics_contact import compat
-from fenics_contact.contact.friction import friction_of
+from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.term import State
+from fenics_contact.contact import findings
+from fenics_contact.contact.friction import allowed, coulomb
 from fenics_contact.contact.measures import contact_measures
-from fenics_contact.contact.points import SlavePoints
-from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
-from fenics_contact.kernels.scatter import scatter_border, scatter_forces
-from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.contact.multipliers import Multipliers
+from fenics_contact.contact.partner import Partner
+from fenics_contact.contact.penalties import LARGEST, Penalties
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.trial import PRESENT, Bools, Floats, History, Ints, Law, Response, Trial
+from fenics_contact.kernels.law import Friction
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.timing import Timers
 
 # Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
 TOUCH = 1e-10
 
 
-class RigidContact(SlavePoints):
-    """Penalty contact with Coulomb friction between slave points and a rigid tool.
+class Contact:
+    """Penalty contact with Coulomb friction between slave points and a master.
 
-    surface: SlaveSurface; tool: RigidTool; index: row of the tool in the state's travel; friction: Coulomb's mu
-    or what contact/friction.py gives; normal_penalty, tangential_penalty (ne,) [pressure/length]. Evaluation is pure;
-    `commit` writes the anchors.
+    surface: SlaveSurface; partner: what the points meet; friction: Friction; eps_n, eps_t: penalties (ne,)
+    [pressure/length]; adapts: which of both a run may raise; tolerance: how deep a point may lie in the master and how far
+    one that sticks may slip [length], None: as the penalty alone gives; state: the initial one, in which every point is
+    anchored at its projection. Response and tangent depend on the state and a Trial alone: `accepted` is what the last
+    accepted step left, `trial` what the present one is tried with. All methods that take a state are collective.
     """
 
-    grounded = True
+    condensed = False
 
-    def __init__(self, name, surface, tool, index, friction, normal_penalty, tangential_penalty):
-        self.name, self.surface, self.tool, self.index = name, surface, tool, index
-        self.friction = friction_of(friction)
-        self.normal_penalty, self.tangential_penalty = normal_penalty, tangential_penalty
-        self.master_name, self.edge = tool.name, tool.edge
-        self.softens = tool.edge != "sharp"
-        self.symmetric = not self.rough and tool.edge != "sharp"
-        self.touch = TOUCH * surface.cell_height
-        ne, k = surface.nodes.shape
-        nq = surface.area.shape[1]
-        self._force = np.zeros((ne, k, 3))
-        self._tangent = np.zeros((ne, 3 * k, 3 * k))
-        self._arm = np.zeros((ne, k, 3, 3))
-        self.traction = np.zeros((ne, nq, 3))
-        self.gap = np.zeros((ne, nq))
-        self.status = np.zeros((ne, nq), dtype=np.int32)
-        self.excess = np.zeros((ne, nq))
-        self.cover = np.ones((ne, nq))
-        self.slip_path = np.zeros((ne, nq))
-        self.met = np.zeros((ne, nq), dtype=bool)
-        self._anchor, self._rest, self.shift = np.zeros((ne, nq, 3)), np.zeros((ne, nq, 3)), np.zeros((ne, nq))
-        self._kept = self._anchor, self.shift  # those of the last accepted step
-        self._feet = None  # where the points were on the tool then, in its frame
-        self._beside = None  # (local numbers, reference positions) of the nodes that are no slaves, once asked for
-        self.set_up_penalties()
-        self.timers = Timers()  # those of the System it becomes part of
+    def __init__(
+        self,
+        name: str,
+        surface: SlaveSurface,
+        partner: Partner,
+        friction: Friction,
+        penalties: tuple[Floats, Floats],
+        adapts: tuple[bool, bool],
+        tolerance: float | None,
+        state: State,
+        timers: Timers,
+    ):
+        self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
+        self.tolerance = tolerance
+        law = Law(*penalties, friction, TOUCH * surface.cell_height)
+        self.penalties, self.multipliers = Penalties(self, law, adapts), Multipliers(self)
+        ne, nq = surface.area.shape
+        none = partner.no_anchors()
+        far = np.full(ne * nq, min(partner.search, np.finfo(float).max))
+        raised = np.tile([1.0, LARGEST], (ne, 1))
+        zero = np.zeros((ne, nq))
+        start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None)
+        first = partner.places(partner.first_feet(state), Trial(law, start, surface.area))
+        start = replace(start, anchors=first, rests=first, before=first, feet=partner.feet(state))
+        self.accepted = self.trial = Trial(law, start, surface.area)
+        self.symmetric = not self.rough and partner.smooth
+        self._last: tuple | None = None  # feet, trial and response of the last evaluation
+        self.remarked = False
+        self.response(state)  # the first call of a kernel loads or compiles it
 
-    def initialise(self, state):
-        """Anchor every point at its projection in the initial state."""
-        self._feet = self._rest = self._anchor = self.before = self._anchors(state, -np.inf)[0]
-        self._kept = self._anchor, self.shift
-        self.evaluate(state, True)
+    # -- evaluation -----------------------------------------------------------------------------------------------
+    def response(self, state: State, trial: Trial | None = None) -> Response:
+        """What the points do at a state; trial: by default the present one."""
+        trial = trial or self.trial
+        feet = self.partner.feet(state)
+        if self._last is None or self._last[0] is not feet or self._last[1] is not trial:
+            with self.timers("contact kernel"):
+                self._last = feet, trial, self.partner.response(feet, trial)
+        return self._last[2]
 
-    def _placed_tool(self, state):
-        tool = self.tool
-        return tool.kind, tool.shape, tool.origin, tool.axes, state.travel[self.index]
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Trial | None = None) -> None:
+        """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
+        response = self.response(state, trial)
+        with self.timers("insertion"):
+            self.partner.add_forces(response, residual, tool_residual)
 
-    def _at(self, state):
-        """Points, displacements and tool as kernels/rigid_element.py takes them."""
-        s = self.surface
-        return (s.X, s.nodes, s.a, s.area, s.spacing), state.u.x.array, self._placed_tool(state)
+    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+        """The residual: there are no condensed unknowns."""
+        self.add_residual(state, residual, tool_residual)
 
-    def _law(self, touch):
-        return self.normal_penalty, self.tangential_penalty, self.surface.stiffness, self.friction, float(touch)
+    def couplings(self, state: State):
+        """None, or keys of global blocks beyond those of the cells."""
+        return self.partner.couplings(self.partner.feet(state), self.trial)
 
-    def evaluate(self, state, want_tangent=False):
-        """Evaluate all points; returns the numbers of the elements in contact."""
-        if self._feet is None:  # the first state after a restart
-            self._feet = self._anchors(state, -np.inf)[0]
-        at, law = self._at(state), self._law(self.touch)
-        at_points = self.traction, self.gap, self.status, self.excess, self.cover
-        out = self._force, self._tangent, self._arm, *at_points
+    def tangent(self, state: State, trial: Trial | None = None) -> Blocks:
+        """The exact derivative of the residual."""
+        feet = self.partner.feet(state)
         with self.timers("contact kernel"):
-            contact_elements(*at, law, (self._anchor, self.shift), self._judged, want_tangent, out)
-        return np.flatnonzero((self.status != OPEN).any(axis=1))
+            return self.partner.tangent(feet, trial or self.trial)
 
-    def add_residual(self, state, residual, tool_residual):
-        """Add a area T to the slave nodes' forces and its opposite to the tool's, (14)."""
-        active = self.evaluate(state)
-        with self.timers("insertion"):
-            scatter_forces(active, self.surface.nodes, self._force, residual)
-            tool_residual[self.index] -= self._force[active].sum(axis=(0, 1))
+    # -- Newton's own unknowns ------------------------------------------------------------------------------------
+    @property
+    def foresees(self) -> bool:
+        """Whether pressures may be unknowns beside the displacement."""
+        return self.partner.foresees
 
-    def couplings(self, state):
-        """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
+    def foresee(self, state: State, at) -> None:
+        """Take the pressures that the tangent at the places `at` foresees at the state as unknowns until `release`."""
+        gaps = self.partner.foreseen(self.partner.feet(state), at, self.trial)
+        self.trial = self.trial.judging(gaps)
 
-    def add_tangent(self, state, matrix, border):
-        active = self.evaluate(state, True)
-        nodes = self.surface.nodes[active]
-        with self.timers("insertion"):
-            if len(active):
-                matrix.setValuesBlockedLocalRCV(nodes, nodes, self._tangent[active], addv=True)
-            if border is not None:
-                mine = slice(3 * self.index, 3 * self.index + 3)
-                scatter_border(active, self.surface.nodes, self._arm, border.columns[mine], border.rows[mine])
-                border.corner[mine, mine] += self._arm[active].sum(axis=(0, 1))
+    def hold(self, share: float) -> None:
+        """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
+        now, before = self.trial.history.gaps
+        # a pressure doubles or halves at most: it stays one, and what was open before gives no slope
+        gaps = np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.5 * now), now)
+        self.trial = self.trial.judging(gaps)
 
-    def touches(self, blocks):
-        """Number of this rank's slave nodes among the local nodes `blocks`."""
-        return int(np.isin(self.surface.nodes, blocks).sum())
+    def release(self) -> None:
+        """Judge by the present gaps again."""
+        if len(self.trial.judged):
+            self.trial = self.trial.judging(PRESENT)
 
-    def held_axes(self, state, comm):
-        """Axes along which the contact can hold a body: all with friction, else those of its first normal. Collective."""
-        normal = np.abs(self.first_normal(state, comm))
-        return {axis for axis, part in zip("xyz", normal, strict=True) if self.rough or part > 1e-6}
-
-    def commit(self, state):
-        """Accept the state: the only place where friction history changes."""
+    # -- history --------------------------------------------------------------------------------------------------
+    def commit(self, state: State) -> None:
+        """Accept the state: the only place where history changes for good."""
         self.release()
-        self.evaluate(state)
-        self.met = self.met | (self.status != OPEN)
-        resting, self._feet = (self.status == STICK)[..., None], self._anchors(state, -np.inf)[0]
-        self._rest, self.before = np.where(resting, self._rest, self._feet), self._anchor
-        self._anchor, sliding = self._anchors(state, self.touch)
-        self.slip_path = self.slip_path + sliding
-        self._kept = self._anchor, self.shift
-        self.keep_penalties()
+        partner, trial, response = self.partner, self.trial, self.response(state)
+        feet, h = partner.feet(state), trial.history
+        rests = h.rests
+        if trial.rough or self.tolerance is not None:
+            here, stuck = partner.places(feet, trial), response.status == STICK
+            rests = tuple(
+                np.where(stuck.reshape(old.shape[:-1])[..., None], old, new) for old, new in zip(rests, here, strict=True)
+            )
+        anchors, slid = partner.committed(feet, trial)
+        gaps = (response.gap + h.shift).ravel(), h.gaps[0]
+        met, path = h.met | (response.status != OPEN), h.slip_path + slid
+        self.trial = self.accepted = trial.remembering(
+            anchors=anchors, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps, feet=feet
+        )
 
-    def drop(self):
-        """Back to the multipliers and penalties of the last accepted step."""
-        self._anchor, self.shift = self._kept
-        self.drop_penalties()
+    def take(self, trial: Trial) -> None:
+        """Go on with other penalties or multipliers, until the next rollback or commit."""
+        self.trial = trial
+
+    def rollback(self) -> None:
+        """Back to the law and history of the last accepted step."""
+        self.trial = self.accepted
+
+    def history(self) -> dict[str, np.ndarray]:
+        """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
+        h, points = self.accepted.history, self.surface.area.shape
+        out = self.partner.packed(h.anchors, "anchor") | self.partner.packed(h.rests, "rest")
+        out |= {"slip_path": h.slip_path, "met": h.met, "raised": h.raised}
+        if self.foresees:
+            out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
+        return out if self.tolerance is None else out | {"shift": h.shift}
+
+    def restore(self, values: dict[str, np.ndarray], state: State) -> None:
+        """Take up what history gave for this rank's elements, at the accepted state."""
+        values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
+        h = self.accepted.history
+        anchors, rests = (self.partner.unpacked(values, name) for name in ("anchor", "rest"))
+        gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.foresees else h.gaps
+        h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
+        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=self.partner.feet(state))
+        self.trial = self.accepted = self.penalties.with_raised(Trial(self.accepted.law, h, self.surface.area))
+
+    # -- what others ask ------------------------------------------------------------------------------------------
+    @property
+    def rough(self) -> bool:
+        """Whether there is friction."""
+        return self.trial.rough
 
     @property
-    def anchors(self):
-        return self._anchor
+    def friction_stated(self) -> float | dict[str, float]:
+        """Coulomb's mu, or the numbers of a friction law by name."""
+        friction = self.trial.law.friction
+        return friction.mu if friction == coulomb(friction.mu) else friction._asdict()
 
-    def swap_anchors(self, anchors):
-        old, self._anchor = self._anchor, anchors
-        return old
+    @property
+    def key(self):
+        return self.surface.key
 
-    def hold_friction(self, factor):
-        self._anchor = self._feet - (self._feet - self._anchor) / factor
+    @property
+    def master_name(self) -> str:
+        return self.partner.name
 
-    def rest_anchors(self, state, factor):
-        self.evaluate(state)
-        foot, sticks = self._anchors(state, -np.inf)[0], (self.status == STICK)[..., None]
-        return np.where(sticks, foot - (foot - self._anchor + (factor - 1.0) * self._slip(state)) / factor, self._anchor)
+    def statuses(self) -> Ints:
+        """Status codes (n,) of this rank's points at the state evaluated last."""
+        return self._last[2].status.ravel()
 
-    def _slip(self, state):
-        """Slip (ne, nq, 3) of sticking points since they came to rest, in the tool's frame [length]; 0 for others."""
-        foot, normal = self._anchors(state, -np.inf)[0], self.normals(state) @ self.tool.axes
-        moved = foot - self._rest
-        along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
-        return np.where((self.status == STICK)[..., None], moved - along, 0.0)
+    def spots(self) -> Floats:
+        """Reference positions (n, 3) of the points."""
+        return np.einsum("eqk,ekc->eqc", self.surface.a, self.surface.X).reshape(-1, 3)
 
-    def slips(self, state):
-        """What the penalty gave way in stick (ne, nq) [length], at the state evaluated last."""
-        return np.linalg.norm(self._slip(state), axis=2)
+    def normals(self, state: State) -> Floats:
+        """Unit normals (ne, nq, 3) along which pressure acts on the points; zero without a partner."""
+        return self.partner.normals(self.partner.feet(state))
 
-    def shift_anchors(self, state):
-        self._anchor = self._anchor - self._slip(state)
+    def split_traction(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
+        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
+        traction, normal = self.response(state, trial).traction, self.normals(state)
+        pressure = -np.einsum("eqc,eqc->eq", traction, normal)
+        return pressure, -traction - pressure[..., None] * normal
 
-    def _anchors(self, state, touch):
-        """(anchors to keep, slid distance) at a state; with touch = -inf the points' places on the tool."""
-        new, sliding = np.empty_like(self._anchor), np.empty_like(self.gap)
-        committed_anchors(*self._at(state), self._law(touch), (self._anchor, self.shift), new, sliding)
-        return new, sliding
+    def measures(self, state: State, trial: Trial | None = None) -> dict:
+        """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
+        return contact_measures(self.surface, self.response(state, trial), state)
 
-    def history(self):
-        out = {
-            "anchor": self._anchor,
-            "rest": self._rest,
-            "slip_path": self.slip_path,
-            "met": self.met,
-            "raised": self.raised,
-        }
-        return out if self.tolerance is None else out | {"shift": self.shift}
+    def resultants(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
+        """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""
+        return self.measures(state, trial)["force"], self.split_traction(state, trial)[0].ravel()
 
-    def restore(self, values):
-        values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
-        self._anchor, self._rest, self.slip_path, self.met, raised = (
-            values[name] for name in ("anchor", "rest", "slip_path", "met", "raised")
-        )
-        self.shift = values.get("shift", self.shift)
-        self._kept, self.before, self._feet = (self._anchor, self.shift), self._anchor, None
-        self.restore_penalties(raised)
+    def grip(self, state: State) -> tuple[float, float]:
+        """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""
+        pressure, along = self.split_traction(state)
+        area = self.surface.area
+        most = allowed(self.trial.law.friction, pressure)
+        return float((np.linalg.norm(along, axis=2) * area).sum()), float((most * area).sum())
 
-    def overlap(self, state, X, slave, comm):
-        """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
-        gap = np.empty(len(X))
-        distances(X, self._placed_tool(state), gap)
-        here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
-        return np.max(comm.allgather(here), axis=0)
+    def holding(self, state: State, least: float) -> set[str]:
+        """Letters of the axes along which the contact holds a body at a state: none where it presses with no more than
+        `least` [force] in all; with friction all, else those that the normals of closed points have a part in."""
+        response = self.response(state)
+        closed, pressing = response.status != OPEN, np.linalg.norm(response.traction, axis=2) * self.surface.area
+        along = np.abs(self.normals(state)[closed]).max(axis=0, initial=0.0) > 1e-6
+        along = along | (self.rough and bool(closed.any()))
+        sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
+        return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
 
-    def node_gaps(self, state, nodes, X):
-        """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
-        gap = np.empty(len(nodes))
-        distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state), gap)
-        return gap
+    def held_axes(self, state: State) -> set[str]:
+        """Axes along which the contact can hold a body that it touches."""
+        return self.partner.held_axes(state, self.response(state).gap, self.rough)
 
-    def depth_beside(self, state):
-        """Depth [length] and place of the deepest node that lies inside the tool without being a slave. Collective."""
-        space = state.u.function_space
-        if self._beside is None:
-            slave = compat.Function(space)  # on all ranks that know a node
-            slave.x.array.reshape(-1, 3)[self.surface.nodes.ravel()] = 1.0
-            compat.sum_to_owners(slave)
-            compat.copy_to_ghosts(slave)
-            nodes = np.flatnonzero(slave.x.array.reshape(-1, 3)[:, 0] == 0.0)
-            self._beside = nodes, space.tabulate_dof_coordinates()[nodes]
-        nodes, X = self._beside
-        depth, place = self._worst(space.mesh.comm, -self.node_gaps(state, nodes, X), X)
-        return max(depth, 0.0), place
+    # -- parts of it, for the audit of the tangent ----------------------------------------------------------------
+    def laws(self, frictionless: bool) -> dict[str, int]:
+        """{name: status code} of the laws that can hold at a point."""
+        return {"normal": CLOSED} if frictionless else {"stick": STICK, "slip": SLIP}
 
-    def lost_depth(self, state, comm):
-        """Zero: an analytic tool knows of every point how deep inside it is."""
-        return 0.0
+    def part(self, mask: Bools, frictionless: bool = False) -> Trial:
+        """A trial in which the points (n,) of a mask alone exert forces, without friction if so asked."""
+        trial = self.trial.only(mask)
+        return trial.with_friction(0.0) if frictionless else trial
 
-    def back_share(self, state, comm):
-        """Zero: an analytic tool knows its outside."""
-        return 0.0
+    def branches(self, state: State, trial: Trial | None = None) -> Ints:
+        """Rows of codes (n, ...), the status first: where one changes the traction has a kink."""
+        status = self.response(state, trial).status.reshape(-1, 1)
+        return np.column_stack([status, self.partner.features(self.partner.feet(state))])
 
-    def normals(self, state):
-        """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
-        out = np.empty_like(self.traction)
-        point_normals(*self._at(state), out)
-        return out
+    # -- findings -------------------------------------------------------------------------------------------------
+    def objection(self, state: State) -> Finding | None:
+        return findings.objection(self, state)
 
-    def looks(self, state):
-        """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
-        return self.normals(state)
+    def trouble(self, state: State) -> Finding | None:
+        return findings.trouble(self, state)
 
-    def split_traction(self, state):
-        """Contact pressure (ne, nq) and friction traction on the body (ne, nq, 3) [pressure, per reference area]."""
-        normal = self.normals(state)
-        pressure = -np.einsum("eqc,eqc->eq", self.traction, normal)
-        return pressure, -self.traction - pressure[..., None] * normal
+    def deep(self, state: State) -> Finding | None:
+        return findings.deep(self, state)
 
-    def first_normal(self, state, comm):
-        """Tool normal (3,) where the surface is nearest to the tool: the direction in which contact holds at first."""
-        self.evaluate(state)
-        if not self.gap.size:
-            here = (np.inf, np.zeros(3))
-        else:
-            nearest = np.unravel_index(self.gap.argmin(), self.gap.shape)
-            here = (self.gap[nearest], self.normals(state)[nearest])
-        return min(comm.allgather(here), key=lambda pair: pair[0])[1]
+    def remark(self, state: State) -> str | None:
+        return findings.remark(self, state)
 
-    def measures(self, state, comm):
-        """Sums over all ranks for the history: force and moment on the body [force, force x length], areas, counts."""
-        held = self.gap[self.cover >= 1.0]  # points half out under a sharp edge are meant to sink in
-        return contact_measures(self, state, comm, self.status != OPEN, held)
+    def never_met(self, state: State) -> str | None:
+        return findings.never_met(self, state)

@@ -4,14 +4,13 @@ An element is a group of slave points that move with the same slave nodes: one p
 area, the quadrature points of a slave facet otherwise. The tool translates by its travel; its frame is (axes, origin).
 
 Arrays travel in groups (tuples):
-    points   (X (ne, k, 3) reference positions, nodes (ne, k) local node numbers, weights a (ne, nq, k) of the nodes in a
-             point, area (ne, nq) tributary reference areas [length^2], spacing (ne,) of the points [length])
+    points   (x (ne, k, 3) present positions of the slave nodes, weights a (ne, nq, k) of the nodes in a point, area (ne, nq)
+             tributary reference areas [length^2], spacing (ne,) of the points [length])
     tool     (kind, shape (4,), origin (3,), axes (3, 3), travel (3,)), kind and shape as in kernels/rigid_shapes.py
     law      (eps_n (ne,), eps_t (ne,), body (ne,): penalties and stiffness beneath [pressure/length], Friction of
              kernels/law.py, touch [length])
     history  (anchor (ne, nq, 3) in the tool's frame, shift (ne, nq) [length]: multiplier over eps_n, by which a point
              presses more than its gap does)
-u are local displacements, three per node.
 """
 
 import numpy as np
@@ -43,15 +42,13 @@ def _scratch():
 
 
 @njit(cache=True)
-def _meet(e, q, points, u, tool, scratch):
+def _meet(e, q, points, tool, scratch):
     """(gap, place in the tool's frame, normal, cover) of point q of element e; fills scratch."""
-    X, nodes, a, _, spacing = points
+    at, a, _, spacing = points
     y, active, n, H, dcover = scratch
     x = ZERO
-    for i in range(nodes.shape[1]):
-        first = 3 * nodes[e, i]
-        at = X[e, i, 0] + u[first], X[e, i, 1] + u[first + 1], X[e, i, 2] + u[first + 2]
-        x = less(x, -a[e, q, i], at)
+    for i in range(a.shape[2]):
+        x = less(x, -a[e, q, i], got(at, e, i))
     x = _to_tool(x, tool)
     y[0], y[1], y[2] = x
     cover = edge_cover(tool[0], tool[1], y, spacing[e], dcover)
@@ -77,7 +74,7 @@ def _edge_penalty(eps, body, cover):
 
 
 @njit(cache=True)
-def contact_elements(points, u, tool, law, history, judged, want_tangent, out):
+def contact_elements(points, tool, law, history, judged, want_tangent, out):
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
     judged (ne nq,): pressures that points start from over -eps_n [length], which decide their status and with which the
@@ -87,7 +84,7 @@ def contact_elements(points, u, tool, law, history, judged, want_tangent, out):
     excess (ne, nq) = trial over Coulomb limit minus one, and cover (ne, nq) = penalty over eps_n, below one where the point
     slides out under a sharp edge).
     """
-    a, area, axes = points[2], points[3], tool[3]
+    a, area, axes = points[1], points[2], tool[3]
     eps_n, eps_t, body, friction, touch = law
     force, tangent, arm, tractions, gap, status, excesses, cover = out
     scratch, D = _scratch(), np.empty((3, 3))
@@ -99,7 +96,7 @@ def contact_elements(points, u, tool, law, history, judged, want_tangent, out):
             tangent[e] = 0.0
             arm[e] = 0.0
         for q in range(nq):
-            g, x, n, share = _meet(e, q, points, u, tool, scratch)
+            g, x, n, share = _meet(e, q, points, tool, scratch)
             eps, by_cover = _edge_penalty(eps_n[e], body[e], share)
             gap[e, q], cover[e, q], excesses[e, q] = g, eps / eps_n[e], 0.0
             put(tractions, e, q, ZERO)
@@ -152,7 +149,7 @@ def _scatter_tangent(a, area, e, q, D, tangent, arm):
 
 
 @njit(cache=True)
-def committed_anchors(points, u, tool, law, history, new_anchor, sliding):
+def committed_anchors(points, tool, law, history, new_anchor, sliding):
     """The anchors to keep when a step is accepted (tool's frame), and the slip distance of the step per point.
 
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
@@ -162,7 +159,7 @@ def committed_anchors(points, u, tool, law, history, new_anchor, sliding):
     scratch = _scratch()
     for e in range(sliding.shape[0]):
         for q in range(sliding.shape[1]):
-            g, x, n, share = _meet(e, q, points, u, tool, scratch)
+            g, x, n, share = _meet(e, q, points, tool, scratch)
             foot, anchor = less(x, g, n), got(history[0], e, q)
             eps, press = _edge_penalty(eps_n[e], body[e], share)[0], g + history[1][e, q]
             found = traction(Law(eps, eps_t[e], friction, touch), Gaps(press, press), n, minus(foot, anchor))
@@ -176,12 +173,12 @@ def committed_anchors(points, u, tool, law, history, new_anchor, sliding):
 
 
 @njit(cache=True)
-def point_normals(points, u, tool, normal):
+def point_normals(points, tool, normal):
     """Unit normals (ne, nq, 3) of the tool at the slave points, in world axes: what splits a traction for the output."""
     scratch = _scratch()
     for e in range(normal.shape[0]):
         for q in range(normal.shape[1]):
-            put(normal, e, q, _to_world(tool[3], _meet(e, q, points, u, tool, scratch)[2]))
+            put(normal, e, q, _to_world(tool[3], _meet(e, q, points, tool, scratch)[2]))
 
 
 @njit(cache=True)

@@ -13,11 +13,13 @@ def scatter_forces(elements, nodes, force, out):
 
 
 @njit(cache=True)
-def scatter_border(elements, nodes, arm, column, row):
-    """Couplings with a tool's travel: column[d, dof] = dR_dof/dq_d and row[c, dof] = dR_c/du_dof, both (3, dofs)."""
-    for e in elements:
-        for i in range(nodes.shape[1]):
-            for c in range(3):
-                for d in range(3):
-                    column[d, 3 * nodes[e, i] + c] -= arm[e, i, c, d]
-                    row[c, 3 * nodes[e, i] + d] -= arm[e, i, c, d]
+def scatter_border(nodes, columns, rows, column, row):
+    """Couplings of nodes (n,) with a tool's travel: column[d, dof] += dR_dof/dq_d, row[c, dof] += dR_c/du_dof, (3, dofs).
+
+    columns (n, 3, 3): rates of the nodes' forces with the travel; rows (n, 3, 3): of the tool's force with the nodes.
+    """
+    for i in range(len(nodes)):
+        for c in range(3):
+            for d in range(3):
+                column[d, 3 * nodes[i] + c] += columns[i, c, d]
+                row[c, 3 * nodes[i] + d] += rows[i, c, d]

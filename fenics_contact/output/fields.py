@@ -94,8 +94,9 @@ class Fields:
             s = contact.surface
             share = s.area[..., None] * s.a
             pressure, friction = contact.split_traction(self.system.state)
-            sums = [(weight, np.ones_like(pressure)), (normal, pressure), (gap, contact.gap)]
-            sums += [(rank, _RANK_OF_STATUS[contact.status]), *zip(tangential, np.moveaxis(friction, 2, 0), strict=True)]
+            response = contact.response(self.system.state)
+            sums = [(weight, np.ones_like(pressure)), (normal, pressure), (gap, response.gap)]
+            sums += [(rank, _RANK_OF_STATUS[response.status]), *zip(tangential, np.moveaxis(friction, 2, 0), strict=True)]
             for target, values in sums:
                 np.add.at(target.x.array, s.nodes, np.einsum("eqk,eq->ek", share, values))
         for function in (area, weight, normal, gap, rank, *tangential):

@@ -81,26 +81,25 @@ def _move(system):
 
 
 def _blocks(system, term, move):
-    if not hasattr(term, "only"):
+    if term not in system.contacts:
         yield _taylor(system, term, term.name, 0, move)
         return
     for name, frictionless, mask in _parts(system, term, move):
         count = system.comm.allreduce(int(mask.sum()))
         if count:
-            with term.only(mask, frictionless):
-                yield _taylor(system, term, f"{term.name}: {name}", count, move)
+            trial = term.part(mask, frictionless)
+            yield _taylor(system, term, f"{term.name}: {name}", count, move, trial)
 
 
 def _parts(system, term, move):
     """(name, without friction?, mask of the points) of a contact's laws."""
     frictions = [False, True] if term.rough else [True]
     for frictionless in frictions:
-        with term.only(np.ones(term.surface.points, dtype=bool), frictionless):
-            branches = []
-            for h in (0.0, *SHARES):
-                _displace(system, move, h)
-                branches.append(term.branches(system.state))
-            system.rollback()
+        trial, branches = term.part(np.ones(term.surface.points, dtype=bool), frictionless), []
+        for h in (0.0, *SHARES):
+            _displace(system, move, h)
+            branches.append(term.branches(system.state, trial))
+        system.rollback()
         same = np.all([(b == branches[0]).all(axis=1) for b in branches], axis=0)
         status = branches[0][:, 0]
         for name, code in term.laws(frictionless).items():
@@ -114,15 +113,15 @@ def _displace(system, move, share):
     system.state.travel[:] += share * move[1]
 
 
-def _taylor(system, term, name, points, move):
+def _taylor(system, term, name, points, move, trial=None):
     system.rollback()
-    force, tool_force = _forces(system, term)
-    linear, tool_linear = _rate(system, term, *move)
+    force, tool_force = _forces(system, term, trial)
+    linear, tool_linear = _rate(system, term, trial, *move)
     size = _norm(linear, tool_linear)
     remainders = []
     for h in SHARES:
         _displace(system, move, h)
-        there, tool_there = _forces(system, term)
+        there, tool_there = _forces(system, term, trial)
         there.axpy(-1.0, force)
         there.axpy(-h, linear)
         remainders.append(_norm(there, tool_there - tool_force - h * tool_linear))
@@ -137,20 +136,20 @@ def _norm(vector, tools):
     return float(np.hypot(vector.norm(PETSc.NormType.NORM_2), np.linalg.norm(tools)))
 
 
-def _forces(system, term):
+def _forces(system, term, trial):
     """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 3), at the state. Collective."""
     vector, tools = system.new_vector(), np.zeros_like(system.tool_residual)
     with vector.localForm() as local:
         local.set(0.0)
-        term.add_residual(system.state, local.array_w, tools)
+        term.add_residual(system.state, local.array_w, tools, trial)
     sum_to_owners(vector)
     return vector, system.comm.allreduce(tools)
 
 
-def _rate(system, term, du, dq):
+def _rate(system, term, trial, du, dq):
     """Rate of the forces when the local dofs move by du and the tools by dq, by the term's tangent. Collective."""
     stiffness = system.stiffness
-    system.assemble_tangent([term])
+    system.assemble_tangent([term], {term: trial})
     system.stiffness = stiffness
     move, rate = system.new_vector(), system.matrix.createVecLeft()
     move.array[:] = du[: move.getLocalSize()]

@@ -81,14 +81,14 @@ class _Place:
 
     def __init__(self, system, report):
         self.u, self.travel = system.state.u.x.array.copy(), system.state.travel.copy()
-        self.multipliers = [(term.anchors, term.shift) for term in system.augmented]
+        self.multipliers = [(contact, contact.trial) for contact in system.augmented]
         self.misfit, self.residual = report.misfits[-1], report.residuals[-1]
 
     def take(self, system):
         system.release()
         system.state.u.x.array[:], system.state.travel[:] = self.u, self.travel
-        for term, multipliers in zip(system.augmented, self.multipliers, strict=True):
-            term.swap_multipliers(multipliers)
+        for contact, trial in self.multipliers:
+            contact.take(trial)
 
     def accept(self, system, report, failure):
         """End the step here, and say how far it is from what was asked."""
@@ -97,7 +97,7 @@ class _Place:
         report.misfits.append(self.misfit)
         report.residuals.append(self.residual)
         for term in system.augmented:
-            misfit = max(system.comm.allgather(term.misfit(system.state)))
+            misfit = max(system.comm.allgather(term.multipliers.misfit(system.state)))
             if misfit > 1.0:
                 left = (
                     f"off by {misfit * term.tolerance:.3g}, in depth or by slip in stick, and may be by {term.tolerance:.3g}"
@@ -166,9 +166,11 @@ def raise_penalties(system, report):
     """The terms that have raised their penalties at a state near balance, which is then to be solved again. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
-    found = {
-        term: note for term in system.terms if hasattr(term, "raise_penalty") and (note := term.raise_penalty(system.state))
-    }
+    found = {}
+    for contact in system.contacts:
+        if raised := contact.penalties.raised(system.state):
+            trial, found[contact] = raised
+            contact.take(trial)
     report.notes += found.values()
     report.raises += bool(found)
     return list(found)
@@ -177,6 +179,6 @@ def raise_penalties(system, report):
 def forgo(system, raised, report, failure):
     """Back to the last accepted state after a failure with greater penalties: these terms keep the ones they had."""
     system.rollback()
-    for term in raised:
-        term.forgo_raise()
+    for contact in raised:
+        contact.penalties.forgo()
     report.notes.append(f"not solved with them ({failure}): penalties stay")

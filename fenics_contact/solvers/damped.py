@@ -99,9 +99,7 @@ def _keep(system):
 
 def _restore(system, kept):
     u, travel, t, scale, histories = kept
-    for term, values in zip(system.terms, histories, strict=True):
-        term.restore(values)
     system.damping.share = 0.0
     system.state.u.x.array[:] = u
-    system.resume(travel, t)
+    system.resume(travel, t, histories)
     system.force_scale = scale

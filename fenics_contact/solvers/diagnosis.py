@@ -73,7 +73,7 @@ def _lifted(system, goal):
     then, before = system.tools.forces(goal), [system.tools.forces(t) for _, _, t in system.accepted]
     for i in np.flatnonzero(system.tools.free.any(axis=1)):
         name, free = system.tools.names[i], system.tools.free[i]
-        met = any(contact.met.any() for contact in system.contacts if contact.master_name == name)
+        met = any(contact.trial.history.met.any() for contact in system.contacts if contact.master_name == name)
         reversed_ = all(forces[i, free] @ then[i, free] <= 0.0 for forces in before) and any(f[i].any() for f in before)
         if reversed_ and system.comm.allreduce(int(met)):
             text = f"the force on it draws tool '{name}' off the body, and contact cannot hold it back: there is no balance"

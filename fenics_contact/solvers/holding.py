@@ -1,7 +1,5 @@
 """Bodies and pushed tools that nothing holds any more: free rigid motions, and those that friction alone resists."""
 
-from contextlib import ExitStack
-
 import numpy as np
 from petsc4py import PETSc
 
@@ -96,7 +94,9 @@ def _open_contacts(system, names):
 def _contacts_of(system, names):
     """Contacts of bodies and tools of these names. Collective."""
     blocks = [nodes for name, nodes in system.bodies if name in names]
-    touching = [system.comm.allreduce(sum(contact.touches(nodes) for nodes in blocks)) for contact in system.contacts]
+    touching = [
+        system.comm.allreduce(sum(contact.partner.touches(nodes) for nodes in blocks)) for contact in system.contacts
+    ]
     return [c for c, touched in zip(system.contacts, touching, strict=True) if touched or c.master_name in names]
 
 
@@ -139,10 +139,7 @@ def sliding(system):
 
 def _energies(system, rough, motions, friction):
     """Work of motions with each other's resistance if these contacts had another coefficient of friction. Collective."""
-    with ExitStack() as stack:
-        for contact in rough:
-            stack.enter_context(contact.with_friction(friction))
-        system.assemble_tangent()
+    system.assemble_tangent(trials={contact: contact.trial.with_friction(friction) for contact in rough})
     matrix = supported(system)
     forces = [resistance(system, motion, matrix) for _, motion, _ in motions]
     return np.array([[motion.dot(force) for force in forces] for _, motion, _ in motions])

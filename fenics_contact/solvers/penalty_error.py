@@ -16,13 +16,13 @@ def penalty_error(system, linear):
     """Changes as all penalties grow without bound: {"contacts": {name: {...}}, "travel": (tools, 3)}; None if not to be had.
 
     With s the logarithm of all penalties, K du/ds = -dR_C/ds and dF/ds is the change of F that is left, to first order in
-    1/penalty. Terms say what their forces would be with other penalties, see their `stiffen`: multipliers stay, and what
+    1/penalty. Contacts say what other penalties would make of them, see `Penalties.stiffened`: multipliers stay, and what
     sticks has come to rest under the same traction. Changes of the contact area and of the path before are left out. Of a
     contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
     load_change; peak pressure, peak_at, its reference position, and peak_change, None where it is too great for a first
     order. Collective.
     """
-    terms = [term for term in system.terms if term.penalised]
+    terms = system.contacts
     if not terms or not (rates := _rates(system, terms, linear)):
         return None
     du, dq = rates
@@ -54,13 +54,10 @@ def _highest(pressure, spots):
 def _at(system, terms, factor, u, travel):
     """Resultants of the terms with penalties greater by `factor` at a displacement and a travel. Collective."""
     state, place = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
-    for term in terms:
-        term.stiffen(state, factor)
+    trials = [term.penalties.stiffened(state, factor) for term in terms]
     state.u.x.array[:], state.travel[:] = u, travel
-    found = [term.resultants(state) for term in terms]
+    found = [term.resultants(state, trial) for term, trial in zip(terms, trials, strict=True)]
     state.u.x.array[:], state.travel[:] = place
-    for term in terms:
-        term.relax()
     return found
 
 
@@ -70,9 +67,8 @@ def _contact_force(system, terms, factor):
     with force.localForm() as local:
         local.set(0.0)
         for term in terms:
-            term.stiffen(system.state, factor)
-            term.add_residual(system.state, local.array_w, tools)
-            term.relax()
+            trial = term.penalties.stiffened(system.state, factor)
+            term.add_residual(system.state, local.array_w, tools, trial)
     sum_to_owners(force)
     return force, system.comm.allreduce(tools)
 
@@ -81,11 +77,7 @@ def _rates(system, terms, linear):
     """du/ds, a local array, and dq/ds of the tools' travel; None where the tangent is singular."""
     (ahead, tools_ahead), (behind, tools_behind) = (_contact_force(system, terms, 1.0 + side) for side in (NUDGE, -NUDGE))
     system.assemble_residual()
-    for term in terms:
-        term.stiffen(system.state, 1.0)
-    system.assemble_tangent()
-    for term in terms:
-        term.relax()
+    system.assemble_tangent(trials={term: term.penalties.stiffened(system.state, 1.0) for term in terms})
     ahead.axpy(-1.0, behind)
     ahead.scale(0.5 / NUDGE)
     with ahead.localForm() as local:

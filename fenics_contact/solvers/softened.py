@@ -23,7 +23,7 @@ class Softened:
 
     def step(self, system, t):
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        softer = {term: part for term in system.contacts if (part := term.softness(system.state)) < 1.0}
+        softer = {term: part for term in system.contacts if (part := term.penalties.softness(system.state)) < 1.0}
         if self.helps and softer:
             return self._step(system, t, softer)
         try:
@@ -44,12 +44,12 @@ class Softened:
 
     def _step(self, system, t, softer):
         for term, part in softer.items():
-            term.soften(system.state, part)
+            term.take(term.penalties.softened(system.state, part))
         try:  # what an accepted state leaves for the first solve to carry, the points' pressures with it
             report = self.rough.settle(system, t)
         finally:
             for term in softer:
-                term.harden()
+                term.rollback()
         report.add(self.stepper.settle(system, t))
         report.raises += 1
         return report

@@ -55,15 +55,13 @@ def _sinking(system, mode):
 def _gap_change(system, contact, mode, size):
     """Largest change of the gap of a closed point when the state moves by `size` times a motion [length]. Collective."""
     state, before = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
-    contact.evaluate(state)
-    closed, gap = contact.statuses() != 0, contact.gap.ravel().copy()
+    here = contact.response(state)
     du = mode.du.copy()
     du.scale(size)
     system.update(du, size * mode.dq)
-    contact.evaluate(state)
-    change = np.abs(contact.gap.ravel() - gap)[closed].max(initial=0.0)
+    change = np.abs(contact.response(state).gap - here.gap)[here.status != 0].max(initial=0.0)
     state.u.x.array[:], state.travel[:] = before
-    contact.evaluate(state)
+    contact.response(state)
     return max(system.comm.allgather(change))
 
 

@@ -52,7 +52,7 @@ class Verdict:
         self.corrections += report.corrections
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
-        remarks = [term.remark(system.state) for term in system.terms if hasattr(term, "remark")]
+        remarks = [term.remark(system.state) for term in system.terms]
         notes = report.notes + [remark for remark in remarks if remark]
         self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
 

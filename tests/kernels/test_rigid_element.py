@@ -71,8 +71,8 @@ class Contact:
         self.anchor = self.commit(mu=0.0, touch=-np.inf)[0] - np.asarray(elastic, float)
 
     def _at(self, u, travel):
-        points = self.X, self.nodes, self.a, self.area, np.array([SPACING])
-        return points, u.ravel(), (self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel)
+        points = self.X + u[self.nodes], self.a, self.area, np.array([SPACING])
+        return points, (self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel)
 
     def _law(self, mu, touch):
         return *(np.array([v]) for v in (EPS_N, self.eps_t, BODY)), friction_of(mu), float(touch)
@@ -469,9 +469,9 @@ def test_a_batch_is_its_elements_one_by_one():
     T, gap, slip, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(3))
     status = np.zeros((ne, 1), np.int32)
     placed = tool.kind, tool.shape, tool.origin, tool.axes, tool.travel
-    points, law = (X, nodes, a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0)
+    points, law = (X + u[nodes], a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0)
     out = force, tangent, arm, T, gap, status, slip, cover
-    element.contact_elements(points, u.ravel(), placed, law, history, np.empty(0), True, out)
+    element.contact_elements(points, placed, law, history, np.empty(0), True, out)
     for e, r in enumerate(alone):
         assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]
         assert np.array_equal(force[e], r["force"]) and np.array_equal(tangent[e], r["K"])

@@ -1,0 +1,400 @@
+"""Facets as a contact's master, of another body or of a meshed tool: where slave points meet them, forces, anchors."""
+
+from typing import NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.pair_pattern import PairPattern
+from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.contact.trial import Anchors, Floats, Ints, Response, Trial
+from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.kernels.contact_pairs import (
+    add_forces,
+    augmented_anchors,
+    committed_anchors,
+    foreseen_gaps,
+    stiffened_anchors,
+)
+from fenics_contact.kernels.contact_tangent import add_tangents
+from fenics_contact.kernels.deformable_element import slave_points
+from fenics_contact.timing import Timers
+
+# Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
+FIRST_SEARCH = 3.0
+# Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
+MARGIN = 0.5
+# A slave point and the facet nearest to it say on which side of the tool the body is if their normals are this parallel.
+DECISIVE = 0.5
+SAMPLES = 300  # slave points of a rank that are asked for it
+
+
+class Placed(NamedTuple):
+    """Positions coords (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
+    they say in which direction a slave node looks, else the points."""
+
+    coords: Floats
+    points: Floats
+    normals: Floats
+
+
+class FacetFeet(NamedTuple):
+    """Where slave points and master facets are, and the projection of kernels/closest_point.py there."""
+
+    placed: Placed
+    projection: tuple
+
+    @property
+    def coords(self):
+        return self.placed.coords
+
+
+class FacetPartner:
+    """Slave points against the facets of another body.
+
+    Points of slave facets, Gauss points or corners, seek the master along their own facet's normal, which stays continuous
+    over the master's edges; slave nodes without a facet seek the closest point on the master and its normal (the paper).
+    surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals
+    say where a slave node looks; master: MasterSurface. Each rank evaluates its slave points against the whole master
+    surface; forces on the master go back by a sum over its nodes. Anchors are (nodes (np, 4), weights (np, 4)). All methods
+    that take a state are collective.
+    """
+
+    edge = "none"
+    foresees = True
+    grounded = False
+    softens = False
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+
+    def __init__(self, name: str, surface: SlaveSurface, facets, master: MasterSurface | ToolSurface, space, timers: Timers):
+        self.name, self.surface, self.master, self.timers = name, surface, master, timers
+        # along the slave's normal even frictionless forces have no potential
+        self.smooth = surface.gradients is None
+        self.search = max(surface.cell_height, master.longest)
+        _, nq, k = surface.a.shape
+        self._local = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
+        self._nodes = np.repeat(np.searchsorted(self._local, surface.nodes), nq, axis=0).astype(np.int64)
+        self._gradients = np.empty((0, 2, k)) if surface.gradients is None else surface.gradients.reshape(-1, 2, k)
+        first = len(self._local)
+        self._facets = (master.facets[0] + first, master.facets[1])
+        self._pattern = self._new_pattern(space)
+        self._comm = space.mesh.comm
+        self._X = space.tabulate_dof_coordinates()
+        self._ring, self._normal = facets[0], compat.Function(space)
+        self._watched = np.unique(np.concatenate([self._local, master.owned, self._ring.ravel()]))  # what positions rest on
+        along = surface.gradients is not None
+        seek = seek_along_normals(self._nodes, self._gradients, surface.corners) if along else seek_closest
+        self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
+        self._closest = Pairing(self._facets, seek_closest, self.search, 0.0)  # of nodes between Gauss points
+        self._seen = self._feet = None
+
+    def _new_pattern(self, space) -> PairPattern:
+        blocks = np.concatenate([compat.global_blocks(space)[self._local], self.master.blocks]).astype(np.int64)
+        return PairPattern(self._nodes, self._facets[0], blocks, space.dofmap.index_map.size_global)
+
+    # -- where the points are -------------------------------------------------------------------------------------
+    def _slaves(self, area: Floats | None = None):
+        """Slaves as kernels/deformable_element.py takes them."""
+        s = self.surface
+        weights = s.a.reshape(-1, s.a.shape[2])
+        return self._nodes, weights, (s.area if area is None else area).reshape(-1), self._gradients
+
+    def _placed(self, state) -> Placed:
+        u, s = state.u.x.array, self.surface
+        coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
+        points = np.empty((s.area.size, 3))
+        slave_points(coords, self._nodes, s.a.reshape(-1, s.a.shape[2]), points)
+        return Placed(coords, points, points if s.gradients is not None else self._point_normals(u))
+
+    def _point_normals(self, u):
+        """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""
+        s = self.surface
+        at_nodes, normals = self._nodal_normals(u)[self._local], np.empty((s.area.size, 3))
+        slave_points(at_nodes, self._nodes, s.a.reshape(-1, s.a.shape[2]), normals)
+        return unit(normals)
+
+    def _nodal_normals(self, u):
+        """Sum of the area vectors of the slave facets around each node (nodes, 3), facets of all ranks."""
+        values = self._normal.x.array.reshape(-1, 3)
+        values[:] = 0.0
+        x = self._X[self._ring] + u.reshape(-1, 3)[self._ring]
+        np.add.at(values, self._ring, area_vectors(x)[:, None, :])
+        compat.sum_to_owners(self._normal)
+        compat.copy_to_ghosts(self._normal)
+        return values
+
+    def feet(self, state: State) -> FacetFeet:
+        """The places at a state; the same object while these do not change on any rank. Collective."""
+        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
+        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
+        moved = np.array([not same], dtype=np.int32)
+        self._comm.Allreduce(MPI.IN_PLACE, moved)
+        if moved[0]:
+            with self.timers("projection"):
+                coords, points, normals = placed = self._placed(state)
+                self._feet = FacetFeet(placed, self._pairing.project(points, normals, coords, self.timers))
+            self._seen = now
+        return self._feet
+
+    def first_feet(self, state: State) -> FacetFeet:
+        """The places of the first search, which looks farther. Collective."""
+        placed = self._placed(state)
+        return FacetFeet(placed, self._far(placed, FIRST_SEARCH * self.search))
+
+    def _far(self, placed, search):
+        coords, points, normals = placed
+        return self._pairing.far(points, normals, coords, search)
+
+    # -- forces and tangent ---------------------------------------------------------------------------------------
+    def _law(self, trial, touch=None):
+        law, nq = trial.law, self.surface.area.shape[1]
+        penalties = np.repeat(law.eps_n, nq), np.repeat(law.eps_t, nq)
+        return *penalties, law.friction, float(law.touch if touch is None else touch), trial.history.shift.reshape(-1)
+
+    def _pairs(self, feet, trial, area=None):
+        """What the kernels take of the pairs of points and facets."""
+        return feet.coords, self._slaves(area), self._facets, feet.projection, trial.history.anchors
+
+    def response(self, feet: FacetFeet, trial: Trial) -> Response:
+        forces, (ne, nq) = np.zeros_like(feet.coords), self.surface.area.shape
+        traction, excess, status = np.empty((ne * nq, 3)), np.empty(ne * nq), np.empty(ne * nq, dtype=np.int32)
+        out = forces, status, traction, excess
+        add_forces(*self._pairs(feet, trial, trial.area), self._law(trial), trial.judged, out)
+        gap, points = np.minimum(feet.projection[4], self.search), (ne, nq)
+        cover = np.ones(points)
+        return Response(
+            traction.reshape(ne, nq, 3), gap.reshape(points), status.reshape(points), excess.reshape(points), cover, forces
+        )
+
+    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
+        """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
+        first = len(self._local)
+        residual.reshape(-1, 3)[self._local] += response.forces[:first]
+        self.master.add_forces(response.forces[first:], residual, tool_residual)
+
+    def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
+        return Blocks(pairs=self._tangent(feet, trial), at=feet)
+
+    def _tangent(self, feet, trial):
+        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
+        pairs = *self._pairs(feet, trial, trial.area), self._law(trial), trial.judged
+        *blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
+        if missing:
+            raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
+        return tuple(blocks)
+
+    def couplings(self, feet: FacetFeet, trial: Trial):
+        """None while all closed pairs lie in the pattern asked for last; else keys row * N + column of a new one.
+
+        Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
+        """
+        coords, points, _ = feet.placed
+        facet, kind, gap, anchor_nodes = feet.projection[0], feet.projection[1], feet.projection[4], trial.history.anchors[0]
+        gaps = trial.judged if len(trial.judged) else gap + trial.history.shift.reshape(-1)
+        now = (gaps <= trial.law.touch) & (kind != NONE), facet, anchor_nodes
+        if self._pattern.suffices(*now):
+            return None
+        with self.timers("search"):
+            near = self._pairing.within(points, coords, MARGIN * self.master.edge)
+        self._pattern.provide(*near, *now)
+        return self._pattern.keys
+
+    def foreseen(self, feet: FacetFeet, before: FacetFeet, trial: Trial) -> Floats:
+        """Gaps (np,) that the tangent at the places `before` foresees at these, shifts added."""
+        gaps = np.empty(len(before.projection[4]))
+        foreseen_gaps(*self._pairs(before, trial), feet.coords - before.coords, gaps)
+        return np.where(np.isfinite(gaps), gaps, feet.projection[4]) + trial.history.shift.reshape(-1)
+
+    # -- anchors --------------------------------------------------------------------------------------------------
+    def no_anchors(self) -> Anchors:
+        n = self.surface.area.size
+        return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
+
+    def _committed(self, feet, trial, touch):
+        new, sliding = self.no_anchors(), np.empty(self.surface.area.size)
+        committed_anchors(*self._pairs(feet, trial), self._law(trial, touch), new, sliding)
+        return new, sliding.reshape(self.surface.area.shape)
+
+    def places(self, feet: FacetFeet, trial: Trial) -> Anchors:
+        """The points' places on the master."""
+        return self._committed(feet, trial, -np.inf)[0]
+
+    def committed(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
+        return self._committed(feet, trial, None)
+
+    def _augmented(self, feet, trial):
+        new, slips = self.no_anchors(), np.empty(self.surface.area.size)
+        augmented_anchors(*self._pairs(feet, trial), trial.history.rests, self._law(trial), new, slips)
+        return new, slips.reshape(self.surface.area.shape)
+
+    def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
+        """What the penalty gave way in stick (ne, nq) [length]."""
+        return self._augmented(feet, trial)[1]
+
+    def augmented(self, feet: FacetFeet, trial: Trial, status: Ints) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking points a traction greater by eps_T times their slip."""
+        return self._augmented(feet, trial)[0]
+
+    def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Anchors that greater penalties need for points that slip on from rest as they do."""
+        new = self.no_anchors()
+        stiffened_anchors(*self._pairs(feet, trial), rests, self._law(trial), factor, new)
+        return new
+
+    def packed(self, anchors: Anchors, name: str) -> dict[str, np.ndarray]:
+        """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""
+        shape, (nodes, weights) = (*self.surface.area.shape, 4), anchors
+        keys = np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - len(self._local))]
+        return {name: keys.reshape(shape), f"{name}_weight": weights.reshape(shape)}
+
+    def unpacked(self, values, name: str) -> Anchors:
+        keys, order = values[name].reshape(-1, 4), np.argsort(self.master.keys)
+        nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
+        return np.where(keys < 0, -1, nodes), np.ascontiguousarray(values[f"{name}_weight"].reshape(-1, 4))
+
+    # -- what else is asked of a master ---------------------------------------------------------------------------
+    def normals(self, feet: FacetFeet) -> Floats:
+        """Unit normals (ne, nq, 3) along which pressure acts on this rank's slave points; zero without a partner."""
+        kind, normal = feet.projection[1], feet.projection[5]
+        return np.where((kind != NONE)[:, None], normal, 0.0).reshape((*self.surface.area.shape, 3))
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
+        return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
+
+    def unpaired(self, feet: FacetFeet):
+        """Mask (n,) of the points without a partner."""
+        return feet.projection[1] == NONE
+
+    def features(self, feet: FacetFeet) -> np.ndarray:
+        """Codes (n, ...): where one changes the traction has a kink."""
+        return np.column_stack(feet.projection[:3])
+
+    def touches(self, blocks) -> int:
+        """Number of this rank's slave and master nodes among the local nodes `blocks`."""
+        return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())
+
+    def gives(self, held) -> bool:
+        """Whether the master could move where the dofs `held` do not."""
+        return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()
+
+    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
+        normals = np.abs(self._point_normals(state.u.x.array)).max(axis=0, initial=0.0)
+        largest = np.max(self._comm.allgather(normals), axis=0)
+        return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+
+    def overlap(self, state: State, X: Floats, slave) -> tuple[float, float]:
+        """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
+        gaps = self.first_feet(state).projection[4]
+        return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
+
+    def node_gaps(self, state: State, nodes, X: Floats) -> Floats:
+        """Gaps (n,) of slave nodes from their closest points on the master, endless without one. Collective."""
+        normals, coords = self._nodal_normals(state.u.x.array)[nodes], self.feet(state).coords
+        points = coords[np.searchsorted(self._local, nodes)]
+        gaps = self._closest.far(points, normals, coords, self.search)[4]
+        return np.where(np.any(normals != 0.0, axis=1), gaps, np.inf)  # degree 2: a facet's normal is known at its corners
+
+    def beside(self, state: State):
+        """None: nodes off the slave surface are not looked for."""
+
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Depth [length] of the deepest slave point inside the master that is too deep to have a partner, else zero.
+
+        A Newton step that carries bodies through each other by more than the search distance ends in such a state, which
+        looks like an open contact. Beyond the first search's distance a point counts if it was in front of the master when
+        the last state was accepted: no point can be deeper than the bodies have moved since. Collective.
+        """
+        now, then, comm = self.feet(state), trial.history.feet, self._comm
+        unpaired = self.unpaired(now)
+        if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
+            return 0.0
+        gaps = self.first_feet(state).projection[4]
+        way, first = np.abs(now.coords - then.coords), len(self._local)
+        moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
+        reach = self.search + np.sqrt(3.0) * moved
+        if reach > FIRST_SEARCH * self.search:
+            far, before = self._far(now.placed, reach), self._far(then.placed, reach)
+            gaps = np.where((before[1] != NONE) & (before[4] > -trial.law.touch), np.minimum(gaps, far[4]), gaps)
+        return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+
+    def back_share(self, state: State) -> float:
+        """Zero: normals of a body's facets point out of it."""
+        return 0.0
+
+
+class MeshedToolPartner(FacetPartner):
+    """Slave points against a meshed tool: its forces, rows and columns are summed to those of its travel."""
+
+    grounded = True
+    slid_off = (
+        "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the "
+        "tool itself ends there, make its surface larger"
+    )
+
+    def __init__(self, surface: SlaveSurface, facets, tool: MeshedTool, index: int, space, timers: Timers):
+        super().__init__(tool.name, surface, facets, ToolSurface(tool, index), space, timers)
+        self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
+
+    def _new_pattern(self, space) -> PairPattern:
+        # the tool's nodes travel as one: behind this rank's slave nodes they are one node of the pattern
+        tool = len(self._local)
+        blocks = np.concatenate([np.arange(tool), np.full(len(self.master.X), tool)])
+        pattern = PairPattern(self._nodes, self._facets[0], blocks, tool + 1)
+        nodes = np.column_stack([self._nodes, np.full(len(self._nodes), tool)])
+        pattern.set(np.unique(nodes[:, :, None] * (tool + 1) + nodes[:, None, :]))
+        return pattern
+
+    def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
+        rows, columns, values = self._tangent(feet, trial)
+        tool = len(self._local)
+        inside, by_travel, on_tool = (rows < tool) & (columns < tool), columns == tool, rows == tool
+        at, along = (self._local[part[inside]] for part in (rows, columns))
+        forces, pull = by_travel & ~on_tool, on_tool & ~by_travel
+        nodes = self._local[np.concatenate([rows[forces], columns[pull]])]
+        zeros = np.zeros((len(nodes), 3, 3))
+        moved, pulled = zeros.copy(), zeros
+        moved[: forces.sum()], pulled[forces.sum() :] = values[forces], values[pull]
+        corner = values[on_tool & by_travel].sum(axis=0)
+        travel = TravelBlocks(self.index, nodes, moved, pulled, corner)
+        return Blocks(pairs=(at, along, values[inside]), whole=False, travel=travel, at=feet)
+
+    def couplings(self, feet: FacetFeet, trial: Trial):
+        """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
+
+    def gives(self, held) -> bool:
+        """Whether the master could move where the dofs `held` do not: a tool is held."""
+        return False
+
+    def back_share(self, state: State) -> float:
+        """Share of the slave points that see the nearest facet of the tool from behind. Collective."""
+        coords, points, normals = self._placed(state)
+        s = self.surface
+        if s.gradients is not None:  # nodal normals are means of facets of degree 1
+            x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
+            tangents = np.einsum("eqtk,ekc->eqtc", s.gradients, x).reshape(-1, 2, 3)
+            normals = unit(np.cross(tangents[:, 0], tangents[:, 1]))
+        some = slice(None, None, max(len(points) // SAMPLES, 1))
+        corners = coords[self._facets[0]]
+        centres, outward = corners.mean(axis=1), unit(area_vectors(corners))
+        nearest = np.array([np.argmin(((centres - x) ** 2).sum(axis=1)) for x in points[some]], dtype=np.int64)
+        toward = np.einsum("pc,pc->p", points[some] - centres[nearest], outward[nearest])
+        facing = -np.einsum("pc,pc->p", normals[some], outward[nearest])
+        touch = s.cell_height  # so near to it, only the normals decide
+        behind = (facing < -DECISIVE) & (toward < touch)
+        before = (facing > DECISIVE) & (toward > -touch)
+        behind, before = self._comm.allreduce(np.array([behind.sum(), before.sum()]))
+        return behind / max(behind + before, 1)
+
+
+def unit(vectors: Floats) -> Floats:
+    """Vectors (n, 3) of length one; zero ones stay."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)

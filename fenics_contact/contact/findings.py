@@ -1,0 +1,150 @@
+"""What ails a contact: points passed through, sunk or lost, penetrations that are round-off, a master never met."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.trial import Floats, Response
+from fenics_contact.kernels.status import OPEN
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.term import Contact
+
+SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
+DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
+RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
+CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
+SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
+
+
+def deepest(response: Response, gap: Floats) -> Floats:
+    """Depths (ne, nq) [length] of points held by their full penalty, at these gaps; zero for others."""
+    return np.where((response.cover >= 1.0) & (response.status != OPEN), -gap, 0.0)
+
+
+def worst(contact: Contact, comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
+    """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3). Collective."""
+    here = (-np.inf, "")
+    if len(values):
+        point = int(values.argmax())
+        place = (contact.spots() if spots is None else spots)[point]
+        here = float(values[point]), f"contact '{contact.name}' at {spot(place)}"
+    return max(comm.allgather(here))
+
+
+def trouble(contact: Contact, state: State) -> Finding | None:
+    """What keeps the step after an accepted state from converging. Collective."""
+    comm, h = state.u.function_space.mesh.comm, contact.trial.history
+    area, met = contact.surface.area.ravel(), h.met.ravel()
+    gone = met & contact.partner.unpaired(contact.partner.feet(state))
+    whole, lost = comm.allreduce(np.array([area[met].sum(), area[gone].sum()]))
+    if lost > SLID_OFF * whole:
+        text = f"{lost / whole:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
+        return Finding(LOST, text, worst(contact, comm, np.where(gone, area, 0.0))[1], contact.partner.slid_off)
+    return _sunk(contact, state, SUNK)
+
+
+def deep(contact: Contact, state: State) -> Finding | None:
+    """A point lies deep enough to be distrusted. Collective."""
+    return _sunk(contact, state, DEEP)
+
+
+def _sunk(contact, state, share):
+    """None, or the Finding that a point lies deeper than a share of a cell's height. Collective."""
+    depth, place = deepest_point(contact, state)
+    height = contact.surface.cell_height
+    if depth <= share * height:
+        return None
+    text = f"a point lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high"
+    return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
+
+
+def deepest_point(contact, state):
+    """(penetration [length], place) of the deepest point. Collective."""
+    response = contact.response(state)
+    return worst(contact, state.u.function_space.mesh.comm, deepest(response, response.gap).ravel())
+
+
+def never_met(contact: Contact, state: State) -> str | None:
+    """How far away the master is after a run in which no point has touched it. Collective."""
+    comm, search = state.u.function_space.mesh.comm, contact.partner.search
+    if comm.allreduce(int(contact.trial.history.met.sum())):
+        return None
+    nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
+    beyond = "more than " if nearest >= search else ""
+    return (
+        f"contact '{contact.name}' never closed: '{contact.master_name}' ends {beyond}{nearest:.3g} away; see that both "
+        "are in the same units and in their places, and that the path is long enough"
+    )
+
+
+def remark(contact: Contact, state: State) -> str | None:
+    """At the first accepted step where it is so, that points or nodes lie deep in the master. Collective."""
+    if contact.remarked:
+        return None
+    height = contact.surface.cell_height
+    depth, place = deepest_point(contact, state)
+    remedy = "penetration= keeps it out, or raise penalty="
+    if depth <= DEEP * height:
+        depth, place = node_depth(contact, state)
+        place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
+    if depth <= DEEP * height:
+        depth, place = _depth_beside(contact, state)
+        place, remedy = f"a node that is no slave, {place},", "name the surface it lies on among the slaves"
+    if depth <= DEEP * height:
+        return None
+    contact.remarked = True
+    return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
+
+
+def node_depth(contact, state):
+    """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not.
+
+    Zero where points are nodes themselves, which the penetration measures. Collective.
+    """
+    s, comm = contact.surface, state.u.function_space.mesh.comm
+    if s.gradients is None or s.corners:
+        return 0.0, ""
+    near = ~contact.partner.unpaired(contact.partner.feet(state)).reshape(s.area.shape).all(axis=1)
+    nodes, first = np.unique(s.nodes[near], return_index=True)
+    X = s.X[near].reshape(-1, 3)[first]
+    depth, place = worst(contact, comm, -contact.partner.node_gaps(state, nodes, X), X)
+    return max(depth, 0.0), place
+
+
+def _depth_beside(contact, state):
+    """Depth [length] and place of the deepest node off the slave surface; zero where that is not looked for. Collective."""
+    if (beside := contact.partner.beside(state)) is None:
+        return 0.0, ""
+    nodes, X = beside
+    gaps = contact.partner.node_gaps(state, nodes, X)
+    depth, place = worst(contact, state.u.function_space.mesh.comm, -gaps, X)
+    return max(depth, 0.0), place
+
+
+def objection(contact: Contact, state: State) -> Finding | None:
+    """Why a state in balance must not be accepted: bodies have passed through one another, a point is held by nothing, or
+    penetrations are too small for a number beside the coordinates. Collective."""
+    comm, trial = state.u.function_space.mesh.comm, contact.trial
+    depth = contact.partner.lost_depth(state, trial)
+    if depth > trial.law.touch:
+        text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+        remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
+        return Finding(LOST, text, f"contact '{contact.name}'", remedy)
+    if sunk := _sunk(contact, state, SUNK):
+        return sunk
+    response = contact.response(state)
+    largest, place = worst(contact, comm, np.linalg.norm(response.traction, axis=2).ravel())
+    soft = contact.surface.stiffness.min(initial=np.inf)
+    x = np.abs(contact.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
+    low = comm.allgather((soft, (response.gap + trial.history.shift).min(initial=0.0), -x))
+    soft, depth, size = (-value for value in np.min(low, axis=0))
+    # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
+    if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):
+        return None
+    text = f"the deepest penetration {depth:.1e} is round-off beside coordinates of {size:.3g}, and so is the pressure"
+    return Finding(TOO_STIFF, text, place, "lower penalty= of this contact, or leave it to the default")

@@ -1,0 +1,46 @@
+"""Multipliers of a contact: what they take over from the penalty until no error is left that matters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.trial import Floats, Trial
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.term import Contact
+
+
+class Multipliers:
+    """Those of a contact with a tolerance [length]: the penalty carries only what they do not yet carry.
+
+    Between accepted steps they grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <-
+    min(lambda + eps_N g, 0) and, where a point sticks, lambda_T <- lambda_T + eps_T times its slip since it came to rest,
+    which is kept in the place of its anchor. A point half out under a sharp edge keeps the body's spring that acts there in
+    series with the penalty (cover = its share of eps_N): lambda <- cover (lambda + eps_N g) leaves that spring alone.
+    """
+
+    def __init__(self, contact: Contact):
+        self._contact = contact
+
+    def misfit(self, state: State) -> float:
+        """Largest error of this rank's points over the tolerance: penetration, pressure across a gap, slip in stick."""
+        contact, trial = self._contact, self._contact.trial
+        feet, status = contact.partner.feet(state), contact.response(state).status
+        slips = contact.partner.slips(feet, trial, status).max(initial=0.0)
+        return max(np.abs(self._grown(state) - trial.history.shift).max(initial=0.0), slips) / contact.tolerance
+
+    def _grown(self, state: State) -> Floats:
+        response = self._contact.response(state)
+        return np.minimum(response.cover * (response.gap + self._contact.trial.history.shift), 0.0)
+
+    def augmented(self, state: State, share: float = 1.0) -> Trial:
+        """Multipliers have taken over what the penalty carries, or a share of its pressure and none of its friction."""
+        contact, trial = self._contact, self._contact.trial
+        grown, shift = self._grown(state), trial.history.shift
+        if share != 1.0:
+            return trial.remembering(shift=shift + share * (grown - shift))
+        feet, status = contact.partner.feet(state), contact.response(state).status
+        return trial.remembering(shift=grown, anchors=contact.partner.augmented(feet, trial, status))

@@ -1,0 +1,213 @@
+"""An analytic rigid tool as a contact's master: where slave points meet it, forces, tangents, anchors in its frame."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.tools import RigidTool
+from fenics_contact.contact.trial import Anchors, Floats, Ints, Law, Response, Trial
+from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
+from fenics_contact.kernels.scatter import scatter_forces
+from fenics_contact.kernels.status import OPEN, STICK
+
+
+class RigidFeet(NamedTuple):
+    """Positions x (ne, k, 3) of the slave nodes and travel (3,) of the tool [length]."""
+
+    x: Floats
+    travel: Floats
+
+
+class RigidPartner:
+    """Slave points against an analytic tool, whose signed distance holds them.
+
+    surface: SlaveSurface; tool: RigidTool; index: its row in the state's travel. Anchors are ((ne, nq, 3),), places in the
+    tool's frame.
+    """
+
+    grounded = True
+    foresees = False
+    search = np.inf  # gaps from this on are not told apart [length]
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+
+    def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int):
+        self.surface, self.tool, self.index = surface, tool, index
+        self.name, self.edge = tool.name, tool.edge
+        self.softens = tool.edge != "sharp"
+        self.smooth = tool.edge != "sharp"  # have frictionless forces a potential?
+        self._feet: RigidFeet | None = None
+        self._beside = None  # (local numbers, reference positions) of the nodes that are no slaves, once asked for
+
+    # -- where the points are -------------------------------------------------------------------------------------
+    def feet(self, state: State) -> RigidFeet:
+        """The places at a state; the same object while these do not change."""
+        s, last = self.surface, self._feet
+        now = RigidFeet(s.X + state.u.x.array.reshape(-1, 3)[s.nodes], state.travel[self.index].copy())
+        if last is None or not all(np.array_equal(a, b) for a, b in zip(now, last, strict=True)):
+            self._feet = now
+        return self._feet
+
+    first_feet = feet
+
+    def _at(self, feet: RigidFeet, area: Floats | None = None):
+        """Points and tool as kernels/rigid_element.py takes them."""
+        s = self.surface
+        return (feet.x, s.a, s.area if area is None else area, s.spacing), self._placed_tool(feet.travel)
+
+    def _placed_tool(self, travel):
+        tool = self.tool
+        return tool.kind, tool.shape, tool.origin, tool.axes, travel
+
+    def _law(self, law: Law, touch: float | None = None):
+        return law.eps_n, law.eps_t, self.surface.stiffness, law.friction, float(law.touch if touch is None else touch)
+
+    # -- forces and tangent ---------------------------------------------------------------------------------------
+    def _evaluate(self, feet, trial, want_tangent):
+        ne, nq, k = self.surface.a.shape
+        traction, forces = np.empty((ne, nq, 3)), np.empty((ne, k, 3))
+        gap, excess, cover, status = (*(np.empty((ne, nq)) for _ in range(3)), np.empty((ne, nq), dtype=np.int32))
+        count = ne if want_tangent else 0
+        tangent, arm = np.empty((count, 3 * k, 3 * k)), np.empty((count, k, 3, 3))
+        history = trial.history.anchors[0], trial.history.shift
+        out = forces, tangent, arm, traction, gap, status, excess, cover
+        contact_elements(*self._at(feet, trial.area), self._law(trial.law), history, trial.judged, want_tangent, out)
+        return Response(traction, gap, status, excess, cover, forces), tangent, arm
+
+    def response(self, feet: RigidFeet, trial: Trial) -> Response:
+        return self._evaluate(feet, trial, False)[0]
+
+    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
+        """Add area T to the slave nodes' forces and its opposite to the tool's, (14)."""
+        active = np.flatnonzero((response.status != OPEN).any(axis=1))
+        scatter_forces(active, self.surface.nodes, response.forces, residual)
+        tool_residual[self.index] -= response.forces[active].sum(axis=(0, 1))
+
+    def tangent(self, feet: RigidFeet, trial: Trial) -> Blocks:
+        response, tangent, arm = self._evaluate(feet, trial, True)
+        active = np.flatnonzero((response.status != OPEN).any(axis=1))
+        nodes, arm = self.surface.nodes[active], arm[active]
+        travel = TravelBlocks(
+            self.index, nodes.ravel(), -arm.reshape(-1, 3, 3), -arm.reshape(-1, 3, 3), arm.sum(axis=(0, 1))
+        )
+        return Blocks(cells=(nodes, tangent[active]), travel=travel, at=feet)
+
+    def couplings(self, feet: RigidFeet, trial: Trial):
+        """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
+
+    # -- anchors --------------------------------------------------------------------------------------------------
+    def _committed(self, feet, trial, touch):
+        new, sliding = np.empty_like(trial.history.anchors[0]), np.empty_like(trial.area)
+        history = trial.history.anchors[0], trial.history.shift
+        committed_anchors(*self._at(feet), self._law(trial.law, touch), history, new, sliding)
+        return (new,), sliding
+
+    def no_anchors(self) -> Anchors:
+        return (np.zeros((*self.surface.area.shape, 3)),)
+
+    def places(self, feet: RigidFeet, trial: Trial) -> Anchors:
+        """The points' places on the tool."""
+        return self._committed(feet, trial, -np.inf)[0]
+
+    def committed(self, feet: RigidFeet, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
+        return self._committed(feet, trial, None)
+
+    def slips(self, feet: RigidFeet, trial: Trial, status: Ints) -> Floats:
+        """What the penalty gave way in stick (ne, nq) [length]."""
+        return np.linalg.norm(self._slip(feet, trial, trial.history.rests, status == STICK), axis=2)
+
+    def _slip(self, feet, trial, rests, which=True):
+        """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""
+        moved, normal = self.places(feet, trial)[0] - rests[0], self.normals(feet) @ self.tool.axes
+        along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
+        return np.where(np.broadcast_to(which, moved.shape[:2])[..., None], moved - along, 0.0)
+
+    def augmented(self, feet: RigidFeet, trial: Trial, status: Ints) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking points a traction greater by eps_T times their slip."""
+        return (trial.history.anchors[0] - self._slip(feet, trial, trial.history.rests, status == STICK),)
+
+    def stiffened(self, feet: RigidFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Anchors that greater penalties need for points that slip on from rest as they do."""
+        foot, anchor = self.places(feet, trial)[0], trial.history.anchors[0]
+        return (foot - (foot - anchor + (factor - 1.0) * self._slip(feet, trial, rests)) / factor,)
+
+    def packed(self, anchors: Anchors, name: str) -> dict[str, np.ndarray]:
+        """Anchors as arrays (ne, ...) that no partition changes."""
+        return {name: anchors[0]}
+
+    def unpacked(self, values, name: str) -> Anchors:
+        return (np.ascontiguousarray(values[name]),)
+
+    # -- what else is asked of a master ---------------------------------------------------------------------------
+    def normals(self, feet: RigidFeet) -> Floats:
+        """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
+        out = np.empty((*self.surface.area.shape, 3))
+        point_normals(*self._at(feet), out)
+        return out
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
+        return self.normals(self.feet(state))
+
+    def unpaired(self, feet: RigidFeet):
+        """None of the points (n,): a tool has no end."""
+        return np.zeros(self.surface.points, dtype=bool)
+
+    def features(self, feet: RigidFeet) -> np.ndarray:
+        """Codes (n, ...): where one changes the traction has a kink."""
+        return np.empty((self.surface.points, 0), dtype=int)
+
+    def touches(self, blocks) -> int:
+        """Number of this rank's slave nodes among the local nodes `blocks`."""
+        return int(np.isin(self.surface.nodes, blocks).sum())
+
+    def gives(self, held) -> bool:
+        """Whether the master could move where the dofs `held` do not: a tool is held."""
+        return False
+
+    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
+        """Axes along which the contact can hold a body: all with friction, else those of its first normal. Collective."""
+        here = (np.inf, np.zeros(3))
+        if gap.size:
+            nearest = np.unravel_index(gap.argmin(), gap.shape)
+            here = (gap[nearest], self.looks(state)[nearest])
+        comm = state.u.function_space.mesh.comm
+        normal = np.abs(min(comm.allgather(here), key=lambda pair: pair[0])[1])
+        return {axis for axis, part in zip("xyz", normal, strict=True) if rough or part > 1e-6}
+
+    def overlap(self, state: State, X: Floats, slave) -> Floats:
+        """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
+        gap = np.empty(len(X))
+        distances(X, self._placed_tool(state.travel[self.index]), gap)
+        here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
+        return np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
+
+    def node_gaps(self, state: State, nodes, X: Floats) -> Floats:
+        """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
+        gap = np.empty(len(nodes))
+        distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state.travel[self.index]), gap)
+        return gap
+
+    def beside(self, state: State):
+        """(local numbers, reference positions (n, 3)) of nodes that may meet the tool and are no slaves. Collective."""
+        space = state.u.function_space
+        if self._beside is None:
+            slave = compat.Function(space)  # on all ranks that know a node
+            slave.x.array.reshape(-1, 3)[self.surface.nodes.ravel()] = 1.0
+            compat.sum_to_owners(slave)
+            compat.copy_to_ghosts(slave)
+            nodes = np.flatnonzero(slave.x.array.reshape(-1, 3)[:, 0] == 0.0)
+            self._beside = nodes, space.tabulate_dof_coordinates()[nodes]
+        return self._beside
+
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Zero: an analytic tool knows of every point how deep inside it is."""
+        return 0.0
+
+    def back_share(self, state: State) -> float:
+        """Zero: an analytic tool knows its outside."""
+        return 0.0

@@ -1,0 +1,107 @@
+"""What the forces of a contact depend on besides the state, and what they are: plain values, never changed in place."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fenics_contact.contact.friction import coulomb
+from fenics_contact.kernels.law import Friction
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+# Places of the slave points on their master, in terms of the master alone: arrays with a row per point
+Anchors = tuple[NDArray[Any], ...]
+
+PRESENT: Floats = np.empty(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Penalties eps_n, eps_t (ne,) [pressure/length] of the slave elements, Friction, and the gap [length] up to which a
+    point touches."""
+
+    eps_n: Floats
+    eps_t: Floats
+    friction: Friction
+    touch: float
+
+    def times(self, factor: float) -> "Law":
+        """The law with penalties greater by a factor."""
+        return replace(self, eps_n=self.eps_n * factor, eps_t=self.eps_t * factor)
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What the accepted steps, and within a step the multipliers, leave behind at ne elements of nq slave points.
+
+    anchors: from where a point's friction traction grows, (16); rests: where points that stick came to rest; before: the
+    anchors at the start of the step accepted last; shift (ne, nq): multipliers over eps_n, by which points press more than
+    their gaps do [length]; slip_path (ne, nq): way slid so far [length]; met (ne, nq): whether a point has been in contact;
+    gaps: with shifts, when a step was last accepted and before (ne nq,) [length]; raised (ne, 2): how much greater the
+    penalties are than at first, and how much they may become at most; feet: where the points were when a step was last
+    accepted, as the master sees them.
+    """
+
+    anchors: Anchors
+    rests: Anchors
+    before: Anchors
+    shift: Floats
+    slip_path: Floats
+    met: Bools
+    gaps: tuple[Floats, Floats]
+    raised: Floats
+    feet: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Law and history that a contact is evaluated with; area (ne, nq): reference areas of its points [length^2]; judged
+    (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these."""
+
+    law: Law
+    history: History
+    area: Floats
+    judged: Floats = field(default_factory=lambda: PRESENT)
+
+    @property
+    def rough(self) -> bool:
+        """Whether there is friction."""
+        return self.law.friction.mu > 0.0
+
+    def under(self, law: Law) -> "Trial":
+        return replace(self, law=law)
+
+    def with_friction(self, mu: float) -> "Trial":
+        """With another coefficient of friction."""
+        return replace(self, law=replace(self.law, friction=coulomb(mu)))
+
+    def remembering(self, **changes: Any) -> "Trial":
+        """With some of the history changed."""
+        return replace(self, history=replace(self.history, **changes))
+
+    def judging(self, gaps: Floats) -> "Trial":
+        return replace(self, judged=gaps)
+
+    def only(self, points: Bools) -> "Trial":
+        """In which the points (n,) of a mask alone exert forces."""
+        return replace(self, area=np.where(points.reshape(self.area.shape), self.area, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What ne elements of nq slave points do in a state.
+
+    traction (ne, nq, 3): T of (14) [pressure, per reference area], -T acts on the slave; gap (ne, nq) [length]; status (ne,
+    nq): codes of kernels/status.py; excess (ne, nq): trial over Coulomb limit minus one; cover (ne, nq): share of eps_n,
+    below one where a point slides out under a sharp edge; forces: sums of area T at the nodes, as the master numbers them.
+    """
+
+    traction: Floats
+    gap: Floats
+    status: Ints
+    excess: Floats
+    cover: Floats
+    forces: Floats
