@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Penalty, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.output.fields import exterior_surface
 from fenics_contact.output.pictures import draw_body
 from meshes import punch_plate
@@ -28,14 +28,14 @@ def say(*words):
         print(*words, flush=True)
 
 
-def press(mesh, case, out, force=None, tangential_share=None):
+def press(mesh, case, out, force=None, share=None):
     """One run; returns numbers of the last step, the force-travel curve and the deformed boundary (on rank 0)."""
     scene = Scene(Body(mesh, "plate", mooney_paper(a1=0.1863, a2=0.0098, K=5.0)))
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
     punch, floor = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10)), rigid_plane(name="floor")
-    scene.contact("top", punch, case[0], name="top", tangential_share=tangential_share)
-    scene.contact("bottom", floor, case[1], name="bottom", tangential_share=tangential_share)
+    scene.contact("top", punch, case[0], name="top", penalty=Penalty(share=share))
+    scene.contact("bottom", floor, case[1], name="bottom", penalty=Penalty(share=share))
     drive = {"move": {punch: (0, 0, -TRAVEL)}} if force is None else {"push": {punch: (0, 0, -force)}}
     result = solve(scene, **drive, steps=10, out=out, overwrite=True)
     if not result.converged:

@@ -2,6 +2,7 @@
 
 from fenics_contact import packages  # noqa: F401 - first, so that a missing module is named with its package
 from fenics_contact.contact.friction import coulomb
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
 from fenics_contact.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
@@ -18,6 +19,7 @@ __all__ = [
     "Displacement",
     "Load",
     "NamedMesh",
+    "Penalty",
     "Result",
     "Scene",
     "SceneError",

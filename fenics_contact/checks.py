@@ -5,7 +5,8 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.parts import connected_parts
-from fenics_contact.contact.friction import Friction
+from fenics_contact.contact.friction import Friction, friction_of
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.values import SceneError, count, group_names, positive, shown, text
 
@@ -33,29 +34,42 @@ def sides(slave, master):
     return slave, group_names(master, "contact: master")
 
 
-def refuse_numbers(contact):
-    """The name and the numbers of a contact must be such."""
-    text(contact.name, "contact: name")
-    what = f"contact '{contact.name}'"
-    if not isinstance(contact.friction, Friction):
-        positive(contact.friction, f"{what}: friction", zero=True, more=", Coulomb's mu, or coulomb(...)")
-    for label in ("penalty", "tangential_penalty", "tangential_share", "penetration", "penalty_factor"):
-        if (value := getattr(contact, label)) is not None:
-            positive(value, f"{what}: {label}")
-    if contact.points not in ("nodes", "closest"):
-        count(contact.points, f"{what}: points", remedy=", a count of Gauss points, or 'nodes' or 'closest'")
+def refuse_numbers(name, friction, penalty, penetration, points):
+    """The name and the numbers of a contact must be such; returns its Friction and its Penalty."""
+    text(name, "contact: name")
+    what = f"contact '{name}'"
+    if not isinstance(friction, Friction):
+        positive(friction, f"{what}: friction", zero=True, more=", Coulomb's mu, or coulomb(...)")
+    if not isinstance(penalty, Penalty):
+        if penalty is not None:
+            positive(penalty, f"{what}: penalty", more=" [pressure/length], or a Penalty(...)")
+        penalty = Penalty(penalty)
+    for label, value in [*vars(penalty).items(), ("penetration", penetration)]:
+        if value is not None:
+            positive(value, f"{what}: {label}" if label == "penetration" else f"{what}: Penalty({label}=)")
+    if penalty.normal and penalty.factor or penalty.tangential and penalty.share:
+        raise SceneError(f"{what}: {penalty} states a penalty twice: give normal or factor, and tangential or share")
+    if points not in ("nodes", "corners"):
+        count(points, f"{what}: points", remedy=", a count of Gauss points, or 'nodes' or 'corners'")
+    return friction_of(friction), penalty
 
 
-def refuse_pair(contact, others, degree):
-    """A contact's sides and points must go together, with the degree, and with the `others` stated before."""
+def refuse_pair(contact, others, degree, tetrahedra):
+    """A contact's sides and points must go together, with the elements, and with the `others` stated before."""
     what, points, master = f"contact '{contact.name}'", contact.points, contact.master
     if not isinstance(master, Tool):
         if common := set(master) & set(contact.slave):
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
         if degree != 1:
             raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
+    if isinstance(master, RigidTool) and points == "corners":
+        raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
     if isinstance(master, MeshedTool) and degree != 1 and isinstance(points, str):
-        raise SceneError(f"{what}: nodes on a meshed tool need degree=1; use Gauss points, e.g. points=3")
+        raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use Gauss points, e.g. points=3")
+    if points == "nodes" and tetrahedra and degree == 2:
+        raise SceneError(
+            f"{what}: corner nodes of quadratic triangles have no tributary area: use Gauss points, e.g. points=3"
+        )
     if contact.penetration is not None and isinstance(points, str) and not isinstance(master, RigidTool):
         raise SceneError(
             f'{what}: penetration= with points="{points}" needs an analytic tool: flat facets cannot follow multipliers at '

@@ -33,7 +33,7 @@ from fenics_contact.checks import (
     sides,
 )
 from fenics_contact.contact.facets import FacetPartner, MeshedToolPartner
-from fenics_contact.contact.friction import friction_of
+from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.rigid import RigidPartner
@@ -72,16 +72,15 @@ class Body:
 
 
 @dataclass(frozen=True)
-class _Contact:
+class ContactStatement:
+    """A contact as stated: master is a tool, or the surfaces of a body."""
+
     name: str
-    slave: tuple
-    master: Tool | tuple
-    friction: object
-    penalty: float | None
-    penalty_factor: float | None
-    tangential_penalty: float | None
-    tangential_share: float | None
-    points: object
+    slave: tuple[str, ...]
+    master: Tool | tuple[str, ...]
+    friction: Friction
+    penalty: Penalty
+    points: int | str
     penetration: float | None
 
 
@@ -148,40 +147,39 @@ class Scene:
 
     def contact(
         self,
-        slave,
-        master,
-        friction=0.0,
-        penalty=None,
-        tangential_penalty=None,
-        tangential_share=None,
-        points=None,
-        name=None,
-        penalty_factor=None,
-        penetration=None,
-    ):
+        slave: str | tuple[str, ...],
+        master: Tool | str | tuple[str, ...],
+        friction: float | Friction = 0.0,
+        *,
+        penalty: float | Penalty | None = None,
+        points: int | str | None = None,
+        penetration: float | None = None,
+        name: str | None = None,
+    ) -> None:
         """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
 
         Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
-        friction: Coulomb's mu, or `coulomb(...)` for one that depends on the pressure, or for a shear limit; penalty,
-        tangential_penalty: [pressure/length], by default from the stiffness beneath each slave point, raised where points
-        sink in too far; penalty_factor: on that stiffness where no number is given (PENALTY_FACTOR); tangential_share:
-        tangential over normal penalty where no number is given (TANGENTIAL_SHARE, more at high friction), see
-        `contact.penalties`, where both are; points: Gauss points per direction of each facet, or
-        "nodes", which on a body look along the normals of the slave's facets as Gauss points do, and on a tool along the
-        tool's, or "closest": nodes and their closest points on a body (the paper), where the force jumps at the master's
-        edges; by default nodes on an analytic tool, and 3 on a body or a meshed tool; penetration:
-        how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a step:
-        multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with one
-        point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone holds.
+        friction: Coulomb's mu, or `coulomb(...)` for one that depends on the pressure, or for a shear limit.
+        penalty: a number [pressure/length] or a `Penalty`; by default from the stiffness beneath each slave point, raised
+        where points sink in too far.
+        points: Gauss points per direction of each facet, which look along its normal; "corners" of the facets, which look so
+        too; or "nodes", which look for the closest point on the master (the paper): right on tools, which have one normal at
+        a place, and on a body where it is smooth, for the force jumps at the edges of its facets. By default nodes on an
+        analytic tool, 3 on a body or a meshed tool.
+        penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
+        step: multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with
+        one point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone.
+        name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)
+        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
         if points is None:
-            points = "nodes" if isinstance(master, RigidTool) else (3 if penetration is None else 1)
+            nodes = isinstance(master, RigidTool) and not (tetrahedra and self.degree == 2)
+            points = "nodes" if nodes else (3 if penetration is None or isinstance(master, RigidTool) else 1)
         name = f"{'+'.join(slave)} on {_master_name(master)}" if name is None else name
-        numbers = penalty, penalty_factor, tangential_penalty, tangential_share
-        contact = _Contact(name, slave, master, friction, *numbers, points, penetration)
-        refuse_numbers(contact)
-        refuse_pair(contact, self.contacts, self.degree)
+        friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
+        contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
+        refuse_pair(contact, self.contacts, self.degree, tetrahedra)
         for side in (slave, master):
             if not isinstance(side, Tool):
                 refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
@@ -317,17 +315,12 @@ class Scene:
         return modulus
 
     def _contact_term(self, contact, modulus, state, timers):
-        points = contact.points
-        if not isinstance(points, str):
-            points = int(points)
-        else:  # a tool keeps its shape, and its own normal is the right one
-            points = "nodes" if points == "closest" or isinstance(contact.master, Tool) else "corners"
+        points = contact.points if isinstance(contact.points, str) else int(contact.points)
         surface = slave_surface(self.space, self.mesh.facets(*contact.slave), modulus, points)
-        friction = friction_of(contact.friction)
-        numbers = contact.penalty, contact.tangential_penalty, contact.penalty_factor, contact.tangential_share
-        penalty, partner = Penalty(*numbers), self._partner(contact, surface, timers)
-        values, adapts = penalty.values(surface.stiffness, friction), penalty.adapts(contact.penetration)
-        return Contact(contact.name, surface, partner, friction, values, adapts, contact.penetration, state, timers)
+        partner = self._partner(contact, surface, timers)
+        values = contact.penalty.values(surface.stiffness, contact.friction)
+        adapts = contact.penalty.adapts(contact.penetration)
+        return Contact(contact.name, surface, partner, contact.friction, values, adapts, contact.penetration, state, timers)
 
     def _partner(self, contact, surface, timers):
         """Whom the slave points of a stated contact meet. Collective."""

@@ -22,7 +22,17 @@ from pathlib import Path
 import gmsh
 import numpy as np
 
-from fenics_contact import Body, Scene, read_gmsh, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere, rigid_surface
+from fenics_contact import (
+    Body,
+    Penalty,
+    Scene,
+    read_gmsh,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    rigid_surface,
+)
 from fenics_contact.compat import Constant
 from fenics_contact.materials import Isotropic
 from meshes import box, tool_surfaces, two_blocks
@@ -345,7 +355,9 @@ def _contact(s, scene, slave, master, name):
     points = s.points
     if isinstance(master, str) and penetration is not None:
         points = 1
-    numbers = {"penalty_factor": s.penalty_factor, "tangential_share": s.tangential_share, "penetration": penetration}
+    elif isinstance(master, str) and points == "nodes":
+        points = "corners"
+    numbers = {"penalty": Penalty(factor=s.penalty_factor, share=s.tangential_share), "penetration": penetration}
     scene.contact(slave, master, s.friction, points=points, name=name, **numbers)
 
 

@@ -262,7 +262,7 @@ ACTIONS = {
     "damping=True": lambda s: with_options(s, damping=True),
     "stabilise=True": lambda s: with_options(s, stabilise=True),
     "points=3": lambda s: replace(s, points=3),
-    "tangential_share=": lambda s: replace(s, tangential_share=0.03),
+    "Penalty(share=": lambda s: replace(s, tangential_share=0.03),
     "raise penalty": lambda s: replace(s, penalty_factor=500.0),
     "raise the penalty": lambda s: replace(s, penalty_factor=500.0),
     "mesh the place more finely": more_cells,

@@ -58,7 +58,7 @@ ONLY = {
     ("output", "assembly"): {"exchange"},
     ("output", "kernels"): {"status"},
     ("assembly", "kernels"): {"sets"},
-    ("__init__", "contact"): {"friction", "tools"},
+    ("__init__", "contact"): {"friction", "penalties", "tools"},
     ("__init__", "output"): {"units"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -158,9 +158,14 @@ def test_parameters_must_be_finite_and_stable():
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, NAN])
-@pytest.mark.parametrize("which", ["penalty", "tangential_penalty", "tangential_share"])
+@pytest.mark.parametrize("which", ["normal", "tangential", "factor", "share"])
 def test_penalty_must_be_positive(mesh, which, bad):
-    refused(lambda: pressed(mesh, **{which: bad}), "top", which, "positive")
+    refused(lambda: pressed(mesh, penalty=fc.Penalty(**{which: bad})), "top", which, "positive")
+
+
+def test_a_penalty_is_stated_once(mesh):
+    refused(lambda: pressed(mesh, penalty=fc.Penalty(normal=10.0, factor=100.0)), "top", "twice", "normal or factor")
+    refused(lambda: pressed(mesh, penalty=fc.Penalty(tangential=1.0, share=0.1)), "top", "twice", "tangential or share")
 
 
 @pytest.mark.parametrize("bad", [-0.1, NAN])
@@ -294,9 +299,9 @@ WRONG_VALUES = {
     "penalty text": (lambda s: pressed(s.mesh, penalty="1"), "top", "penalty", "'1'", "positive"),
     "penalty truth": (lambda s: pressed(s.mesh, penalty=True), "top", "penalty", "True", "positive"),
     "penetration list": (lambda s: pressed(s.mesh, penetration=[1e-5]), "top", "penetration", "positive"),
-    "factor zero": (lambda s: pressed(s.mesh, penalty_factor=0), "top", "penalty_factor", "positive"),
+    "factor zero": (lambda s: pressed(s.mesh, penalty=fc.Penalty(factor=0)), "top", "factor", "positive"),
     "points truth": (lambda s: pressed(s.mesh, points=True), "top", "points", "True", "Gauss"),
-    "points word": (lambda s: pressed(s.mesh, points="gauss"), "top", "points", "'gauss'", "closest"),
+    "points word": (lambda s: pressed(s.mesh, points="gauss"), "top", "points", "'gauss'", "corners"),
     "points part": (lambda s: pressed(s.mesh, points=1.5), "top", "points", "1.5", "Gauss"),
     "points list": (lambda s: pressed(s.mesh, points=[1]), "top", "points", "[1]", "Gauss"),
     "contact name": (lambda s: pressed(s.mesh, name=7), "contact: name", "7", "text"),
@@ -311,7 +316,7 @@ WRONG_VALUES = {
     "itself": (lambda s: held(s.mesh).contact("zmax", ("zmin", "zmax")), "both 'zmax'", "one of each body"),
     "one body": (lambda s: s.met("xmin", "zmax").system(), "share nodes", "separate volumes"),
     "degree 2 master": (lambda s: stacked(s.pair, degree=2), "joint", "degree=1", "slave"),
-    "multipliers at nodes": (lambda s: stacked(s.pair, points="nodes", penetration=1e-5), "joint", "points=1"),
+    "multipliers at nodes": (lambda s: stacked(s.pair, points="corners", penetration=1e-5), "joint", "points=1"),
     # tools' drives
     "move two": (lambda s: s.drive(move=(0, 0)), "move", "punch", "three finite numbers"),
     "move number": (lambda s: s.drive(move=-1.0), "move", "punch", "three finite numbers"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Penalty, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.studies.punch import punched_plate
 from meshes import disc, ironing, punch_plate, tubes
 
@@ -23,7 +23,7 @@ def flat(factor, friction, degree):
     for group, axis in (("symmetry_x", "x"), ("symmetry_y", "y"), ("bottom", "z")):
         scene.fix(group, axis)
     tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10.0))
-    scene.contact("top", tool, friction, name="top", penalty_factor=factor)
+    scene.contact("top", tool, friction, name="top", penalty=Penalty(factor=factor))
     return scene, {"move": {tool: (0, 0, -2.0)}, "steps": 4}
 
 
@@ -33,7 +33,7 @@ def cylinder(factor):
     for group, axis in (("symmetry_x", "x"), ("symmetry_z", "z"), (("front", "back"), "y")):
         scene.fix(group, axis)
     plate = rigid_plane((0, 0, 20.0), (0, 0, -1.0))
-    scene.contact("rim", plate, 0.3, name="top", penalty_factor=factor)
+    scene.contact("rim", plate, 0.3, name="top", penalty=Penalty(factor=factor))
     return scene, {"move": {plate: (0, 0, -3.2)}, "steps": 4}
 
 
@@ -43,7 +43,7 @@ def nested_tubes(factor):
     for group, axis in (("symmetry_x", "x"), ("symmetry_y", "y"), ("ends", "z")):
         scene.fix(group, axis)
     scene.pressure("inner_inside", 0.055)
-    scene.contact("inner_outside", "outer_inside", name="top", penalty_factor=factor)
+    scene.contact("inner_outside", "outer_inside", name="top", penalty=Penalty(factor=factor))
     return scene, {"steps": 5}
 
 
@@ -56,7 +56,7 @@ def ironed(factor, points, drawn, cells):
     scene.prescribe("indenter_top", "x", lambda X, t: np.full(len(X), drawn * max(2 * t - 1, 0.0)))
     scene.prescribe("indenter_top", "z", lambda X, t: np.full(len(X), -min(2 * t, 1.0)))
     under = ("indenter_under", "indenter_flanks")
-    scene.contact("foundation_top", under, 0.3, points=points, name="top", penalty_factor=factor)
+    scene.contact("foundation_top", under, 0.3, points=points, name="top", penalty=Penalty(factor=factor))
     return scene, {"steps": 10 if drawn else [0.1, 0.2, 0.3, 0.4, 0.5]}
 
 

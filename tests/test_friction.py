@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton, StepFailed
@@ -27,7 +27,7 @@ def dragged(mesh, path, driven="zmax", penalty=1e5, tangential=1e4, mu=MU):
     for axis, letter in enumerate("xy"):
         value = lambda X, t, axis=axis: np.full(len(X), path(max(t - PRESSED, 0.0) / (1 - PRESSED))[axis])  # noqa: E731
         scene.prescribe(driven, letter, value)
-    scene.contact("zmin", rigid_plane(), mu, penalty=penalty, tangential_penalty=tangential, name="floor")
+    scene.contact("zmin", rigid_plane(), mu, penalty=Penalty(penalty, tangential), name="floor")
     return scene
 
 

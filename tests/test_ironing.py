@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from demos import ironing
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Penalty, Scene, from_elastic, read_gmsh, solve
 from meshes import ironing as mesh_script
 
 
@@ -27,7 +27,7 @@ def pressed_and_drawn(**penalty):
 
 @pytest.mark.serial
 def test_force_at_the_default_penalty_is_that_of_none():
-    default, stiffer = pressed_and_drawn(), pressed_and_drawn(penalty_factor=300.0)
+    default, stiffer = pressed_and_drawn(), pressed_and_drawn(penalty=Penalty(factor=300.0))
     # a penalty's error goes with its inverse: what three times the penalty changes is two thirds of it
     unbent = default + 1.5 * (stiffer - default)
     assert np.abs(default / unbent - 1).max() < 0.01  # asked of a default

@@ -12,6 +12,7 @@ import pytest
 from fenics_contact import (
     Body,
     Displacement,
+    Penalty,
     Scene,
     SceneError,
     mooney_rivlin,
@@ -62,7 +63,7 @@ def force(tool, travel=(0.0, 0.0, -1.0), steps=4, **scene):
 def test_ball_converges_to_the_sphere(quadrilaterals):
     """Facets with their corners on the sphere lie inside it by up to h^2/8R: the force errs by second order."""
     travel, sizes = down_and_along(1.0, 0.5), np.array([2.0, 1.0, 0.5])
-    same = {"friction": FRICTION, "penalty_factor": 100.0}  # typed: not raised on the coarsest facets alone
+    same = {"friction": FRICTION, "penalty": Penalty(factor=100.0)}  # typed: not raised on the coarsest facets alone
     exact = force(rigid_sphere(RADIUS, (0, 0, RADIUS)), travel, points=3, **same)
     meshed = [force(ball(size, quadrilaterals=quadrilaterals), travel, **same) for size in sizes]
     errors = [np.linalg.norm(f - exact) / np.linalg.norm(exact) for f in meshed]

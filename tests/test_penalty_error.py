@@ -51,7 +51,7 @@ def blocks(penalty):
     scene.fix("lower_bottom")
     scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -2.0)
-    scene.contact("upper_bottom", "lower_top", 0.3, penalty=penalty, points="nodes", name="c")
+    scene.contact("upper_bottom", "lower_top", 0.3, penalty=penalty, points="corners", name="c")
     return scene, {}
 
 
@@ -132,7 +132,7 @@ def test_a_cost_above_a_percent_is_noted(tmp_path, capsys):
         printed = capsys.readouterr().err
         assert all(note in printed for note in notes[-1]) or COMM.rank > 0
     assert len(notes[0]) == 2 and not notes[1]
-    assert "contact 'c'" in notes[0][0] and "raise penalty_factor=" in notes[0][0]
+    assert "contact 'c'" in notes[0][0] and "Penalty(factor=...)" in notes[0][0]
 
 
 def test_a_pushed_tool_too_deep_by_a_percent_is_noted():

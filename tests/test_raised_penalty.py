@@ -11,6 +11,7 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Load,
+    Penalty,
     Scene,
     mooney_rivlin,
     neo_hooke,
@@ -70,7 +71,7 @@ def test_a_confined_block_is_held_where_it_should_be(tmp_path):
     np.testing.assert_allclose(depth, force / 4.0 / (100.0 * young * raised), rtol=1e-7)
 
 
-@pytest.mark.parametrize("typed", [{"penalty": 119.5}, {"penalty_factor": 100.0}])
+@pytest.mark.parametrize("typed", [{"penalty": 119.5}, {"penalty": Penalty(factor=100.0)}])
 def test_a_number_typed_is_not_changed(typed):
     scene, drive = confined(**typed)
     result = solve(scene, **drive, steps=2, progress=False).require()

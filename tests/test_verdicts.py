@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from fenics_contact import (
     Body,
     Displacement,
+    Penalty,
     Scene,
     SceneError,
     mooney_rivlin,
@@ -157,7 +158,7 @@ def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
     scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -press * min(t / 0.2, 1.0)))
     scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), drag * max(t - 0.2, 0.0)))
     scene.fix("zmax", "y")
-    scene.contact("zmin", rigid_plane(), friction, tangential_share=1.0, name="floor")
+    scene.contact("zmin", rigid_plane(), friction, penalty=Penalty(share=1.0), name="floor")
     return scene, {"smallest_step": smallest}
 
 

@@ -15,7 +15,7 @@ from fenics_contact.output.files import complete
 
 AXES = "xyz"
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
-STIFFER = "raise penalty_factor= or penalty= of the contact, or give it penetration=, a smaller one where it has one"
+STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
 SOME = ("augmentations", "limit_point")  # columns that only some runs have
 
 

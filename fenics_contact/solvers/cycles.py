@@ -6,6 +6,7 @@ from fenics_contact.assembly.finding import CYCLING, Finding, spot
 from fenics_contact.solvers.verdict import StepFailed
 
 LONGEST = 4  # period looked for
+CALMER = "take more steps, lower Penalty(share=...), or use points=3 (Gauss points)"
 TURNS = 2  # repetitions that make a cycle; one may be chance
 
 
@@ -56,4 +57,4 @@ class StatusWatch:
         points = [point for part in self.system.comm.allgather(here) for point in part]
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
         text = f"the status of {len(points)} points repeats every {period} iterations"
-        return Finding(CYCLING, text, place, "take more steps, lower tangential_share=, or use points=3 (Gauss points)")
+        return Finding(CYCLING, text, place, CALMER)

@@ -1,5 +1,6 @@
 """Rubber cylinder squeezed between frictionless plates, plane strain: force per depth against independent references."""
 
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.materials import mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
@@ -64,7 +65,7 @@ def cylinder(
     scene.fix("symmetry_z", "z")
     scene.fix(("front",) if free_end else ("front", "back"), "y")
     plate = rigid_plane((0, 0, radius), (0, 0, -1.0))
-    scene.contact("rim", plate, points=points, penalty_factor=factor, penetration=penetration or None, name="rim")
+    scene.contact("rim", plate, points=points, penalty=Penalty(factor=factor), penetration=penetration or None, name="rim")
     arc = {"until": Load(1.0)} if method == "arc_length" else {}
     result = solve(
         scene,

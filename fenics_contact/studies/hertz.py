@@ -6,6 +6,7 @@ load) or Flamant's (line load) folded with it.
 
 import numpy as np
 
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_cylinder, rigid_sphere
 from fenics_contact.materials import from_elastic
 from fenics_contact.mesh_io import read_gmsh
@@ -67,7 +68,7 @@ def hertz(tool, cells, degree, points, factor, method, steps, linear):
                 scene.prescribe(face, letter, lambda X, t, axis=axis: t * field(X)[:, axis])
     if tool != "sphere":
         scene.fix("ymax", "y")
-    scene.contact("zmax", shape, points=points, penalty_factor=factor, name="top")
+    scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
     result = solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False)
     force = -result.history[-1]["top_force_z_N"] if result.history else float("nan")
     return metrics(result, error=abs(force / exact - 1), value=force)

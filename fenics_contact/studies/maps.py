@@ -162,7 +162,7 @@ def studies(quick):
         "map_sliding": (
             blocks,
             {"per_step": [2.0] if quick else [0.5, 1.0, 2.0, 4.0], "lower_cells": [4] if quick else [2, 4, 8, 16]},
-            {"points": ["nodes", 3], "upper_cells": [6], "friction": [0.3], "drag": [4.0 if quick else 8.0]},
+            {"points": ["corners", 3], "upper_cells": [6], "friction": [0.3], "drag": [4.0 if quick else 8.0]},
         ),
     }
     return [Study(name, case, grid(**across, **up), limit=60.0, shared=True) for name, (case, across, up) in plans.items()]

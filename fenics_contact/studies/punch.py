@@ -1,5 +1,6 @@
 """Sharp square punch on a rubber plate with friction: force at 2 mm against the finest run of the same sweep."""
 
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_punch
 from fenics_contact.materials import mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
@@ -64,7 +65,7 @@ def punched_plate(cells, friction, points="nodes", factor=100.0, share=0.1, fill
     scene.fix("symmetry_y", "y")
     scene.fix("bottom", "z")
     tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10), fillet=fillet)
-    scene.contact("top", tool, friction, points=points, penalty_factor=factor, tangential_share=share,
+    scene.contact("top", tool, friction, points=points, penalty=Penalty(factor=factor, share=share),
                   penetration=penetration or None, name="top")  # fmt: skip
     return scene, tool
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.materials import mooney_paper
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
@@ -22,7 +23,7 @@ PANELS = {
     "mesh (cells around a quarter)": {
         "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
         "2 × 2 Gauss points": {"cells": [12, 24, 48], "points": [2]},
-        "slave nodes": {"cells": [12, 24, 48], "points": ["nodes"]},
+        "facet corners": {"cells": [12, 24, 48], "points": ["corners"]},
         "3 × 3, mixed element": {"cells": [12, 24, 48], "element": ["mixed"]},
     },
     "method (number of steps)": {
@@ -64,8 +65,8 @@ def tubes(cells, points, factor, penetration, element, method, steps, linear):
     scene.fix("symmetry_y", "y")
     scene.fix("ends", "z")
     scene.pressure("inner_inside", pressure)
-    scene.contact("inner_outside", "outer_inside", points=points, penalty_factor=factor, penetration=penetration or None,
-                  name="interface")  # fmt: skip
+    scene.contact("inner_outside", "outer_inside", points=points, name="interface",
+                  penalty=Penalty(factor=factor), penetration=penetration or None)  # fmt: skip
     until = {"until": Load(1.0)} if method == "arc_length" else {}
     result = solve(scene, method=method, steps=steps, linear=linear, progress=False, **until)
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on a symmetry plane
