@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import minimize
 
 from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, solve
-from fenics_contact.materials import moderate_pressure
+from fenics_contact.solid.materials import moderate_pressure
 from meshes import box, cook, sphere_shell
 
 OUT = Path("results/locking")

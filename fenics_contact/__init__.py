@@ -4,14 +4,14 @@ from fenics_contact import packages  # noqa: F401 - first, so that a missing mod
 from fenics_contact.contact.friction import coulomb
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
-from fenics_contact.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.units import Units
 from fenics_contact.run import Result, solve
-from fenics_contact.scene import Body, Scene, SceneError
+from fenics_contact.scene.scene import Body, Scene, SceneError
+from fenics_contact.scene.targets import Displacement, Load, Travel
+from fenics_contact.scene.tool_mesh import rigid_surface
+from fenics_contact.solid.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
 from fenics_contact.solvers.continuation import ArcSteps
-from fenics_contact.targets import Displacement, Load, Travel
-from fenics_contact.tool_mesh import rigid_surface
 
 __all__ = [
     "ArcSteps",

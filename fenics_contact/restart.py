@@ -4,11 +4,11 @@ from dataclasses import asdict
 
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
-from fenics_contact.checks import SceneError
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.files import prepare_folder, results_in, writing
+from fenics_contact.scene.fingerprint import first_difference
 from fenics_contact.solvers.verdict import Verdict
-from fenics_contact.statement import first_difference
+from fenics_contact.values import SceneError
 
 
 class Keeper:

@@ -9,8 +9,6 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
-from fenics_contact.checks import SceneError
-from fenics_contact.functions import number_of
 from fenics_contact.options import arc_steps, checkpoint_steps, load_times, refuse_shares
 from fenics_contact.output.files import clear_results, writing
 from fenics_contact.output.history import (
@@ -23,6 +21,10 @@ from fenics_contact.output.history import (
 )
 from fenics_contact.output.writer import Writer
 from fenics_contact.restart import Keeper, results_folder
+from fenics_contact.scene.build import build
+from fenics_contact.scene.fingerprint import statement
+from fenics_contact.scene.functions import number_of
+from fenics_contact.scene.targets import distances
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
@@ -35,10 +37,8 @@ from fenics_contact.solvers.penalty_error import penalty_error
 from fenics_contact.solvers.snes import Snes
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
-from fenics_contact.statement import statement
-from fenics_contact.targets import distances
 from fenics_contact.timing import Timers
-from fenics_contact.values import shown
+from fenics_contact.values import SceneError, shown
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
 
@@ -140,7 +140,8 @@ def solve(
     if out is not None and not isinstance(out, str | PathLike):
         raise SceneError(f"out = {shown(out)} must be the path of a folder")
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
-    system = scene.system(move, push, timers, stabilise, damping)
+    built = build(scene, move, push, timers, stabilise, damping)
+    system = built.system
     _refuse_nan(system, times)
     legs = [distances(end, scene, system) for end in (until, back) if end is not None]
     if continuation and not depends_on_load(system):
@@ -153,7 +154,7 @@ def solve(
     record = _Record(scene, system, folder, keeper, record, continuation, progress)
     setup = timers.table()["total"]
     verdict = record.verdict
-    record.remark([*scene.notes, *system.notes])
+    record.remark([*scene.notes, *built.notes])
     if continuation:
         path.follow(record, verdict)
     else:
@@ -317,7 +318,7 @@ def _summary(scene, system, solver, method, verdict, history):
             "degree": scene.degree,
             "element": scene.element,
             "materials": {body.group: body.material.name for body in scene.bodies},
-            "contacts": [_contact_summary(c, system) for c in system.contacts],
+            "contacts": [_contact_summary(c, system, scene.units) for c in system.contacts],
         },
         "sizes": {
             "cells": domain.topology.index_map(3).size_global,
@@ -334,8 +335,8 @@ def _summary(scene, system, solver, method, verdict, history):
             "symmetric": system.symmetric,
         },
         "limit_points": limit_points(history),
-        "stabilisation": _stabilisation(system),
-        "damping": _damping(system),
+        "stabilisation": _stabilisation(system, scene.units),
+        "damping": _damping(system, scene.units),
         "iterations": verdict.iterations,
         "corrections": verdict.corrections,
         "augmentations": verdict.augmentations,
@@ -353,17 +354,17 @@ def limit_points(history):
     return [{"step": row["step"], "t": row["t"], "kind": kinds[row["limit_point"]]} for row in found]
 
 
-def _stabilisation(system):
+def _stabilisation(system, units):
     """Largest energy left in the springs at the end of a step, also over the strain energy; {} where none were needed."""
     if system.grounding is None or not system.grounding.used:
         return {}
-    most, units = system.grounding.most, system.units
+    most = system.grounding.most
     return {f"energy_{units.force}{units.length}": most["energy"], "energy_share": most["energy_share"]}
 
 
-def _contact_summary(contact, system):
+def _contact_summary(contact, system, units):
     """What a reader must know of a contact: its edge, its penalties and its points. Collective."""
-    comm, units = system.comm, system.units
+    comm = system.comm
     low, high = (
         choose(comm.allgather(choose(contact.trial.law.eps_n, default=start)))
         for choose, start in ((min, np.inf), (max, 0.0))
@@ -380,10 +381,10 @@ def _contact_summary(contact, system):
     }
 
 
-def _damping(system):
+def _damping(system, units):
     """Number of jumps, the greatest work that damping took in one, and share of it and the strain energy left; or {}."""
     if system.damping is None:
         return {}
-    most, units = system.damping.most, system.units
+    most = system.damping.most
     work = {f"work_{units.force}{units.length}": most["work"], "work_share": most["work_share"]}
     return {"jumps": most["jumps"]} | work

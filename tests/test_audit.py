@@ -1,5 +1,7 @@
 """The audit of a tangent: right on every block of scenes in contact, and wrong where a tangent is spoilt."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -78,16 +80,18 @@ def test_a_spoilt_tangent_is_caught(result, law, monkeypatch):
     system = result.system
     kind = law if law in ("solid", "pressure") else "floor"
     term = next(term for term in system.terms if term.name == kind)
-    right = term.add_tangent
+    right = term.tangent
 
-    def spoilt(state, matrix, border):
-        right(state, matrix, border)
-        codes = {"normal": 1, "stick": 2, "slip": 3}
-        held = term.statuses()[term.surface.area.ravel() > 0.0] if kind == "floor" else np.array([])
-        if kind != "floor" or COMM.allreduce(int((held == codes[law]).sum())):
-            right(state, matrix, None) if kind == "floor" else right(state, matrix, border)
+    def spoilt(state, trial=None):
+        blocks = right(state, trial)
+        if kind != "floor":
+            return replace(blocks, forms=2 * blocks.forms)
+        codes, (nodes, values) = {"normal": 1, "stick": 2, "slip": 3}, blocks.cells
+        held = term.response(state, trial).status[(trial or term.trial).area > 0.0]
+        twice = COMM.allreduce(int((held == codes[law]).sum())) > 0
+        return replace(blocks, cells=(nodes, 2.0 * values)) if twice else blocks
 
-    monkeypatch.setattr(term, "add_tangent", spoilt)
+    monkeypatch.setattr(term, "tangent", spoilt)
     audit = result.audit()
     wrong = [block.name for block in audit.blocks if not block.right]
     assert not audit.right and "WRONG" in str(audit)

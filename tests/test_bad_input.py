@@ -24,6 +24,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
+from fenics_contact.scene.build import build
 from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -489,7 +490,7 @@ def test_a_start_overlapped(mesh, out, kind):
         return scene
 
     name = "joint" if kind == "pair" else "top"
-    assert scene(0.04).system().notes == []
+    assert build(scene(0.04)).notes == []
     result = solved(scene(0.4), out=None)
     assert result.converged
     notes = [note for note in result.summary["verdict"]["notes"] if "starts" in note]

@@ -9,8 +9,9 @@ import ufl
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from fenics_contact import compat, materials, virtual_power
+from fenics_contact import compat
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.solid import materials, virtual_power
 from meshes import box
 
 pytestmark = pytest.mark.serial

@@ -11,8 +11,9 @@ from mpi4py import MPI
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
-from fenics_contact import compat, materials, virtual_power
+from fenics_contact import compat
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.solid import materials, virtual_power
 from meshes import box
 
 pytestmark = pytest.mark.serial

@@ -60,8 +60,8 @@ class CondensedPressure(FormTerm):
 
     condensed = True
 
-    def __init__(self, name, residual, tangent, forms, u, pressure, predicted, dilatation, symmetric=True):
-        super().__init__(name, residual, tangent, symmetric)
+    def __init__(self, name, residual, tangent, forms, u, pressure, predicted, dilatation, laws=()):
+        super().__init__(name, residual, tangent, laws=laws)
         self.pressure, self._predicted, self._dilatation = pressure, predicted, dilatation
         self._forms, q, v = forms, pressure.function_space, u.function_space
         self._coupling = CellBlocks(forms["coupling"], q, v)

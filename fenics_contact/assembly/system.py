@@ -21,15 +21,19 @@ class System:
 
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
     tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(least=0.0): None, or the Finding
-    that names the place where J is no more than `least`; bodies: (name, local nodes) of each group of bonded bodies;
-    contacts: those of the terms that are.
+    that names the place where J is no more than `least`; contacts: those of the terms that are; holds: Holds; grounding,
+    damping: those of the terms that are, or None; reach: largest length of which gaps are differences, if it is larger than
+    the bodies [length]; bulk_over_shear: the largest of the bodies, what slows an iterative solver.
     """
 
     def __init__(
-        self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, bodies=(), contacts=(), timers=None
-    ):
+        self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, *, contacts=(), holds=None,
+        grounding=None, damping=None, reach=0.0, bulk_over_shear=1.0, timers=None,
+    ):  # fmt: skip
         self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
-        self.set_loads, self.check, self.bodies, self.contacts = set_loads, check, bodies, contacts
+        self.set_loads, self.check, self.contacts, self.holds = set_loads, check, contacts, holds
+        self.bodies = holds.bodies if holds else []  # (name, local nodes) of each group of bonded bodies
+        self.grounding, self.damping, self.bulk_over_shear = grounding, damping, bulk_over_shear
         self.timers = timers or Timers()
         self.space = state.u.function_space
         self.comm = lasting(self.space.mesh.comm)
@@ -43,17 +47,18 @@ class System:
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
-        self.bulk_over_shear = 1.0  # the largest of the bodies: what slows an iterative solver
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0
         self.extent = bodies_size(self.space)
-        self.reach = self.extent  # largest length of which gaps are differences, tools' radii among them
+        self.reach = max(self.extent, reach)
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [contact for contact in contacts if contact.foresees]
         self._linearised = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
+        if grounding:
+            grounding.bind(self)
 
     def _new_matrix(self):
         matrix = self._pattern.matrix(np.concatenate(self._couplings))

@@ -79,13 +79,13 @@ class FormTerm:
     """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear).
 
     Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
-    confuses the values of two rules in one kernel.
+    confuses the values of two rules in one kernel. laws: of a solid, by body, what its Cauchy stress comes from.
     """
 
     condensed = False
 
-    def __init__(self, name, residual, tangent=None, symmetric=True):
-        self.name, self.symmetric = name, symmetric
+    def __init__(self, name, residual, tangent=None, symmetric=True, laws=()):
+        self.name, self.symmetric, self.laws = name, symmetric, laws
         self._residuals = [compat.compile_form(form) for form in _listed(residual)]
         self._tangents = [CellForm(form) for form in _listed(tangent)]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern

@@ -4,8 +4,8 @@ import numpy as np
 import ufl
 
 from fenics_contact import compat
-from fenics_contact import virtual_power as vp
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.solid import virtual_power as vp
 
 # How much a point is held, by its status code: the order in which a node's points of different status are averaged.
 _RANK_OF_STATUS = np.empty(4)
@@ -50,7 +50,7 @@ class Fields:
         self._centre_J = compat.cell_evaluator(scene.mesh.domain, ufl.det(vp.deformation_gradient(u)), centre)
         self._centre_stress = [
             (self._cells(body), compat.cell_evaluator(scene.mesh.domain, vp.cauchy_stress(law, u), centre))
-            for body, law in zip(scene.bodies, self.system.stress_laws, strict=True)
+            for body, law in zip(scene.bodies, self.system.terms[0].laws, strict=True)
         ]
 
     def _cells(self, body):

@@ -2,13 +2,13 @@
 
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
-from fenics_contact.materials import mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene import Body, Scene
+from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.targets import Load
+from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.runner import Study, expand, metrics
-from fenics_contact.targets import Load
 from meshes import disc
 
 # (radius mm, a1, a2, K MPa, squeeze in all mm, force N/mm): classical Mooney-Rivlin, references of other codes

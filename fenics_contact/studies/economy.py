@@ -3,14 +3,14 @@
 from petsc4py import PETSc
 
 from fenics_contact.contact.tools import rigid_punch
-from fenics_contact.materials import from_elastic, mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene import Body, Scene
+from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.tool_mesh import rigid_surface
+from fenics_contact.solid.materials import from_elastic, mooney_rivlin
 from fenics_contact.studies import cylinder as cylinders
 from fenics_contact.studies.charts import savings
 from fenics_contact.studies.runner import Study, metrics
-from fenics_contact.tool_mesh import rigid_surface
 from meshes import box, two_blocks
 
 # a rubber plate bonded to the ground, of which a quarter is 40 x 40 x 10 mm, under a punch of 40 x 40 mm

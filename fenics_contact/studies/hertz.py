@@ -8,10 +8,10 @@ import numpy as np
 
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_cylinder, rigid_sphere
-from fenics_contact.materials import from_elastic
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene import Body, Scene
+from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.solid.materials import from_elastic
 from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.exact import boussinesq, flamant, under_hertz
 from fenics_contact.studies.runner import Study, expand, metrics

@@ -3,10 +3,10 @@
 import numpy as np
 
 from fenics_contact.contact.tools import rigid_plane
-from fenics_contact.materials import mooney_paper, mooney_rivlin
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene import Body, Scene
+from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.solid.materials import mooney_paper, mooney_rivlin
 from fenics_contact.studies.controls import CONTROLS, MULTIPLIERS
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate

@@ -4,14 +4,14 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.materials import mooney_paper
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene import Body, Scene
+from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.targets import Load
+from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, work_precision
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.runner import Study, expand, metrics, of_curve
-from fenics_contact.targets import Load
 from meshes import tubes as tube_mesh
 
 INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa

@@ -240,8 +240,10 @@ def refuse_jumps(scene, system):
                 f"move of '{tool.name}' is {travel} at t = 0, where all is at rest; let its function start from 0, and "
                 "state the tool in the place where it starts"
             )
-    loads = [("body force" if group is None else f"traction on '{'+'.join(group)}'", path) for group, path in scene.loads]
-    loads += [(f"pressure on '{'+'.join(group)}'", path) for group, path in scene.pressures]
+    loads = [
+        ("body force" if load.group is None else f"traction on '{'+'.join(load.group)}'", load.path) for load in scene.loads
+    ]
+    loads += [(f"pressure on '{'+'.join(load.group)}'", load.path) for load in scene.pressures]
     loads += [(f"push of '{tool.name}'", lambda t, i=i: system.tools.forces(t)[i]) for i, tool in enumerate(scene.tools)]
     sizes = [(what, *(np.abs(path(t)).max() for t in (0.0, 0.5, 1.0))) for what, path in loads]
     return [

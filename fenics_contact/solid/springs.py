@@ -3,9 +3,9 @@
 import ufl
 
 from fenics_contact import compat
-from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.size import bodies_size
-from fenics_contact.materials import young
+from fenics_contact.solid import virtual_power as vp
+from fenics_contact.solid.materials import young
 
 
 def springs(space, bodies, dx, u):

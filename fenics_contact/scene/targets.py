@@ -4,9 +4,9 @@ import functools
 from dataclasses import dataclass
 
 from fenics_contact import compat
-from fenics_contact.checks import AXES, SceneError
 from fenics_contact.contact.tools import Tool
-from fenics_contact.functions import number_of
+from fenics_contact.scene.checks import AXES, SceneError
+from fenics_contact.scene.functions import number_of
 from fenics_contact.values import axis_letters, finite, function, group_names, shown
 
 

@@ -6,8 +6,8 @@ import ufl
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact import virtual_power as vp
 from fenics_contact.assembly.finding import INVERTED, Finding, spot
+from fenics_contact.solid import virtual_power as vp
 
 
 class VolumeRatio:

@@ -18,11 +18,12 @@
 import numpy as np
 import ufl
 
-from fenics_contact import compat, materials
-from fenics_contact import virtual_power as vp
+from fenics_contact import compat
 from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.term import FormTerm
-from fenics_contact.checks import SceneError
+from fenics_contact.solid import materials
+from fenics_contact.solid import virtual_power as vp
+from fenics_contact.values import SceneError
 
 ELEMENTS = ("displacement", "reduced", "mixed")
 # K / mu above which an element of degree 1 without treatment is refused: Cook's membrane then loses 28 % of its deflection
@@ -84,10 +85,10 @@ def _linear_pressure(mesh, degree):
 
 
 def solid_term(element, u, parts, loads_power, degree):
-    """The term of a solid under dead loads, and its stress laws.
+    """The term of a solid under dead loads.
 
     parts: [(material, dx)] of the bodies, dx(quadrature degree) their measure; loads_power(v): the loads' virtual power.
-    Returns the term and, per body, the material whose cauchy_stress is the element's.
+    Its laws are, per body, the material whose cauchy_stress is the element's.
     """
     space = u.function_space
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
@@ -103,7 +104,7 @@ def solid_term(element, u, parts, loads_power, degree):
     powers = [sum(vp.stress_power(material, u, v, dx) for material, dx in rule) for rule in rules]
     rates = [sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in rule) for rule in rules]
     powers[0] -= loads_power(v)
-    return FormTerm("solid", powers, rates), [material for material, _ in parts]
+    return FormTerm("solid", powers, rates, laws=[material for material, _ in parts])
 
 
 def _mixed(u, v, du, parts, loads_power, degree):
@@ -130,8 +131,8 @@ def _mixed(u, v, du, parts, loads_power, degree):
     ahead = [(materials.with_pressure(material, value(predicted)), dx) for material, dx in measured]
     power = sum(vp.stress_power(material, u, v, dx) for material, dx in stressed)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in ahead)
-    term = CondensedPressure("solid", power - loads_power(v), rate, forms, u, pressure, predicted, dilatation)
-    return term, [material for material, _ in stressed]
+    laws = [material for material, _ in stressed]
+    return CondensedPressure("solid", power - loads_power(v), rate, forms, u, pressure, predicted, dilatation, laws)
 
 
 def pressure_space(mesh, degree):

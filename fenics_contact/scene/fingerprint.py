@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fenics_contact.materials import sampled_energy
+from fenics_contact.solid.materials import sampled_energy
 
 TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # at which functions of t are sampled
 SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
@@ -28,10 +28,10 @@ def statement(scene, system, method, recorded):
         out[f"energy of '{body.group}'"] = sampled_energy(body.material)
     for name, samples in system.supports.sampled(TIMES).items():
         out[f"support of {name}"] = samples
-    for i, (group, path) in enumerate(scene.loads):
-        out[f"load {i + 1} on {'+'.join(group or ('all bodies',))}"] = _sampled(path)
-    for i, (group, path) in enumerate(scene.pressures):
-        out[f"pressure {i + 1} on {'+'.join(group)}"] = _sampled(path)
+    for i, load in enumerate(scene.loads):
+        out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = _sampled(load.path)
+    for i, load in enumerate(scene.pressures):
+        out[f"pressure {i + 1} on {'+'.join(load.group)}"] = _sampled(load.path)
     for i, tool in enumerate(scene.tools):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
         out[f"move of '{tool.name}'"] = _sampled(lambda t, i=i: system.tools.prescribed(t)[i])

@@ -6,7 +6,7 @@ With tau = J sigma, h = grad v F^-1 and dOmega = J dX the power of the stresses 
 
 import ufl
 
-from fenics_contact.materials import Isotropic
+from fenics_contact.solid.materials import Isotropic
 
 
 def deviator(A):

@@ -1,0 +1,49 @@
+"""What drives a scene: supports, and tools that are moved or pushed, from what the user stated of them."""
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.supports import Supports, ToolMotion
+from fenics_contact.contact.tools import Tool
+from fenics_contact.scene.functions import AtPoints, ramp
+from fenics_contact.values import SceneError, shown
+
+
+def supports_of(mesh, space, statements):
+    """Supports from Support statements, checked. Collective."""
+    X, keys = space.tabulate_dof_coordinates(), node_keys(space)
+    entries, names = [], []
+    for stated in statements:
+        group, axis, value = stated.group, stated.axis, stated.value
+        blocks = compat.locate_blocks(space, mesh.facets(*group))
+        name = f"{'+'.join(group)} along {'xyz'[axis]}"
+        if callable(value):
+            value = AtPoints(mesh.comm, f"prescribed displacement of {name}", value, keys[blocks], X[blocks])
+        entries.append((3 * blocks + axis, value))
+        names.append(name)
+    supports = Supports(entries, 3 * space.dofmap.index_map.size_local, names)
+    conflicts = [c for c in mesh.comm.allgather(supports.conflict) if c]
+    if conflicts:
+        raise SceneError(f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}")
+    return supports
+
+
+def motion_of(comm, tools, move, push):
+    """ToolMotion of tools, each at rest, moved by {tool: way} or pushed by {tool: force}, see `build`. Collective."""
+    for what, drive in (("move", move), ("push", push)):
+        if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):
+            raise SceneError(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key")
+    for tool in [*move, *push]:
+        if tool not in tools:
+            raise SceneError(f"tool '{tool.name}' is moved or pushed but is in no contact")
+    paths, forces, free = [], [], []
+    for tool in tools:
+        if tool in move and tool in push:
+            raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
+        paths.append(ramp(comm, move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
+        forces.append(ramp(comm, push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
+        free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
+        if tool in push and not free[-1].any():
+            raise SceneError(f"push of '{tool.name}' has no force in any direction")
+    return ToolMotion(paths, forces, free, [tool.name for tool in tools])

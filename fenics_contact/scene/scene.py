@@ -1,0 +1,160 @@
+"""The user's vocabulary: bodies, supports, loads and contacts, each checked as it is stated."""
+
+import ufl
+
+from fenics_contact import compat
+from fenics_contact.contact.friction import Friction
+from fenics_contact.contact.penalties import Penalty
+from fenics_contact.contact.tools import RigidTool, Tool
+from fenics_contact.output.units import Units
+from fenics_contact.scene.build import build, master_name
+from fenics_contact.scene.checks import AXES, refuse_inside, refuse_numbers, refuse_pair, refuse_twice, refuse_volumes, sides
+from fenics_contact.scene.functions import ramp
+from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
+from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
+from fenics_contact.solid.volume_ratio import VolumeRatio
+from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, shown
+
+
+class Scene:
+    """Bodies of one mesh with their supports, loads and contacts.
+
+    degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; element: "displacement", or
+    "mixed" for nearly incompressible rubber, see `elements`; accept_locking: compute even where the element is known to
+    lock; units: names for the output.
+    """
+
+    def __init__(self, *bodies, degree=1, element="displacement", accept_locking=False, units=Units()):  # noqa: B008 - frozen
+        if not bodies or not all(isinstance(body, Body) for body in bodies):
+            raise SceneError(f"a scene needs at least one Body, Scene(Body(...), Body(...)), not {shown(bodies)}")
+        if not is_number(degree) or degree not in (1, 2):
+            raise SceneError(f"degree = {shown(degree)}: displacements of degree 1 and 2 are supported")
+        if not isinstance(units, Units):
+            raise SceneError(f'units = {shown(units)}: give Units("mm", "N", "MPa") with names of your own')
+        self.mesh = bodies[0].mesh
+        if any(body.mesh is not self.mesh for body in bodies):
+            raise SceneError("all bodies of a scene live in one mesh: give them as named volumes of one gmsh model")
+        refuse_volumes(self.mesh, [body.group for body in bodies])
+        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
+        laws = {body.group: body.material for body in bodies}
+        refuse_element(element, degree, tetrahedra, laws, accept_locking)
+        self.notes = locking_notes(degree, tetrahedra, laws)
+        self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
+        self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
+        self.contacts, self.loads, self.pressures, self.supports = [], [], [], []
+
+    # -- statements -----------------------------------------------------------------------------------------------
+    def fix(self, group, axis="xyz"):
+        """No displacement of a surface along the axes named, e.g. axis="x" for a symmetry plane."""
+        for letter in axis_letters(axis, f"fix '{group}'"):
+            self.prescribe(group, letter, 0.0)
+
+    def prescribe(self, group, axis, value):
+        """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
+
+        The function may give one number for all; X (n, 3): reference positions of all nodes of the surface, on every rank.
+        """
+        axis_letters(axis, f"prescribe '{group}'", most=1)
+        what = f"prescribed displacement of '{group}' along {axis}"
+        value = function(value, what, "value(X, t)") if callable(value) else float(finite(value, what))
+        self._facets(group)
+        self.supports.append(Support(group_names(group), AXES[axis], value))
+
+    def traction(self, group, vector):
+        """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
+        refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
+        self.loads.append(Load(group_names(group), ramp(self.mesh.comm, vector, f"traction on '{group}'")))
+
+    def pressure(self, group, value):
+        """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
+
+        value: reached at t = 1, or a function of t.
+        """
+        refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
+        self.pressures.append(Load(group_names(group), ramp(self.mesh.comm, value, f"pressure on '{group}'", ())))
+
+    def body_force(self, vector):
+        """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
+        self.loads.append(Load(None, ramp(self.mesh.comm, vector, "body force")))
+
+    def contact(
+        self,
+        slave: str | tuple[str, ...],
+        master: Tool | str | tuple[str, ...],
+        friction: float | Friction = 0.0,
+        *,
+        penalty: float | Penalty | None = None,
+        points: int | str | None = None,
+        penetration: float | None = None,
+        name: str | None = None,
+    ) -> None:
+        """Contact of a surface (or a tuple of surfaces) with a rigid tool, or with the surface (or surfaces) of a body.
+
+        Of two bodies make the softer or finer meshed one the slave: its points are held out of the master's facets.
+        friction: Coulomb's mu, or `coulomb(...)` for one that depends on the pressure, or for a shear limit.
+        penalty: a number [pressure/length] or a `Penalty`; by default from the stiffness beneath each slave point, raised
+        where points sink in too far.
+        points: Gauss points per direction of each facet, which look along its normal; "corners" of the facets, which look so
+        too; or "nodes", which look for the closest point on the master (the paper): right on tools, which have one normal at
+        a place, and on a body where it is smooth, for the force jumps at the edges of its facets. By default nodes on an
+        analytic tool, 3 on a body or a meshed tool.
+        penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
+        step: multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with
+        one point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone.
+        name: of its columns, by default of slave and master.
+        """
+        slave, master = sides(slave, master)
+        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
+        if points is None:
+            nodes = isinstance(master, RigidTool) and not (tetrahedra and self.degree == 2)
+            points = "nodes" if nodes else (3 if penetration is None or isinstance(master, RigidTool) else 1)
+        name = f"{'+'.join(slave)} on {master_name(master)}" if name is None else name
+        friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
+        contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
+        refuse_pair(contact, self.contacts, self.degree, tetrahedra)
+        for side in (slave, master):
+            if not isinstance(side, Tool):
+                refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
+        refuse_twice(self.mesh, contact, self.contacts)
+        self.contacts.append(contact)
+
+    @property
+    def tools(self):
+        """The rigid tools of all contacts, each once, in order of appearance."""
+        masters = [contact.master for contact in self.contacts]
+        return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
+
+    def _facets(self, group):
+        try:
+            facets = self.mesh.facets(*group_names(group))
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+        if self.mesh.comm.allreduce(len(facets)) == 0:
+            raise SceneError(f"surface '{group}' has no facets; give it some in the gmsh script")
+        return facets
+
+    # -- construction ---------------------------------------------------------------------------------------------
+    def system(self, move=None, push=None, timers=None, stabilise=False, damping=False):
+        """The System of this scene, see `build`."""
+        return build(self, move, push, timers, stabilise, damping).system
+
+    def dx(self, body, degree=None):
+        """Integral over a body, exact to `degree` (by default the element's full integration)."""
+        degree = quadrature_degree(self.degree) if degree is None else degree
+        measure = ufl.Measure(
+            "dx", domain=self.mesh.domain, subdomain_data=self.mesh.cell_tags, metadata={"quadrature_degree": degree}
+        )
+        return measure(self.mesh.volume_tag(body.group))
+
+    def ds(self, group):
+        measure = ufl.Measure(
+            "ds",
+            domain=self.mesh.domain,
+            subdomain_data=self.mesh.facet_tags,
+            metadata={"quadrature_degree": quadrature_degree(self.degree)},
+        )
+        return measure(self.mesh.surface_tags(*group_names(group)))
+
+    def volume_ratio(self, u):
+        """J = det F of a displacement."""
+        return VolumeRatio(self.mesh, self.bodies, self.degree, u)

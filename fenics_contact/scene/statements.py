@@ -1,0 +1,61 @@
+"""What a scene is stated with, checked and then never changed: bodies, supports, loads, contacts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fenics_contact.contact.friction import Friction
+from fenics_contact.contact.penalties import Penalty
+from fenics_contact.contact.tools import Tool
+from fenics_contact.mesh_io import NamedMesh
+from fenics_contact.solid.materials import Hyperelastic, Isotropic
+from fenics_contact.values import SceneError, shown, text
+
+
+@dataclass(frozen=True)
+class Body:
+    """A named volume of a mesh and the strain energy of its material."""
+
+    mesh: NamedMesh
+    group: str
+    material: Isotropic | Hyperelastic
+
+    def __post_init__(self):
+        text(self.group, "body: its volume group")
+        if not isinstance(self.mesh, NamedMesh):
+            raise SceneError(f"body '{self.group}': its mesh must be one that read_gmsh gave, not {shown(self.mesh)}")
+        if not isinstance(self.material, Isotropic | Hyperelastic):
+            raise SceneError(
+                f"body '{self.group}': its material must be a law with its moduli, e.g. neo_hooke(mu, K), not "
+                f"{shown(self.material)}"
+            )
+
+
+@dataclass(frozen=True)
+class ContactStatement:
+    """A contact as stated: master is a tool, or the surfaces of a body."""
+
+    name: str
+    slave: tuple[str, ...]
+    master: Tool | tuple[str, ...]
+    friction: Friction
+    penalty: Penalty
+    points: int | str
+    penetration: float | None
+
+
+@dataclass(frozen=True)
+class Support:
+    """Displacement of surfaces along an axis 0 ... 2: a number reached at t = 1 [length], or a function value(X, t)."""
+
+    group: tuple[str, ...]
+    axis: int
+    value: float | Callable
+
+
+@dataclass(frozen=True)
+class Load:
+    """A dead traction on surfaces [pressure], a pressure that follows them, or, without surfaces, a force on all bodies
+    [force/length^3]: path(t)."""
+
+    group: tuple[str, ...] | None
+    path: Callable
