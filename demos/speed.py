@@ -28,7 +28,7 @@ from mpi4py import MPI
 from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_punch
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.contact.pairing import Pairing, seek_closest
-from fenics_contact.contact.term import contact_elements
+from fenics_contact.kernels.rigid_element import contact_elements
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton

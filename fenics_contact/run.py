@@ -147,8 +147,8 @@ def solve(
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
-    stepper = _stepper(method, solver, tolerance, system)
-    path = Path(system, stepper, arcs, legs) if continuation else None
+    plain, stepper = _stepper(method, solver, tolerance, system)
+    path = Path(system, plain, stepper, arcs, legs) if continuation else None
     stated = statement(scene, system, method, record) if every else None
     keeper = Keeper(folder, system, path or stepper, stated, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record, continuation, progress)
@@ -278,24 +278,23 @@ def _refuse_nan(system, times):
 
 
 def _stepper(method, solver, tolerance, system):
+    """The method's stepper, and the same with all that corrects its states."""
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
-    stepper = STEPPERS[method](solver, **options)
-    if system.stabilised and isinstance(stepper, ArcLength | Incremental):
+    plain = STEPPERS[method](solver, **options)
+    steady = not isinstance(plain, ArcLength | Incremental)
+    if system.stabilised and not steady:
         raise SceneError(
             f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
             "choose one of these"
         )
-    if system.damping and isinstance(stepper, ArcLength | Incremental):
+    if system.damping and not steady:
         raise SceneError(
             f"damping= belongs to methods 'newton' and 'snes', not '{method}'; leave it out, or choose one of these"
         )
-    if isinstance(stepper, ArcLength):
-        return stepper  # it minds multipliers and penalties itself
-    if isinstance(stepper, Newton):
-        stepper = Softened(stepper)
-    springs = None if isinstance(stepper, Incremental) else system.grounding
+    stepper = Softened(plain) if isinstance(plain, Newton) else plain
     stepper = Augmented(stepper) if system.augmented else stepper
-    return Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
+    springs = system.grounding if steady else None
+    return plain, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
 
 
 def _summary(scene, system, solver, method, verdict, history):

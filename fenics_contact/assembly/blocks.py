@@ -56,6 +56,8 @@ class Border:
 
 def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:
     """Add a term's blocks to the matrix, to be assembled afterwards, and to the border where there are tools."""
+    for form in blocks.forms:
+        form.add(matrix)
     if blocks.cells is not None and len(blocks.cells[0]):
         nodes, values = blocks.cells
         matrix.setValuesBlockedLocalRCV(nodes, nodes, values, addv=True)

@@ -279,9 +279,7 @@ class System:
         for term in self.terms if terms is None else terms:
             with self.timers("bulk tangent"):
                 blocks = term.tangent(self.state, (trials or {}).get(term))
-                for form in blocks.forms:
-                    form.add(self.matrix)
-            with self.timers("insertion"):
+            with self.timers("bulk tangent" if blocks.forms else "insertion"):
                 insert(blocks, self.matrix, self.border)
             self._linearised[term] = blocks.at
         with self.timers("insertion"):

@@ -38,7 +38,9 @@ def statement(scene, system, method, recorded):
         out[f"push of '{tool.name}'"] = _sampled(lambda t, i=i: system.tools.forces(t)[i])
         out[f"free axes of '{tool.name}'"] = plain(system.tools.free[i])
     for stated, term in zip(scene.contacts, system.contacts, strict=True):
-        parts = vars(stated) | {"master": term.master_name, "slave points": comm.allreduce(term.surface.points)}
+        parts = vars(stated) | {f"penalty {key}": value for key, value in vars(stated.penalty).items()}
+        del parts["penalty"]
+        parts |= {"master": term.master_name, "slave points": comm.allreduce(term.surface.points)}
         out |= {f"contact '{stated.name}', {key}": plain(value) for key, value in parts.items()}
     return out
 

@@ -9,12 +9,11 @@ load so far and at first their rate, makes the path's extent in load and in disp
 of either kind, and corners of the load-displacement diagram show.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from fenics_contact.assembly.system import TOLERANCE
-from fenics_contact.solvers.augmented import AUGMENTATIONS, augment, forgo, raise_penalties
 from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
 from fenics_contact.solvers.newton import (
     SHORTEST,
@@ -56,14 +55,12 @@ class Increment:
         return out
 
 
-@dataclass
-class Arrival:
-    """A converged state not yet accepted: its arc length from the last one, increment, path's rate there, report."""
+@dataclass(frozen=True)
+class Arc:
+    """Where a step is to end: at this length from the last accepted state, first along the unit rate of the path there."""
 
     length: float
-    increment: Increment
     rate: Increment
-    report: ArcReport = field(default_factory=ArcReport)
 
 
 class ArcLength:
@@ -135,53 +132,48 @@ class ArcLength:
         return (rate, tool_rate, supports, moved), size
 
     # -- one step -------------------------------------------------------------------------------------------------
-    def step(self, system, length, rate):
-        """Carry the system from its committed state along an arc of `length`, first along the unit `rate`.
+    def step(self, system, arc):
+        """Carry the system from its committed state along an Arc; ArcReport, or StepFailed if it does not get there."""
+        _advance(system, arc.rate.times(arc.length))
+        return self.settle(system, arc)
 
-        Multipliers and penalties change with the arc held, so that there is a balance also where a given load has none.
-        """
-        report, raised = ArcReport(), []
-        try:
-            return self._arrive(system, length, rate, report, raised)
-        except StepFailed as failure:
-            if not raised:
-                raise
-            forgo(system, raised, report, failure)
-            return self._arrive(system, length, rate, report, [])
-
-    def _arrive(self, system, length, rate, report, raised):
-        total = _advance(system, rate.times(length))
-        before, allowed = relative_residual(system, followed=True), report.iterations + self.limit
+    def settle(self, system, arc):
+        """Into balance on the Arc from the present state, e.g. after its multipliers have changed: with the arc held there
+        is a balance also where a given load has none."""
+        report, before = ArcReport(), relative_residual(system, followed=True)
         while True:
             side, size = self._load_side(system)
             report.iterations += 1
             report.residuals.append(size)
+            if balanced(system, size, self.tolerance):
+                return report
+            if report.iterations >= self.limit:
+                raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
             try:
-                if balanced(system, size, self.tolerance):
-                    changed = system.augmented and augment(system, report, AUGMENTATIONS)
-                    if not changed:
-                        changed = raise_penalties(system, report)
-                        raised += changed
-                    if not changed:
-                        return Arrival(length, total, self._rate_along(system, side, total), report)
-                    before, allowed = relative_residual(system, followed=True), report.iterations + self.limit
-                    continue
-                if report.iterations >= allowed:
-                    raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
-                correction = self._correction(system, side, total, length, _forcing(size))
+                correction = self._correction(system, side, arc.length, _forcing(size))
             except LinearFailure as failure:
                 raise StepFailed(*failure.args) from None
-            made, before = _shorten(system, _advance(system, correction), before)
-            total.add(made)
+            before = _shorten(system, _advance(system, correction), before)
 
-    def _rate_along(self, system, side, total):
+    def made(self, system):
+        """Increment from the last accepted state to the present one."""
+        u, travel = system.committed
+        du = system.new_vector()
+        du.array[:] = (system.state.u.x.array - u)[: du.getLocalSize()]
+        return Increment(du, system.state.travel - travel, system.state.t - system.committed_t)
+
+    def rate_along(self, system):
         """Unit rate of the path at a converged state, pointing the way it was reached."""
-        rate = self._raw_rate(system, side)
-        return rate.times(np.copysign(1.0 / self.norm(rate), self.dot(rate, total)))
+        try:
+            rate = self._raw_rate(system, self._load_side(system)[0])
+        except LinearFailure as failure:
+            raise StepFailed(*failure.args) from None
+        return rate.times(np.copysign(1.0 / self.norm(rate), self.dot(rate, self.made(system))))
 
-    def _correction(self, system, side, total, length, tolerance):
+    def _correction(self, system, side, length, tolerance):
         """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
         system.assemble_tangent()
+        total = self.made(system)
         resting = np.zeros(len(system.supports.dofs)), np.zeros_like(total.dq)
         balance = (system.residual_vector, system.tool_residual, *resting)
         (du, dq), (du_t, dq_t) = self.linear.solve_sides([balance, side], tolerance)
@@ -216,7 +208,7 @@ def _advance(system, increment, share=1.0):
 def _shorten(system, made, before):
     """Where a correction does not lower the out-of-balance force, halve it while that helps, as in a load step.
 
-    The next correction leads back onto the arc. Returns what was made of it and the share of the force left.
+    The next correction leads back onto the arc. Returns the share of the force left.
     """
     share, size = 1.0, _finite_residual(system)
     while size > before and share > SHORTEST:
@@ -229,7 +221,7 @@ def _shorten(system, made, before):
         share, size = 0.5 * share, shorter
     if not np.isfinite(size):
         raise StepFailed("an element turned inside out")
-    return made, size
+    return size
 
 
 def depends_on_load(system):

@@ -23,23 +23,24 @@ class Augmented:
     a hundred with the default penalty. Where more points are held than the facets can follow, multipliers that press on
     nothing grow until the needless points let go, which takes tens of augmentations. An augmentation that the stepper
     cannot solve is taken in part. Where that does not help in smaller steps either, and where the augmentations run out, the
-    step ends in the balanced state with the smallest error, and says what that is. stepper: Newton, Snes or Incremental;
-    limit: largest number of augmentations of a step.
+    step ends in the balanced state with the smallest error, and says what that is. stepper: Newton, Snes, Incremental or
+    ArcLength; limit: largest number of augmentations of a step. goal: where a step is to end, as the stepper takes it: t, or
+    an Arc.
     """
 
     def __init__(self, stepper, limit=AUGMENTATIONS):
         self.stepper, self.limit = stepper, limit
         self._failed = 0.0, 0  # t that attempts have started from, and their number
 
-    def step(self, system, t):
-        """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        return self._augment(system, t, self.stepper.step(system, t))
+    def step(self, system, goal):
+        """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
+        return self._augment(system, goal, self.stepper.step(system, goal))
 
-    def settle(self, system, t):
-        """Into balance at t from the present state, after penalties have changed."""
-        return self._augment(system, t, self.stepper.settle(system, t))
+    def settle(self, system, goal):
+        """Into balance at the goal from the present state, after penalties have changed."""
+        return self._augment(system, goal, self.stepper.settle(system, goal))
 
-    def _augment(self, system, t, report):
+    def _augment(self, system, goal, report):
         best = None
         while True:
             report.misfits.append(system.misfit())
@@ -55,7 +56,7 @@ class Augmented:
                 return best.accept(system, report, failure)
             report.augmentations += 1
             try:
-                report.add(self._advance(system, t, report) if balanced else self.stepper.settle(system, t))
+                report.add(self._advance(system, goal, report) if balanced else self.stepper.settle(system, goal))
             except StepFailed as failure:
                 start, count = self._failed
                 self._failed = system.committed_t, count + 1 if start == system.committed_t else 1
@@ -63,13 +64,13 @@ class Augmented:
                     raise
                 return best.accept(system, report, failure)
 
-    def _advance(self, system, t, report):
+    def _advance(self, system, goal, report):
         """Augment and solve again; in part, from the same place, where that fails. Returns the report of the solve."""
         place = _Place(system, report)
         for share in SHARES:
             system.augment(share)
             try:
-                return self.stepper.settle(system, t)
+                return self.stepper.settle(system, goal)
             except StepFailed as failure:
                 if share == SHARES[-1] or failure.finding.kind in NO_HELP:
                     raise
@@ -80,12 +81,13 @@ class _Place:
     """A state within a step that is in balance, its multipliers and what it leaves of the error."""
 
     def __init__(self, system, report):
-        self.u, self.travel = system.state.u.x.array.copy(), system.state.travel.copy()
+        self.t, self.u, self.travel = system.state.t, system.state.u.x.array.copy(), system.state.travel.copy()
         self.multipliers = [(contact, contact.trial) for contact in system.augmented]
         self.misfit, self.residual = report.misfits[-1], report.residuals[-1]
 
     def take(self, system):
         system.release()
+        system.begin_step(self.t)
         system.state.u.x.array[:], system.state.travel[:] = self.u, self.travel
         for contact, trial in self.multipliers:
             contact.take(trial)
@@ -116,48 +118,31 @@ def _exhausted(report, limit):
     return StepFailed(text, TOO_SOFT, remedy=remedy)
 
 
-def augment(system, report, limit):
-    """Let a state's multipliers grow where that is needed: False, or True where it has to be solved again.
-
-    A state far from balance, as an incremental step leaves it where points have closed, is solved again as it is.
-    """
-    report.misfits.append(system.misfit())
-    if report.misfits[-1] <= 1.0:
-        return False
-    if report.augmentations == limit:
-        raise _exhausted(report, limit)
-    if report.residuals[-1] <= BALANCED:
-        system.augment()
-    report.augmentations += 1
-    return True
-
-
 class Adapted:
     """Default penalties that are raised, and the step solved again, where slave points sink in too far.
 
-    Where a step cannot be solved with greater penalties it is taken with those there were. stepper: Newton, Snes,
-    Incremental or Augmented.
+    Where a step cannot be solved with greater penalties it is taken with those there were. stepper: as in Augmented, or one.
     """
 
     def __init__(self, stepper):
         self.stepper = stepper
 
-    def step(self, system, t):
-        """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        return self._adapt(system, t, self.stepper.step)
+    def step(self, system, goal):
+        """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
+        return self._adapt(system, goal, self.stepper.step)
 
-    def settle(self, system, t):
-        """Into balance at t from the present state, which is near the committed one."""
-        return self._adapt(system, t, self.stepper.settle)
+    def settle(self, system, goal):
+        """Into balance at the goal from the present state, which is near the committed one."""
+        return self._adapt(system, goal, self.stepper.settle)
 
-    def _adapt(self, system, t, solve):
-        report = solve(system, t)
+    def _adapt(self, system, goal, solve):
+        report = solve(system, goal)
         while raised := raise_penalties(system, report):
             try:
-                report.add(self.stepper.settle(system, t))
+                report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
                 forgo(system, raised, report, failure)
-                report.add(self._adapt(system, t, solve))
+                report.add(self._adapt(system, goal, solve))
                 return report
         return report
 

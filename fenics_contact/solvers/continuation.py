@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
-from fenics_contact.solvers.arc_length import Increment
+from fenics_contact.solvers.arc_length import Arc, ArcReport, Increment
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -34,15 +34,25 @@ class ArcSteps:
     turn: float = 0.3
 
 
+@dataclass
+class Arrival:
+    """A converged state not yet accepted: its arc length from the last one, increment, path's rate there, report."""
+
+    length: float
+    increment: Increment
+    rate: Increment
+    report: ArcReport
+
+
 class Path:
     """Continuation of a system: accepted steps, limit points located, each leg's end on one of its targets.
 
-    steps: ArcSteps; legs: list of {words: function () -> distance of the state from a target, which changes its sign
-    there}. After each leg but the last the path is followed back.
+    arc: ArcLength; stepper: it, with what corrects its states; steps: ArcSteps; legs: list of {words: function () ->
+    distance of the state from a target, which changes its sign there}. After each leg but the last it is followed back.
     """
 
-    def __init__(self, system, arc, steps, legs):
-        self.system, self.arc, self.steps, self.legs = system, arc, steps, legs
+    def __init__(self, system, arc, stepper, steps, legs):
+        self.system, self.arc, self.stepper, self.steps, self.legs = system, arc, stepper, steps, legs
         self.reached = []  # the targets that ended the legs so far, in words
         self.begun = False  # whether a step of the present leg has been accepted
         self.highest = self.furthest = 0.0  # largest |t| and displacement [length] accepted
@@ -179,10 +189,10 @@ class Path:
         self.spans = {name: max(self.spans.get(name, 0.0), abs(gap)) for name, gap in self.gaps.items()}
 
     def _arrive(self, length, rate):
-        arrival = self.arc.step(self.system, length, rate)
+        report = self.stepper.step(self.system, Arc(length, rate))
         if wrong := self.system.objection():
             raise StepFailed.of(wrong)
-        return arrival
+        return Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system), report)
 
     def _growth(self, report, turned):
         """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""

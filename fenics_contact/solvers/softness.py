@@ -3,6 +3,7 @@
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
@@ -186,10 +187,9 @@ def fold_ahead(system, states=None):
 
 def _unloaded_stiffness(system, mode):
     """Rayleigh quotient of a motion in the undeformed bodies, contacts and loads away."""
-    solid = system.terms[0]
     system.state.u.x.array[:] = 0.0
     system.matrix.zeroEntries()
-    solid.add_tangent(system.state, system.matrix, None)
+    insert(system.terms[0].tangent(system.state), system.matrix, None)
     system.matrix.assemble()
     force = system.matrix.createVecLeft()
     system.matrix.mult(mode.du, force)
