@@ -123,3 +123,25 @@ def test_a_plate_stays_where_a_punch_leaves_it(friction):
     assert any("nothing held body 'box'" in note for note in result.verdict.notes)
     # friction holds some of what slid while it was pressed
     assert np.abs(u).max(initial=0.0) < (1e-6 if friction == 0.0 else 0.05)
+
+
+@pytest.mark.parametrize("points", ["nodes", 2])
+@pytest.mark.parametrize("pair", [False, True])
+def test_what_is_drawn_in_contact_touches_and_does_not_pull(points, pair):
+    """Surfaces drawn with hardly a gap between them are closed at first; opened by as much they let go."""
+    far = 2e-12  # a hundred times the round-off of these coordinates
+    if pair:
+        mesh = read_gmsh(two_blocks.build, lower_cells=(3, 3, 1), upper_cells=(2, 2, 1), upper_origin=(5.0, 5.0, far))
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        scene.fix("lower_bottom")
+        scene.contact("upper_bottom", "lower_top", 0.3, points=points)
+        system, above = scene.system(None, None), 0.0
+    else:
+        scene = block(far, 0.3)
+        system, above = scene.system(None, None), -1.0
+    contact, u = system.contacts[0], system.state.u.x.array.reshape(-1, 3)
+    contact.evaluate(system.state)
+    assert (contact.status != 0).all() and not contact.traction.any()
+    u[scene.space.tabulate_dof_coordinates()[:, 2] > above + 0.5 * far, 2] += far
+    contact.evaluate(system.state)
+    assert (contact.status == 0).all() and not contact.traction.any()

@@ -13,7 +13,7 @@ from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import MeshedTool
-from fenics_contact.contact.trial import Anchors, Floats, Ints, Response, Trial
+from fenics_contact.contact.trial import DRAWN, Anchors, Floats, Ints, Response, Trial
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import (
     add_forces,
@@ -70,6 +70,7 @@ class FacetPartner:
     foresees = True
     grounded = False
     softens = False
+    reach = 0.0
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
     def __init__(self, name: str, surface: SlaveSurface, facets, master: MasterSurface | ToolSurface, space, timers: Timers):
@@ -197,7 +198,7 @@ class FacetPartner:
         coords, points, _ = feet.placed
         facet, kind, gap, anchor_nodes = feet.projection[0], feet.projection[1], feet.projection[4], trial.history.anchors[0]
         gaps = trial.judged if len(trial.judged) else gap + trial.history.shift.reshape(-1)
-        now = (gaps <= trial.law.touch) & (kind != NONE), facet, anchor_nodes
+        now = (gaps <= 2.0 * trial.law.touch) & (kind != NONE), facet, anchor_nodes
         if self._pattern.suffices(*now):
             return None
         with self.timers("search"):
@@ -323,7 +324,9 @@ class FacetPartner:
         reach = self.search + np.sqrt(3.0) * moved
         if reach > FIRST_SEARCH * self.search:
             far, before = self._far(now.placed, reach), self._far(then.placed, reach)
-            gaps = np.where((before[1] != NONE) & (before[4] > -trial.law.touch), np.minimum(gaps, far[4]), gaps)
+            gaps = np.where(
+                (before[1] != NONE) & (before[4] > -DRAWN * self.surface.cell_height), np.minimum(gaps, far[4]), gaps
+            )
         return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
 
     def back_share(self, state: State) -> float:

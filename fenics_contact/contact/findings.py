@@ -8,7 +8,7 @@ import numpy as np
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.trial import Floats, Response
+from fenics_contact.contact.trial import DRAWN, Floats, Response
 from fenics_contact.kernels.status import OPEN
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def objection(contact: Contact, state: State) -> Finding | None:
     penetrations are too small for a number beside the coordinates. Collective."""
     comm, trial = state.u.function_space.mesh.comm, contact.trial
     depth = contact.partner.lost_depth(state, trial)
-    if depth > trial.law.touch:
+    if depth > DRAWN * contact.surface.cell_height:
         text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
         remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
         return Finding(LOST, text, f"contact '{contact.name}'", remedy)

@@ -37,6 +37,7 @@ class RigidPartner:
     def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int):
         self.surface, self.tool, self.index = surface, tool, index
         self.name, self.edge = tool.name, tool.edge
+        self.reach = tool.reach
         self.softens = tool.edge != "sharp"
         self.smooth = tool.edge != "sharp"  # have frictionless forces a potential?
         self._feet: RigidFeet | None = None

@@ -6,6 +6,7 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.system import ROUNDED
 from fenics_contact.assembly.term import State
 from fenics_contact.contact import findings
 from fenics_contact.contact.friction import allowed, coulomb
@@ -14,13 +15,10 @@ from fenics_contact.contact.multipliers import Multipliers
 from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.penalties import LARGEST, Penalties
 from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import PRESENT, Bools, Floats, History, Ints, Law, Response, Trial
+from fenics_contact.contact.trial import DRAWN, PRESENT, Bools, Floats, History, Ints, Law, Response, Trial
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.timing import Timers
-
-# Gaps up to this fraction of a cell's height count as touching: surfaces drawn in contact carry round-off gaps.
-TOUCH = 1e-10
 
 
 class Contact:
@@ -49,7 +47,7 @@ class Contact:
     ):
         self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
         self.tolerance = tolerance
-        law = Law(*penalties, friction, TOUCH * surface.cell_height)
+        law = Law(*penalties, friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, adapts), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.no_anchors()
@@ -63,7 +61,22 @@ class Contact:
         self.symmetric = not self.rough and partner.smooth
         self._last: tuple | None = None  # feet, trial and response of the last evaluation
         self.remarked = False
-        self.response(state)  # the first call of a kernel loads or compiles it
+        self._close_drawn_gaps(state)
+
+    def _round_off(self, state: State) -> float:
+        """Gap [length] up to which a point counts as closed: what the last places of its coordinates make.
+
+        One that is closed with a greater gap would pull, and its partners rub: what nothing holds would creep.
+        """
+        far = max(state.u.function_space.mesh.comm.allgather(np.abs(self.surface.X).max(initial=0.0)))
+        return ROUNDED * (far + self.partner.reach)
+
+    def _close_drawn_gaps(self, state: State) -> None:
+        """Take the gaps that surfaces drawn in contact carry at the first state out of all gaps to come."""
+        gap = self.response(state).gap
+        shift = np.where((gap > 0.0) & (gap <= DRAWN * self.surface.cell_height), -gap, 0.0)
+        self.accepted = self.trial = self.trial.remembering(shift=shift)
+        self.response(state)
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def response(self, state: State, trial: Trial | None = None) -> Response:

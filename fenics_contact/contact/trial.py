@@ -16,12 +16,14 @@ Bools = NDArray[np.bool_]
 Anchors = tuple[NDArray[Any], ...]
 
 PRESENT: Floats = np.empty(0)
+# Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
+DRAWN = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Penalties eps_n, eps_t (ne,) [pressure/length] of the slave elements, Friction, and the gap [length] up to which a
-    point touches."""
+    """Penalties eps_n, eps_t (ne,) [pressure/length] of the slave elements, Friction, and touch [length]: gaps up to it are
+    round-off and closed, slips up to it are none."""
 
     eps_n: Floats
     eps_t: Floats

@@ -18,7 +18,8 @@ ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative, whe
 # |T_T| <= shear [pressure], 0: no such limit.
 Friction = namedtuple("Friction", "mu reference exponent shear")
 FRICTIONLESS = Friction(0.0, 1.0, 0.0, 0.0)
-# Penalties eps_N, eps_T [pressure/length]; Friction, none where there is no anchor; a gap up to touch [length] is closed.
+# Penalties eps_N, eps_T [pressure/length]; Friction, none where there is no anchor; touch [length]: gaps up to it are
+# round-off and closed, slips up to it are none.
 Law = namedtuple("Law", "eps_n eps_t friction touch")
 # press: the gap and its multiplier over eps_N [length], by which the point presses; decides: what tells open from closed
 # and stick from slip, press itself or the press that Newton's last solve foresaw (contact/deformable.py).
