@@ -5,6 +5,11 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact.assembly.grounding import SHARE
+from fenics_contact.solvers.held import LONGEST, Following, Held
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.verdict import StepFailed
 from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -123,6 +128,52 @@ def test_a_plate_stays_where_a_punch_leaves_it(friction):
     assert any("nothing held body 'box'" in note for note in result.verdict.notes)
     # friction holds some of what slid while it was pressed
     assert np.abs(u).max(initial=0.0) < (1e-6 if friction == 0.0 else 0.05)
+
+
+class Stumbling(Newton):
+    """Newton's method that fails where the springs are softer than at first, after it has pressed the bodies together."""
+
+    def __init__(self, system):
+        super().__init__(LinearSolver(system))
+        self.calls = 0
+
+    def step(self, system, t):
+        return self.settle(system, t)
+
+    def settle(self, system, t):
+        self.calls += 1
+        if system.grounding.share >= SHARE:
+            return super().settle(system, t)
+        system.begin_step(t)
+        system.state.u.x.array.reshape(-1, 3)[:, 2] -= 1e-2
+        system.assemble_residual()
+        raise StepFailed("stumbled")
+
+
+def test_the_first_step_takes_springs_where_what_failed_pressed():
+    """Nothing pressed before, though the iterate that failed does."""
+    system = block(0.0, 0.3, 0.0).system(None, None)
+    report = Held(Following(Stumbling(system))).step(system, 1.0)
+    assert "nothing held body 'box' (stumbled)" in report.notes[0] and system.grounding.engaged
+
+
+def test_springs_that_are_too_soft_to_solve_with_become_stiffer():
+    """A block that falls with a constant pull: the springs soften, Newton's method fails, and they go on as they were."""
+    system = block(10.0, 0.3, 0.01).system(None, None, stabilise=True)
+    stepper = Stumbling(system)
+    report = Following(stepper).step(system, 1.0)
+    assert stepper.calls == report.augmentations + 2  # the first solve, and the one that failed
+    contact = system.contacts[0]
+    np.testing.assert_allclose(contact.measures(system.state, COMM)["force"][2], 0.08, rtol=2e-7)
+
+
+def test_springs_that_would_pull_too_long_are_given_up_at_once():
+    """A block that flies off: by the softest springs that can be solved with it would be for ever on its way."""
+    system = block(1.0, 0.3, -1e-6).system(None, None, stabilise=True)
+    stepper = Stumbling(system)
+    with pytest.raises(StepFailed, match="springs of the stabilisation still pull"):
+        Following(stepper).step(system, 1.0)
+    assert stepper.calls < 10 < LONGEST
 
 
 @pytest.mark.parametrize("points", ["nodes", 2])

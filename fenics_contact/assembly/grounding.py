@@ -1,5 +1,7 @@
 """Stabilisation of bodies and tools that nothing holds yet: soft springs whose far ends follow until they pull no more."""
 
+import numpy as np
+
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.spring_term import SpringTerm
@@ -7,19 +9,21 @@ from fenics_contact.assembly.spring_term import SpringTerm
 SHARE = 1e-2  # stiffness of the springs over E V / L^2 of a body of volume V and size L: a hundredth of its own
 SOFTER = 0.25  # change of stiffness where the springs pull as before: nothing has been met yet
 LEAST = 1e-6  # of that stiffness
+FAR = 10.0  # sizes of the bodies: no gap is wider
 
 
 class Grounding(SpringTerm):
     """Springs to u_0, at first the last accepted state.
 
     Within a load step u_0 follows u, solve by solve, until the springs pull less than ALLOWED of the largest force
-    (proximal point iteration, Rockafellar 1976, doi:10.1137/0314056): what balances then is the scene without them.
+    (proximal point iteration, Rockafellar 1976, doi:10.1137/0314056): what balances then is the scene without them. It
+    may do so with any stiffness: springs that pull as before become softer, those too soft for Newton's method stiffer.
     always: asked for by the user, in every step; else in those alone for which `engaged` is set.
     """
 
     def __init__(self, springs, free, always):
         super().__init__("stabilisation", *springs, free)
-        self._pull, self._left, self._engaged = None, 0.0, False
+        self._pull, self._left, self._engaged, self._softest = None, 0.0, False, LEAST * SHARE
         self.always, self.used = always, False
         self.most = {"energy": 0.0, "energy_share": 0.0}  # largest of all accepted steps, [force length]
 
@@ -41,22 +45,44 @@ class Grounding(SpringTerm):
     def rollback(self):
         if self._pull is not None:
             self._left = self._pull
-        self._pull, self.share = None, SHARE if self._engaged else 0.0
+        self._pull, self.share, self._softest = None, SHARE if self._engaged else 0.0, LEAST * SHARE
         self.begin(*self._system.committed)
 
     def pull(self, state):
-        """Pull of the springs over the largest force, over what is allowed. Collective."""
+        """Pull of the springs over what is allowed, a share of the largest force or round-off. Collective."""
         force, _ = self.spent(state)
-        largest = max(self._system.forces, self._system.force_scale)
-        pull = force / (largest * ALLOWED) if largest > 0.0 else 0.0
+        allowed = max(ALLOWED * max(self._system.forces, self._system.force_scale), self._system.noise)
+        pull = force / allowed if allowed > 0.0 else 0.0
         self._before, self._pull = self._pull, pull
         return pull
 
     def follow(self, state):
         """Let the far ends go to where the state is, with softer springs where these pulled as before."""
         if self._before is not None and self._pull > 0.5 * self._before:
-            self.share = max(SOFTER * self.share, LEAST * SHARE)
+            self.share = max(SOFTER * self.share, self._softest)
         self.begin(state.u.x.array, state.travel)
+
+    def ahead(self, state):
+        """Solves that it takes at the rate of the last one until they pull no more, or until bodies and tools have gone FAR,
+        on which they may meet something; 0 where the springs may still become softer. Collective."""
+        if self._before is None or self.share > self._softest:
+            return 0.0
+        fading = np.log(self._pull) / np.log(self._before / self._pull) if self._before > self._pull else np.inf
+        gone, way = self._way(state, *self._system.committed), self._way(state, self._reference.x.array, self._travel)
+        left = FAR * self._system.extent - gone
+        return min(fading, left / way if left > 0.0 < way else np.inf)
+
+    def _way(self, state, u, travel):
+        """Largest motion [length] of a body or a tool from a displacement (local array) and a travel. Collective."""
+        way = max(self._system.comm.allgather(np.abs(state.u.x.array - u).max(initial=0.0)))
+        return max(way, np.abs(state.travel - travel).max(initial=0.0))
+
+    def stiffen(self):
+        """Take stiffer springs, and no softer ones within this step; False where they are as stiff as at first."""
+        if self.share >= SHARE:
+            return False
+        self.share = self._softest = min(self.share / SOFTER, SHARE)
+        return True
 
     def commit(self, state):
         if not self._engaged:
@@ -64,7 +90,7 @@ class Grounding(SpringTerm):
         energy, elastic = 0.5 * self.spent(state)[1], self.strain_energy(state)
         share = energy / elastic if elastic > 0.0 else 0.0
         self.most = {"energy": max(energy, self.most["energy"]), "energy_share": max(share, self.most["energy_share"])}
-        self._pull, self.share = None, SHARE
+        self._pull, self.share, self._softest = None, SHARE, LEAST * SHARE
         self.begin(state.u.x.array, state.travel)
 
     def trouble(self, state):

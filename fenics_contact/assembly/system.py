@@ -47,6 +47,7 @@ class System:
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual = np.zeros((len(tools), 3))
+        self.forces = 0.0  # largest norm of a single term, reactions included, at the state assembled last
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
         self._accepted_stiffness = 0.0
@@ -228,7 +229,7 @@ class System:
         """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
         if not self.holds.reliant:
             return set()
-        least = ALLOWED * max(self.forces, self.force_scale)
+        least = max(ALLOWED * max(self.forces, self.force_scale), self.noise)
         return set(self.holds.loose(lambda contact: contact.holding(self.state, least)))
 
     def adrift(self):
