@@ -26,6 +26,7 @@ NOTHING = 1e-10  # of Young's modulus: a pressure of round-off
 DEEP = 0.05  # of a cell's height: where a penetration must be said
 SMOOTH = 1e-6  # of the force: what more steps may change where the path does not matter; steps end at 1e-8
 ROUGH = 0.02  # of the force: the same with friction
+USED, FAINT = 0.9, 0.01  # of mu p: friction that is used up; of the largest pressure: where a point presses
 LEAST = 1e-3  # of E d^2: what a tool must press with, by d inside where the body was; a ball's law is 4/3 E* d^1.5 R^0.5
 JUMPS = ("jump", "snap", "branch")  # words of notes after which the path decides where it ends
 COSTS = 0.03  # of the force: what penalties may change it where a note says that they were raised, or how much they cost
@@ -92,7 +93,7 @@ class Run:
 
     def __init__(self, s, finer=1):
         scene, self.tool, options = build(s)
-        self.s, self.scene, self.probe = s, scene, Probe(scene, s.young * s.pressure)
+        self.s, self.scene, self.probe = replace(s, steps=finer * s.steps), scene, Probe(scene, s.young * s.pressure)
         if finer != 1:
             options["steps"] = times(s, finer)
         if s.options.get("method") == "arc_length":
@@ -224,7 +225,7 @@ def differs(s, run):
     one, most = run.at_ends(), run.most
     more = Run(s, 2)
     if not more.result.converged:
-        return unhelped(replace(s, steps=2 * s.steps), more.verdict, "with twice the steps")
+        return unhelped(more, "with twice the steps")
     if any(r.said(*JUMPS) for r in (run, more)):
         return []
     change = np.abs(more.at_ends() - one).max() / most
@@ -238,7 +239,7 @@ def differs(s, run):
         return [f"twice the steps change the force by {change:.1e}"]
     again = Run(s, 4)
     if not again.result.converged:
-        return unhelped(replace(s, steps=4 * s.steps), again.verdict, "with four times the steps")
+        return unhelped(again, "with four times the steps")
     left = np.abs(again.at_ends() - more.at_ends()).max() / most
     if left <= bound or left < 0.7 * change or again.said(*JUMPS):
         return []
@@ -248,6 +249,17 @@ def differs(s, run):
 # -- verdicts ---------------------------------------------------------------------------------------------------------
 def with_options(s, **options):
     return replace(s, options=s.options | options)
+
+
+def by_arc_length(s):
+    """By arc length, which knows neither springs nor damping."""
+    left = {name: value for name, value in s.options.items() if name not in ("stabilise", "damping")}
+    return replace(s, options=left | {"method": "arc_length", "until": Load(1.0)})
+
+
+def moved(s):
+    """What pushes moved instead, by a way of about the same strains."""
+    return replace(s, path={"push": "press", "push aside": "drag"}.get(s.path, s.path))
 
 
 def more_cells(s):
@@ -266,7 +278,9 @@ ACTIONS = {
     "raise penalty": lambda s: replace(s, penalty_factor=500.0),
     "raise the penalty": lambda s: replace(s, penalty_factor=500.0),
     "mesh the place more finely": more_cells,
-    "arc length": lambda s: with_options(s, method="arc_length", until=Load(1.0)),
+    "arc length": by_arc_length,
+    "instead of pushing": moved,
+    "in place of the load": moved,
     "raise friction=": lambda s: replace(s, friction=2.0 * s.friction),
     "symmetry plane": lambda s: replace(s, axes="xy"),
 }
@@ -277,37 +291,53 @@ def possible(s, verdict):
     return not (verdict.kind == "friction used up" and s.aside > s.friction)
 
 
-def cured(s, verdict, depth=2):
+def used_up(run):
+    """Whether friction is all that Coulomb allows wherever the contacts that a verdict names press. Collective."""
+    ends = []
+    for contact in run.system.contacts:
+        if f"'{contact.name}'" in run.verdict.place:
+            pressure, along = contact.split_traction(run.system.state)
+            peak = max(COMM.allgather(pressure.max(initial=0.0)))
+            pressing, size = pressure > FAINT * peak, np.linalg.norm(along, axis=2)
+            held = (size < USED * contact.friction.mu * pressure)[pressing].any()
+            ends.append(peak > NOTHING * run.probe.young and not any(COMM.allgather(bool(held))))
+    return bool(ends) and all(ends)
+
+
+def cured(run, depth=2):
     """(class, what was done, what is still wrong in words) of a verdict whose remedy is done, where need be that of the
     next verdict too."""
+    s, verdict, ends = run.s, run.verdict, []
     if not verdict.remedy:
         return "unclear", "", verdict.reason
+    if verdict.kind == "friction used up" and not used_up(run):
+        return "wrong", "", f"friction is not used up: {verdict.reason}"
     if not possible(s, verdict):
         return "impossible", "", ""
-    ends = []
     for words, action in ACTIONS.items():
-        if words in verdict.remedy:
-            changed = action(s)
-            try:
-                run = Run(changed)
-            except SceneError as error:
-                ends.append(f"{words}: {error}")
-                continue
-            if run.result.converged:
-                found = wrongs(run)
-                return ("wrong" if found else "cured"), words, "; ".join(found)
-            ends.append(f"{words}: {run.verdict.reason}")
-            if run.verdict.kind != verdict.kind and depth > 1:
-                kind, done, left = cured(changed, run.verdict, depth - 1)
-                if kind in ("cured", "impossible", "wrong"):
-                    return kind, f"{words}, {done}", left
+        if words not in verdict.remedy or (words == "raise friction=" and not s.pushed):
+            continue  # what slides along a tool that moves has an answer with the friction stated
+        changed = action(s)
+        try:
+            again = Run(changed)
+        except SceneError as error:
+            ends.append(f"{words}: {error}")
+            continue
+        if again.result.converged:
+            found = wrongs(again)
+            return ("wrong" if found else "cured"), words, "; ".join(found)
+        ends.append(f"{words}: {again.verdict.reason}")
+        if again.verdict.kind != verdict.kind and depth > 1:
+            kind, done, left = cured(again, depth - 1)
+            if kind in ("cured", "impossible", "wrong"):
+                return kind, f"{words}, {done}", left
     return "uncured", "", "; ".join(ends)
 
 
-def unhelped(s, verdict, where):
+def unhelped(run, where):
     """Nothing, or in words that a verdict is neither true of the statement nor cured by its remedy."""
-    kind, _, left = cured(s, verdict)
-    return [] if kind in GOOD else [f"{where}: {verdict.reason} || {kind}: {left}"]
+    kind, _, left = cured(run)
+    return [] if kind in GOOD else [f"{where}: {run.verdict.reason} || {kind}: {left}"]
 
 
 # -- judgement --------------------------------------------------------------------------------------------------------
@@ -328,7 +358,7 @@ def judge(seed, thorough=True):
             found = differs(s, run)
         out |= {"class": "wrong" if found else "converged", "says": "; ".join(found)}
     else:
-        out["class"], out["by"], left = cured(s, run.verdict)
+        out["class"], out["by"], left = cured(run)
         out["says"] = run.verdict.reason + (f" || {left}" if left else "")
     return out | {"seconds": round(time.perf_counter() - start, 1), "notes": run.verdict.notes}
 

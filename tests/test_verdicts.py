@@ -24,6 +24,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead
 from fenics_contact.studies.punch import punched_plate
 from meshes import box, dome, two_blocks
@@ -189,6 +190,15 @@ def dragged_by_force(friction=0.3, drive="force"):
     return scene, {}
 
 
+def between_plates():
+    """A block between a rough floor and a rough lid that is drawn over it: nothing but the friction of both holds it."""
+    scene = cube(cells=(3, 3, 2), size=(4.0, 4.0, 2.0))
+    scene.contact("zmin", rigid_plane(), 0.3, name="floor")
+    lid = rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="lid")
+    scene.contact("zmax", lid, 0.3, name="top")
+    return scene, {"move": {lid: lambda t: (2.0 * max(t - 0.2, 0.0), 0, -0.5 * min(t, 0.2))}}
+
+
 def two_in_one_group():
     """Two blocks that nothing joins, as one volume group."""
     two_blocks.build(lower_cells=(4, 4, 1), upper_cells=(3, 3, 1), upper_origin=(5.0, 10.0, 1.0))
@@ -352,6 +362,18 @@ def test_only_what_is_free_is_named():
 def test_what_topples_is_not_to_be_stabilised():
     verdict = failed("toppling").verdict
     assert "turns about y" in verdict.reason and "stabilise" not in verdict.reason
+
+
+@pytest.mark.parallel
+def test_what_slides_along_a_tool_is_not_pushed_beyond_balance():
+    """No load does work on the block: it has an answer with the friction stated, once damping lets it slide."""
+    scene, drive = between_plates()
+    system = solve(scene, steps=10, progress=False, **drive).require().system
+    found = sliding(system)
+    assert found.kind == "friction used up" and "no load pushes it" in found.reason and "damping=True" in found.remedy
+    assert found.place == "contact 'floor', contact 'top'"
+    pushed = sliding(failed("too great a push").system)
+    assert "a greater push has no balance" in pushed.reason and "raise friction=" in pushed.remedy
 
 
 @pytest.mark.parallel

@@ -4,16 +4,19 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import RIGID_MOTION, SLIDES, Finding
-from fenics_contact.solvers.motions import resistance, rigid_motions
+from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
+from fenics_contact.solvers.softness import damping
 
 # A motion is free where its nodes resist it, each by itself, a million times more than all together. Squared: sums of
 # products know it to 1e-16, and what holds a body least, one corner in contact among n nodes, gives 1/n.
 FREE = 1e-12
-# Of what it resists where all points stick: a motion that keeps less without friction is held by friction.
+# Of what it resists where all points stick: a motion that keeps less without some friction is held by that alone.
 HELD = 0.1
 # Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
 # cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
 USED_UP = 0.99
+PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 
 
@@ -118,28 +121,53 @@ def sliding(system):
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     if not rough:
         return None
+    grips = {contact: system.comm.allreduce(np.array(contact.grip(system.state))) for contact in rough}
+    least = ALLOWED * max(system.forces, system.force_scale)
+    used = [contact for contact, (taken, most) in grips.items() if taken > USED_UP * most > USED_UP * least]
+    if not used:
+        return None
     motions = rigid_motions(system)
-    smooth, stuck = (_energies(system, rough, motions, friction) for friction in (0.0, ENDLESS))
+    smooth, stuck = (_energies(system, rough, motions, {contact: 0.0 for contact in some}) for some in (used, []))
     values, vectors = _lowest(smooth, stuck)
     held = vectors[:, np.abs(values) < HELD]
     if not held.size:
         return None
     parts = _parts(motions, held)
-    contacts = [contact for contact in _contacts_of(system, {name for name, _ in parts}) if contact in rough]
-    grips = [contact.grip(system.state) for contact in contacts]
-    taken, most = system.comm.allreduce(np.sum(grips, axis=0)) if grips else (0.0, 0.0)
-    if not taken > USED_UP * most > 0.0:
-        return None
+    contacts = [contact for contact in _contacts_of(system, {name for name, _ in parts}) if contact in used]
+    taken, most = np.sum([grips[contact] for contact in contacts], axis=0)
     names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
-    text = f"friction alone holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}; a greater push has no balance"
+    text = f"friction alone holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
+    if not _pushed(system, motions, held):
+        ways = damping(system)
+        return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, ways[0]) if ways else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
-    return Finding(SLIDES, text, where, remedy)
+    return Finding(SLIDES, f"{text}; a greater push has no balance", where, remedy)
 
 
-def _energies(system, rough, motions, friction):
-    """Work of motions with each other's resistance if these contacts had another coefficient of friction. Collective."""
-    system.assemble_tangent(trials={contact: contact.trial.with_friction(friction) for contact in rough})
+def _pushed(system, motions, held):
+    """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
+    shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
+    loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
+    forces = Motion(system.new_vector(), -system.tools.forces(system.state.t))
+    loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
+    return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
+
+
+def _works(system, terms, motions):
+    """Work (len(motions),) of the forces of terms on motions. Collective."""
+    local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
+    for term in terms:
+        term.add_residual(system.state, local, tools)
+    force = Motion(system.border_vector(local), system.comm.allreduce(tools))
+    return np.array([motion.dot(force) for _, motion, _ in motions])
+
+
+def _energies(system, rough, motions, frictions):
+    """Work of motions with each other's resistance if rough contacts had other coefficients of friction: endless ones, but
+    for those of `frictions`. Collective."""
+    trials = {contact: contact.trial.with_friction(frictions.get(contact, ENDLESS)) for contact in rough}
+    system.assemble_tangent(trials=trials)
     matrix = supported(system)
     forces = [resistance(system, motion, matrix) for _, motion, _ in motions]
     return np.array([[motion.dot(force) for force in forces] for _, motion, _ in motions])
