@@ -1,10 +1,15 @@
 """Jumps of the load path, a snap and a blade that lets go: damped motion carries the bodies to where they rest."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_surface, solve
+from fenics_contact.solvers import control
+from fenics_contact.solvers.newton import StepReport
+from fenics_contact.solvers.verdict import StepFailed
 from meshes import box, dome, tool_surfaces
 
 pytestmark = pytest.mark.parallel
@@ -126,3 +131,43 @@ def test_where_a_jump_ends_multipliers_have_taken_over():
     assert result.column("damping_work_Nmm").any()
     # deepest point, slip in stick and pressure across a gap, over 1e-4 mm
     assert result.column("misfit").max() <= 1.0
+
+
+class Creeping:
+    """A system, and its stepper, that no step carries on, only a jump."""
+
+    damping, terms, committed_t = True, (), 0.0
+
+    def __init__(self, rests):
+        self.state, self.rests, self.jumps, self.steps = SimpleNamespace(t=0.0), rests, [], 0
+
+    def step(self, system, t):
+        self.steps += 1
+        raise StepFailed("stumbled")
+
+    def jump(self, system, goal, stepper):
+        self.jumps.append(goal - self.committed_t)
+        if not self.rests:
+            raise StepFailed("damped motion did not come to rest")
+        self.state.t = goal
+        return StepReport(residuals=[0.0], work=1.0)
+
+    def commit(self):
+        self.committed_t = self.state.t
+
+    def rollback(self):
+        pass
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_jumps_grow_where_they_come_to_rest_and_end_where_they_do_not(monkeypatch, rests):
+    system = Creeping(rests)
+    monkeypatch.setattr(control, "jump", system.jump)
+    monkeypatch.setattr(control, "diagnose", lambda _, failure, goal: failure.finding)
+    verdict = control.run(system, system, [1.0], lambda *_: None)
+    assert verdict.converged == rests
+    if rests:  # four halvings before the first, none after it
+        assert system.steps == 4 + len(system.jumps) and len(system.jumps) <= 6
+        assert all(b <= 2.0 * a for a, b in zip(system.jumps, system.jumps[1:], strict=False))
+    else:
+        assert len(system.jumps) == control.JUMPS and verdict.cuts == 13

@@ -13,6 +13,9 @@ SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
+JUMPS = (
+    3  # jumps that come to no rest, from as many places of a scheduled step, after which none is tried in it: they cost most
+)
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
 
@@ -31,7 +34,9 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
     verdict = verdict or Verdict()
     verdict.smallest = smallest or smallest_step(times)
     sooner = max(SOONER / SMALLEST * smallest_step(times), 2.0 * verdict.smallest) if system.damping else 0.0
+    within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     for target in times:
+        restless = 0
         while target - system.committed_t > 1e-12:
             start = time.perf_counter()
             goal = _goal(system.committed_t, target, verdict.size)
@@ -39,7 +44,11 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             try:
                 report = _attempt(system, stepper, goal)
             except StepFailed as failure:
-                report = _jumped(system, stepper, goal, failure) if size <= sooner else None
+                report = None
+                if size <= within * (1.0 + 1e-9) and restless < JUMPS:
+                    report = _jumped(system, stepper, goal, failure)
+                    restless = 0 if report else restless + 1
+                    within = max(sooner, 2.0 * size) if report else sooner
                 if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
                     verdict.stop(diagnose(system, failure, goal), goal)
                     return verdict
@@ -50,8 +59,12 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
                         verdict.notes.append(f"step to t = {goal:.6g} cut back: {failure}, {failure.finding.place}")
                     verdict.size = size / 2
                     continue
+            else:
+                within = sooner
             system.commit()
-            if report.iterations <= EASY * (1 + report.augmentations + report.raises):
+            if report.work > 0.0:
+                verdict.size = within
+            elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.size *= 2.0
             verdict.accept(report, system)
             on_step(report, time.perf_counter() - start, goal == target)
