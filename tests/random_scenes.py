@@ -336,8 +336,7 @@ def _hold(s, scene):
         scene.fix("zmin")
     else:
         floor = rigid_plane((0.0, 0.0, -s.length * s.size[2]), name="ground")
-        points = s.points if s.tetrahedra and s.degree == 2 else None  # whose nodes have no area of their own
-        scene.contact("zmin", floor, 0.0 if s.hold == "symmetry" else s.floor_friction, points=points, name="floor")
+        scene.contact("zmin", floor, 0.0 if s.hold == "symmetry" else s.floor_friction, name="floor")
     for axis in s.axes:
         scene.fix(f"{axis}min" if s.what == "tool" else f"upper_{axis}min", axis)
 

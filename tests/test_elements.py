@@ -534,3 +534,16 @@ def test_a_process_may_be_given_no_body():
     alone = two_squeezed_blocks(MPI.COMM_SELF)
     for rank in range(MPI.COMM_WORLD.size):
         assert two_squeezed_blocks(MPI.COMM_WORLD, {"lower": rank, "upper": rank}) == pytest.approx(alone, rel=1e-9)
+
+
+@pytest.mark.parallel
+def test_tetrahedra_of_degree_2_have_gauss_points_by_default():
+    """Their corners have no area of their own: nodes that are asked for are refused by the contact's name."""
+    scene = Scene(Body(read_gmsh(draw_tetrahedra), "box", rubber()), degree=2)
+    scene.contact("zmax", rigid_plane((0, 0, 1.0), (0, 0, -1.0), name="lid"), name="lid")
+    assert scene.contacts[0].points == 3
+    scene.fix("zmin")
+    scene.system()
+    for points in ("nodes", "closest"):
+        with pytest.raises(SceneError, match=r"contact 'again': points=.*points=3"):
+            scene.contact("zmax", rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="other"), points=points, name="again")

@@ -54,8 +54,11 @@ def refuse_numbers(name, friction, penalty, penetration, points):
     return friction_of(friction), penalty
 
 
-def refuse_pair(contact, others, degree, tetrahedra):
-    """A contact's sides and points must go together, with the elements, and with the `others` stated before."""
+def refuse_pair(contact, others, degree, bare_corners):
+    """A contact's sides and points must go together, with the degree, and with the `others` stated before.
+
+    bare_corners: whether corner nodes have no tributary area, as on facets of quadratic tetrahedra.
+    """
     what, points, master = f"contact '{contact.name}'", contact.points, contact.master
     if not isinstance(master, Tool):
         if common := set(master) & set(contact.slave):
@@ -64,12 +67,11 @@ def refuse_pair(contact, others, degree, tetrahedra):
             raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
     if isinstance(master, RigidTool) and points == "corners":
         raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
+    if bare_corners and isinstance(points, str):
+        text = f'points="{points}" needs degree=1 on tetrahedra, whose corners have no area of their own at degree {degree}'
+        raise SceneError(f"{what}: {text}; use Gauss points, points=3, which is the default there")
     if isinstance(master, MeshedTool) and degree != 1 and isinstance(points, str):
         raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use Gauss points, e.g. points=3")
-    if points == "nodes" and tetrahedra and degree == 2:
-        raise SceneError(
-            f"{what}: corner nodes of quadratic triangles have no tributary area: use Gauss points, e.g. points=3"
-        )
     if contact.penetration is not None and isinstance(points, str) and not isinstance(master, RigidTool):
         raise SceneError(
             f'{what}: penetration= with points="{points}" needs an analytic tool: flat facets cannot follow multipliers at '

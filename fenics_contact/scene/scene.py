@@ -104,14 +104,14 @@ class Scene:
         name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)
-        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
+        bare_corners = self.degree == 2 and compat.cell_name(self.mesh.domain) == "tetrahedron"
         if points is None:
-            nodes = isinstance(master, RigidTool) and not (tetrahedra and self.degree == 2)
+            nodes = isinstance(master, RigidTool) and not bare_corners
             points = "nodes" if nodes else (3 if penetration is None or isinstance(master, RigidTool) else 1)
         name = f"{'+'.join(slave)} on {master_name(master)}" if name is None else name
         friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
-        refuse_pair(contact, self.contacts, self.degree, tetrahedra)
+        refuse_pair(contact, self.contacts, self.degree, bare_corners)
         for side in (slave, master):
             if not isinstance(side, Tool):
                 refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
