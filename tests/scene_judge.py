@@ -299,7 +299,7 @@ def used_up(run):
             pressure, along = contact.split_traction(run.system.state)
             peak = max(COMM.allgather(pressure.max(initial=0.0)))
             pressing, size = pressure > FAINT * peak, np.linalg.norm(along, axis=2)
-            held = (size < USED * contact.friction.mu * pressure)[pressing].any()
+            held = (size < USED * contact.trial.law.friction.mu * pressure)[pressing].any()
             ends.append(peak > NOTHING * run.probe.young and not any(COMM.allgather(bool(held))))
     return bool(ends) and all(ends)
 

@@ -191,8 +191,8 @@ def test_what_is_drawn_in_contact_touches_and_does_not_pull(points, pair):
         scene = block(far, 0.3)
         system, above = scene.system(None, None), -1.0
     contact, u = system.contacts[0], system.state.u.x.array.reshape(-1, 3)
-    contact.evaluate(system.state)
-    assert (contact.status != 0).all() and not contact.traction.any()
+    response = contact.response(system.state)
+    assert (response.status != 0).all() and not response.traction.any()
     u[scene.space.tabulate_dof_coordinates()[:, 2] > above + 0.5 * far, 2] += far
-    contact.evaluate(system.state)
-    assert (contact.status == 0).all() and not contact.traction.any()
+    response = contact.response(system.state)
+    assert (response.status == 0).all() and not response.traction.any()
