@@ -14,13 +14,13 @@ from fenics_contact.values import SceneError
 class Keeper:
     """Keeps the accepted steps of a run in its folder: `verdict` and `rows` are those so far, from the start or `resumed`.
 
-    A stepper that remembers more than the System, a continuation's Path, offers memory() -> ({name: local array like u},
-    {name: plain values}) and recall(fields, numbers), which raises ValueError where they do not fit.
+    path: a continuation's Path, or None: it remembers more than the System, memory() -> ({name: local array like u}, {name:
+    plain values}) and recall(fields, numbers), which raises ValueError where they do not fit.
     """
 
-    def __init__(self, folder, system, stepper, stated, every, resume):
+    def __init__(self, folder, system, path, stated, every, resume):
         """stated: what `statement` gives of the run, the same in the one that is resumed; every: steps to a checkpoint."""
-        self.comm, self.stepper, self.every, self._folder = system.comm, stepper, every, folder
+        self.comm, self._path, self.every, self._folder = system.comm, path, every, folder
         self.verdict, self.rows, self.resumed = Verdict(), [], False
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), stated
         if resume:
@@ -63,7 +63,7 @@ class Keeper:
         try:
             fields = self._memory.restore(arrays)
             if content["stepper"] is not None:
-                self.stepper.recall(fields, content["stepper"])
+                self._path.recall(fields, content["stepper"])
         except ValueError as error:
             raise SceneError(
                 f"the checkpoint in '{self._folder}' does not fit: {error}; start anew with overwrite=True in the place of "
@@ -74,7 +74,7 @@ class Keeper:
     def keep(self):
         """Call at the start and after every accepted step: writes a checkpoint where one is due. Collective."""
         if len(self.rows) % self.every == 0:
-            fields, numbers = self.stepper.memory() if hasattr(self.stepper, "memory") else (None, None)
+            fields, numbers = self._path.memory() if self._path else (None, None)
             arrays = self._memory.collect(fields)
             with writing(self.comm, self._folder, "a checkpoint"):
                 if arrays:

@@ -150,7 +150,7 @@ def solve(
     plain, stepper = _stepper(method, solver, tolerance, system)
     path = Path(system, plain, stepper, arcs, legs) if continuation else None
     stated = statement(scene, system, method, record) if every else None
-    keeper = Keeper(folder, system, path or stepper, stated, every, resume) if every else None
+    keeper = Keeper(folder, system, path, stated, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record, continuation, progress)
     setup = timers.table()["total"]
     verdict = record.verdict

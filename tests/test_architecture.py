@@ -122,6 +122,20 @@ def version_tests(source):
     return found
 
 
+def set_from_outside(source):
+    """Attributes that are set on a term, and questions whether an object has one."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        targets = [part for target in targets for part in (target.elts if isinstance(target, ast.Tuple) else [target])]
+        for target in targets:
+            if isinstance(target, ast.Attribute) and ast.unparse(target.value) in ("term", "contact", "self._contact"):
+                found.append(f"line {node.lineno}: {ast.unparse(target)}")
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "hasattr":
+            found.append(f"line {node.lineno}: {ast.unparse(node)}")
+    return found
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_module(path):
     source, room = path.read_text(), room_of(path)
@@ -131,6 +145,7 @@ def test_module(path):
     assert not prints(source), "the package shows its progress through hooks and writes files; scripts print"
     if room != "compat":
         assert not version_tests(source), "differences between versions belong into compat.py"
+        assert not set_from_outside(source), "terms change by their own methods; what one can do is declared"
     assert len(source.splitlines()) <= LONGEST_MODULE
     if source.strip():
         assert ast.get_docstring(ast.parse(source)), "the first line says what the module knows"
@@ -160,6 +175,9 @@ def test_rooms_do_not_know_each_other_in_circles():
         (lambda s: wrong_imports("output", s), "from fenics_contact import kernels"),
         (lambda s: wrong_imports("solid", s), "from . import compat"),
         (lambda s: wrong_imports("output", s), "from fenics_contact.kernels.law import traction"),
+        (set_from_outside, "for term in terms:\n    term.tolerance = 1.0"),
+        (set_from_outside, "contact.law, contact.friction = law, friction"),
+        (set_from_outside, "if hasattr(term, 'only'): pass"),
         (local_imports, "def f():\n    import os"),
         (prints, "def f():\n    print(1)"),
         (version_tests, "if hasattr(fem, 'functionspace'): pass"),

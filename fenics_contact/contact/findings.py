@@ -83,9 +83,7 @@ def never_met(contact: Contact, state: State) -> str | None:
 
 
 def remark(contact: Contact, state: State) -> str | None:
-    """At the first accepted step where it is so, that points or nodes lie deep in the master. Collective."""
-    if contact.remarked:
-        return None
+    """That points or nodes lie deep in the master at an accepted step. Collective."""
     height = contact.surface.cell_height
     depth, place = deepest_point(contact, state)
     remedy = "penetration= keeps it out, or raise penalty="
@@ -97,7 +95,6 @@ def remark(contact: Contact, state: State) -> str | None:
         place, remedy = f"a node that is no slave, {place},", "name the surface it lies on among the slaves"
     if depth <= DEEP * height:
         return None
-    contact.remarked = True
     return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
 
 

@@ -93,10 +93,10 @@ class Penalties:
         most = max(comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
         return trial, f"{place} lies {depth:.1%} of a cell deep: penalties raised to {most:.3g} times the default"
 
-    def forgo(self) -> None:
+    def settled(self) -> Trial:
         """Penalties have been raised in vain: they stay as they are."""
-        contact = self._contact
-        contact.trial = contact.trial.remembering(raised=contact.trial.history.raised[:, [0, 0]])
+        trial = self._contact.trial
+        return trial.remembering(raised=trial.history.raised[:, [0, 0]])
 
     def raise_factor(self, state: State) -> float:
         """By how much the penalties are greater than at first, on all ranks. Collective."""

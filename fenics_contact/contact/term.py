@@ -60,7 +60,6 @@ class Contact:
         self.accepted = self.trial = Trial(law, start, surface.area)
         self.symmetric = not self.rough and partner.smooth
         self._last: tuple | None = None  # feet, trial and response of the last evaluation
-        self.remarked = False
         self._close_drawn_gaps(state)
 
     def _round_off(self, state: State) -> float:

@@ -14,8 +14,9 @@ from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State
-from fenics_contact.contact.facets import FacetPartner, MeshedToolPartner
+from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.master import MasterSurface, oriented_facets
+from fenics_contact.contact.meshed_tool import MeshedToolPartner
 from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import slave_surface
 from fenics_contact.contact.term import Contact

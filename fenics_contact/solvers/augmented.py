@@ -165,5 +165,5 @@ def forgo(system, raised, report, failure):
     """Back to the last accepted state after a failure with greater penalties: these terms keep the ones they had."""
     system.rollback()
     for contact in raised:
-        contact.penalties.forgo()
+        contact.take(contact.penalties.settled())
     report.notes.append(f"not solved with them ({failure}): penalties stay")

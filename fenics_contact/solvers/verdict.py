@@ -25,8 +25,8 @@ class Verdict:
     kind, reason, place, remedy: what stopped it, in words; t: load parameter reached; step: number of the step that failed,
     0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
-    notes: what was resolved on the way; smallest: step [t] below which none is tried; size: largest step [t] to try next,
-    endless while no step failed.
+    notes: what was resolved on the way; remarked: names of the terms that have said what they had to; smallest: step [t]
+    below which none is tried; size: largest step [t] to try next, endless while no step failed.
     """
 
     converged: bool = True
@@ -42,6 +42,7 @@ class Verdict:
     augmentations: int = 0
     residuals: list = field(default_factory=list)
     notes: list = field(default_factory=list)
+    remarked: list = field(default_factory=list)
     smallest: float = 0.0
     size: float = math.inf
 
@@ -52,8 +53,10 @@ class Verdict:
         self.corrections += report.corrections
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
-        remarks = [term.remark(system.state) for term in system.terms]
-        notes = report.notes + [remark for remark in remarks if remark]
+        asked = [term for term in system.terms if term.name not in self.remarked]
+        remarks = {term.name: remark for term in asked if (remark := term.remark(system.state))}
+        self.remarked += remarks
+        notes = report.notes + list(remarks.values())
         self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
 
     def stop(self, finding, t, step=None):

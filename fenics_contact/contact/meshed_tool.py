@@ -1,0 +1,81 @@
+"""A meshed rigid tool as a contact's master: facets that travel as one and have no dofs."""
+
+import numpy as np
+
+from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.facets import FacetFeet, FacetPartner, unit
+from fenics_contact.contact.master import ToolSurface, area_vectors
+from fenics_contact.contact.pair_pattern import PairPattern
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.contact.trial import Trial
+from fenics_contact.timing import Timers
+
+# A slave point and the facet nearest to it say on which side of the tool the body is if their normals are this parallel.
+DECISIVE = 0.5
+SAMPLES = 300  # slave points of a rank that are asked for it
+
+
+class MeshedToolPartner(FacetPartner):
+    """Slave points against a meshed tool: its forces, rows and columns are summed to those of its travel."""
+
+    grounded = True
+    slid_off = (
+        "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the "
+        "tool itself ends there, make its surface larger"
+    )
+
+    def __init__(self, surface: SlaveSurface, facets, tool: MeshedTool, index: int, space, timers: Timers):
+        super().__init__(tool.name, surface, facets, ToolSurface(tool, index), space, timers)
+        self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
+
+    def _new_pattern(self, space) -> PairPattern:
+        # the tool's nodes travel as one: behind this rank's slave nodes they are one node of the pattern
+        tool = len(self._local)
+        blocks = np.concatenate([np.arange(tool), np.full(len(self.master.X), tool)])
+        pattern = PairPattern(self._nodes, self._facets[0], blocks, tool + 1)
+        nodes = np.column_stack([self._nodes, np.full(len(self._nodes), tool)])
+        pattern.set(np.unique(nodes[:, :, None] * (tool + 1) + nodes[:, None, :]))
+        return pattern
+
+    def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
+        rows, columns, values = self._tangent(feet, trial)
+        tool = len(self._local)
+        inside, by_travel, on_tool = (rows < tool) & (columns < tool), columns == tool, rows == tool
+        at, along = (self._local[part[inside]] for part in (rows, columns))
+        forces, pull = by_travel & ~on_tool, on_tool & ~by_travel
+        nodes = self._local[np.concatenate([rows[forces], columns[pull]])]
+        zeros = np.zeros((len(nodes), 3, 3))
+        moved, pulled = zeros.copy(), zeros
+        moved[: forces.sum()], pulled[forces.sum() :] = values[forces], values[pull]
+        corner = values[on_tool & by_travel].sum(axis=0)
+        travel = TravelBlocks(self.index, nodes, moved, pulled, corner)
+        return Blocks(pairs=(at, along, values[inside]), whole=False, travel=travel, at=feet)
+
+    def couplings(self, feet: FacetFeet, trial: Trial):
+        """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
+
+    def gives(self, held) -> bool:
+        """Whether the master could move where the dofs `held` do not: a tool is held."""
+        return False
+
+    def back_share(self, state: State) -> float:
+        """Share of the slave points that see the nearest facet of the tool from behind. Collective."""
+        coords, points, normals = self._placed(state)
+        s = self.surface
+        if s.gradients is not None:  # nodal normals are means of facets of degree 1
+            x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
+            tangents = np.einsum("eqtk,ekc->eqtc", s.gradients, x).reshape(-1, 2, 3)
+            normals = unit(np.cross(tangents[:, 0], tangents[:, 1]))
+        some = slice(None, None, max(len(points) // SAMPLES, 1))
+        corners = coords[self._facets[0]]
+        centres, outward = corners.mean(axis=1), unit(area_vectors(corners))
+        nearest = np.array([np.argmin(((centres - x) ** 2).sum(axis=1)) for x in points[some]], dtype=np.int64)
+        toward = np.einsum("pc,pc->p", points[some] - centres[nearest], outward[nearest])
+        facing = -np.einsum("pc,pc->p", normals[some], outward[nearest])
+        touch = s.cell_height  # so near to it, only the normals decide
+        behind = (facing < -DECISIVE) & (toward < touch)
+        before = (facing > DECISIVE) & (toward > -touch)
+        behind, before = self._comm.allreduce(np.array([behind.sum(), before.sum()]))
+        return behind / max(behind + before, 1)
