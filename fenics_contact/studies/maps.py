@@ -147,7 +147,7 @@ def studies(quick):
         "map_ratio": (
             patch,
             {"slave_over_master": [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0][few], **coarser(4)},
-            {"points": ["nodes", 1, 2, 3, 5][few]},
+            {"points": ["corners", 1, 2, 3, 5][few]},
         ),
         "map_edge": (
             fillets,
