@@ -1,11 +1,8 @@
-"""The solid as one term of a System, by element: plain displacement, reduced volumetric integration, or mixed u-p.
+"""The solid as one term of a System, by element: plain displacement, or mixed u-p.
 
 "displacement"  every part of the power at all points. It locks: at K / mu = 10, 100, 1000 Cook's membrane of 16 hexahedra
     per edge loses 7, 28, 59 % of its deflection, 1, 4, 5 % with 8 of degree 2, and at 1000 a thick sphere with two layers
     of degree 2 half of it (demos/locking.py).
-"reduced"  the volumetric part at one point per cell, 2 x 2 x 2 in hexahedra of degree 2. As soft as "mixed", at 1.7 times
-    the plain tangent, but Newton's steps shrink as K / mu grows, and a cell can hide a volume change that its few points do
-    not see: prefer "mixed" above K / mu of 100.
 "mixed"  the recommended one for rubber, K / mu from 10 to 1e4 and beyond: errors, steps and Newton iterations do not grow
     with it. A pressure per cell, linear in hexahedra of degree 2, condensed out. The tangent costs 1.9 to 2.3 times the
     plain one in degree 1, 1.3 times in degree 2; the linear solve stays the same. Degree 1 (mean dilatation) has pressure
@@ -25,7 +22,7 @@ from fenics_contact.solid import materials
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.values import SceneError
 
-ELEMENTS = ("displacement", "reduced", "mixed")
+ELEMENTS = ("displacement", "mixed")
 # K / mu above which an element of degree 1 without treatment is refused: Cook's membrane then loses 28 % of its deflection
 # with 16 cells per edge (demos/locking.py), the flattened rubber cylinder is 10 % stiff on 6 (studies: map_locking).
 LOCKS = 100.0
@@ -39,7 +36,10 @@ LOCKS_TETRAHEDRA, NOTED_TETRAHEDRA = 5.0, 2.0
 def refuse_element(element, degree, tetrahedra, materials_by_body, accept_locking):
     """An element must be known, fit its materials, and not lock; a locking one may be asked for."""
     if element not in ELEMENTS:
-        raise SceneError(f"element '{element}' is not one of {', '.join(ELEMENTS)}")
+        raise SceneError(
+            f"element '{element}' is not one of {', '.join(ELEMENTS)}; use element='mixed' for rubber with K / mu above "
+            "10 and element='displacement' below"
+        )
     for body, material in materials_by_body.items():
         if element != "displacement" and getattr(material, "volumetric", None) is None:
             raise SceneError(
@@ -92,19 +92,12 @@ def solid_term(element, u, parts, loads_power, degree):
     """
     space = u.function_space
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-    full, less = quadrature_degree(degree), 2 if _linear_pressure(space.mesh, degree) else 0
     if element == "mixed":
         return _mixed(u, v, du, parts, loads_power, degree)
-    rules = [[(material, dx(full)) for material, dx in parts]]
-    if element == "reduced":
-        rules = [
-            [(materials.isochoric_part(material), dx(full)) for material, dx in parts],
-            [(materials.volumetric_part(material), dx(less)) for material, dx in parts],
-        ]
-    powers = [sum(vp.stress_power(material, u, v, dx) for material, dx in rule) for rule in rules]
-    rates = [sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in rule) for rule in rules]
-    powers[0] -= loads_power(v)
-    return FormTerm("solid", powers, rates, laws=[material for material, _ in parts])
+    measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
+    power = sum(vp.stress_power(material, u, v, dx) for material, dx in measured)
+    rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in measured)
+    return FormTerm("solid", [power - loads_power(v)], [rate], laws=[material for material, _ in parts])
 
 
 def _mixed(u, v, du, parts, loads_power, degree):

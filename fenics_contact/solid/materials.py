@@ -94,16 +94,6 @@ def _split(name, isochoric, volumetric, shear, K):
     return Isotropic(f"{name}, K = {K}{law}", psi, shear, K, isochoric, volume)
 
 
-def isochoric_part(material):
-    """The material without its volumetric energy."""
-    return replace(material, psi=lambda I1, I2, J: material.isochoric(I1, I2))
-
-
-def volumetric_part(material):
-    """The material without its isochoric energy."""
-    return replace(material, psi=lambda I1, I2, J: material.volumetric(J))
-
-
 def with_pressure(material, p):
     """Isochoric energy + p J: the volume answers with a pressure p [pressure] that is a field of its own."""
     return replace(material, psi=lambda I1, I2, J: material.isochoric(I1, I2) + p * J)

@@ -20,13 +20,11 @@ STIFF = {"rubber": ["stiff"]}
 PANELS = {
     "mesh (cells per block), degree and element": {
         "degree 1": {"cells": [4, 8, 16, 32]},
-        "degree 1, reduced": {"cells": [4, 8, 16], "element": ["reduced"]},
         "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"]},
         "degree 2": {"cells": [4, 8], "degree": [2]},
     },
     "the same for rubber of K/μ = 1515": {
         "degree 1": {"cells": [4, 8, 16], "element": ["locking"], **STIFF},
-        "degree 1, reduced": {"cells": [4, 8, 16], "element": ["reduced"], **STIFF},
         "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"], **STIFF},
         "degree 2": {"cells": [4, 8], "degree": [2], **STIFF},
         "degree 2, mixed": {"cells": [4, 8], "degree": [2], "element": ["mixed"], **STIFF},
