@@ -3,7 +3,7 @@
 from fenics_contact import packages  # noqa: F401 - first, so that a missing module is named with its package
 from fenics_contact.contact.friction import coulomb
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
+from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.units import Units
 from fenics_contact.run import Result, solve
@@ -31,6 +31,7 @@ __all__ = [
     "mooney_rivlin",
     "neo_hooke",
     "read_gmsh",
+    "rigid_cone",
     "rigid_cylinder",
     "rigid_plane",
     "rigid_punch",

@@ -17,6 +17,7 @@ from fenics_contact import (
     Body,
     Scene,
     read_gmsh,
+    rigid_cone,
     rigid_cylinder,
     rigid_plane,
     rigid_punch,
@@ -189,6 +190,8 @@ def test_tools_must_have_sane_lengths():
     refused(lambda: rigid_punch(half_width=1.0, height=1.0, fillet=2.0), "fillet", "smaller")
     refused(lambda: rigid_sphere(0.0, (0, 0, 0)), "radius", "positive")
     refused(lambda: rigid_sphere(1.0, (0, NAN, 0)), "centre", "finite")
+    refused(lambda: rigid_cone(70.0, (0, 0, 0)), "half_angle = 70", "up to 1.5708", "radians")
+    refused(lambda: rigid_cone(1.2, (0, 0, 0), tip=-1.0), "tip", "length")
     refused(lambda: rigid_plane(normal=(0, 0, 0)), "normal", "zero")
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
 from fenics_contact.studies import hertz as study
-from fenics_contact.studies.hertz import DEPTH, STAR, A, hertz
+from fenics_contact.studies.hertz import DEPTH, STAR, A, hertz, indented
 from meshes import disc
 
 
@@ -22,6 +22,19 @@ def test_force_within_one_percent_of_hertz_and_converging(tool, coarse, fine):
     first, last = error(tool, coarse), error(tool, fine)
     assert abs(last) < 0.01, (first, last)  # what Hertz's theory itself neglects is a tenth of that
     assert abs(last) < 0.7 * abs(first), (first, last)
+
+
+@pytest.mark.parametrize("cells", [4, 6])
+def test_cone_on_a_half_space(cells):
+    """Sneddon: F = 2/pi E* d^2 tan(half-angle), contact radius 2/pi d tan(half-angle) = A."""
+    result, exact = indented("cone", cells)
+    last = result.require().history[-1]
+    assert abs(-last["top_force_z_N"] / exact - 1) < 0.01  # cells of a third of the radius; strains of 1/300
+    # a node counts with the square of one spacing around it: a quarter disc of nodes is known to a spacing
+    assert abs(np.sqrt(4 * last["top_area_mm2"] / np.pi) - A) < 1.5 * A / cells
+    # the pressure p = E*/2 cot arcosh(a/r) has no bound at the apex; its mean over the node's share there, about 3/2 E* cot,
+    # sinks by 0.01 h/a of the travel pi/2 a cot under 100 E/h
+    assert last["top_penetration_mm"] < 2 * 0.01 / cells * 1.5 * np.pi / 2 * A**2 / study.R
 
 
 def test_balance_where_the_tool_is_far_larger_than_its_dent(monkeypatch):

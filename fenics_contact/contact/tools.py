@@ -39,20 +39,21 @@ class MeshedTool(Tool):
 class RigidTool(Tool):
     """An analytic rigid tool.
 
-    kind, shape (4,): kernel's shape code and lengths; axes (3, 3): columns are the tool's axes; origin (3,): its frame's
-    place at the start [length]; size: a length of the tool; edge: what the output says of its edges.
+    kind, shape (4,): the kernel's code and numbers of the shape; axes (3, 3): columns are the tool's axes; origin (3,): its
+    frame's place at the start [length]; extent: largest length of its shape; edge: what the output says of its edges.
     """
 
     kind: int
     shape: np.ndarray
     axes: np.ndarray
     origin: np.ndarray
+    extent: float = 0.0
     edge: str = "none"
 
     @property
     def reach(self):
         """Largest length of which gaps are differences [length]."""
-        return float(max(np.abs(self.origin).max(), self.shape.max()))
+        return float(max(np.abs(self.origin).max(), self.extent))
 
 
 def _axes(third, what):
@@ -101,17 +102,31 @@ def rigid_punch(
     axes = _axes(direction, f"{name}: direction")
     origin = finite(face, f"{name}: face", (3,)) - tall * axes[:, 2]
     edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
-    return RigidTool(name, rigid_shapes.BOX, np.array([half, depth, tall, fillet]), axes, origin, edge)
+    shape = np.array([half, depth, tall, fillet])
+    return RigidTool(name, rigid_shapes.BOX, shape, axes, origin, max(half, depth, tall), edge)
 
 
 def rigid_sphere(radius, centre, name="sphere"):
     """Ball of `radius` about `centre` [lengths]."""
     shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
-    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)))
+    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)), shape[0])
 
 
 def rigid_cylinder(radius, point, axis=(0.0, 1.0, 0.0), name="cylinder"):
     """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]."""
     shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
     axes = _axes(axis, f"{name}: axis")
-    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)))
+    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)), shape[0])
+
+
+def rigid_cone(half_angle, apex, direction=(0.0, 0.0, -1.0), tip=0.0, name="cone"):
+    """Endless circular cone that ends at `apex`, where `direction` points out of it at the body.
+
+    half_angle: between its axis and its side [radians]; tip: radius of the ball that rounds its end [length]; 0 is a sharp
+    apex, which a point of the body straight before it meets along the axis.
+    """
+    half_angle = float(positive(half_angle, f"{name}: half_angle", most=np.pi / 2, more=", in radians"))
+    tip = _length(tip, f"{name}: tip", zero=True)
+    shape = np.array([tip, np.cos(half_angle), np.sin(half_angle), 0.0])
+    axes, edge = _axes(direction, f"{name}: direction"), f"rounded tip, radius {tip:g}" if tip > 0 else "sharp apex"
+    return RigidTool(name, rigid_shapes.CONE, shape, axes, finite(apex, f"{name}: apex", (3,)), tip, edge)

@@ -12,6 +12,8 @@ PLANE = 0
 BOX = 1
 SPHERE = 2
 CYLINDER = 3
+CONE = 4
+ON_AXIS = 1e-9  # of the distance from the apex: nearer to the axis a cone has no side to prefer
 
 
 @njit(cache=True)
@@ -62,11 +64,32 @@ def _box(parameters, y, active, n, H):
 
 
 @njit(cache=True)
+def _cone(parameters, y, active, n, H):
+    """Cone about -z that ends at the origin; its tip is a ball: the surface parallel to a sharp cone within it."""
+    tip, c, s = parameters[0], parameters[1], parameters[2]
+    z = y[2] + tip  # above the apex of the sharp cone
+    r = math.hypot(y[0], y[1])
+    H[:, :] = 0.0
+    if r <= -ON_AXIS * z:  # all sides are as near: the apex is met along the axis, distance and normal agree along it
+        n[0], n[1], n[2] = 0.0, 0.0, 1.0
+        return z - tip
+    if r * s <= z * c:  # nearest to the tip
+        active[:] = 1.0
+        return _ball(y[0], y[1], z, active, tip, n, H)
+    x0, x1 = y[0] / r, y[1] / r
+    n[0], n[1], n[2] = c * x0, c * x1, s
+    H[0, 0], H[1, 1] = c / r * x1 * x1, c / r * x0 * x0
+    H[0, 1] = H[1, 0] = -c / r * x0 * x1
+    return r * c + z * s - tip
+
+
+@njit(cache=True)
 def signed_distance(kind, parameters, y, active, n, H):
     """Signed distance of y (3,) to a shape; fills the unit normal n (3,) and the curvature H (3, 3).
 
-    kind: PLANE (body z <= 0), BOX (half sizes and fillet radius), SPHERE (radius), CYLINDER (radius, axis z, endless).
-    parameters: (4,) lengths; active: (3,) scratch.
+    kind: PLANE (body z <= 0), BOX (half sizes and fillet radius), SPHERE (radius), CYLINDER (radius, axis z, endless), CONE
+    (radius of its tip, cosine and sine of its half-angle; ends at z = 0, endless towards -z).
+    parameters: (4,) lengths and the cone's ratios; active: (3,) scratch.
     """
     if kind == PLANE:
         n[0], n[1], n[2] = 0.0, 0.0, 1.0
@@ -74,6 +97,8 @@ def signed_distance(kind, parameters, y, active, n, H):
         return y[2]
     if kind == BOX:
         return _box(parameters, y, active, n, H)
+    if kind == CONE:
+        return _cone(parameters, y, active, n, H)
     active[0], active[1], active[2] = 1.0, 1.0, 1.0
     if kind == CYLINDER:
         active[2] = 0.0

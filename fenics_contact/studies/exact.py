@@ -96,10 +96,24 @@ def under_hertz(field, a, line=False):
     if line:  # Gauss-Chebyshev, second kind
         angle = np.arange(1, 5) * np.pi / 5
         places, shares = a * np.column_stack([np.cos(angle), 0 * angle, 0 * angle]), 0.4 * np.sin(angle) ** 2
-    else:  # a ring at r has the force 3 q^2 dq, q = sqrt(1 - (r/a)^2)
-        q, weights = np.polynomial.legendre.leggauss(4)
-        q, weights, turn = (1 + q) / 2, weights / 2, (np.arange(8) + 0.5) * np.pi / 4
-        r = a * np.sqrt(1 - q**2)[:, None]
-        places = np.stack([r * np.cos(turn), r * np.sin(turn), 0 * r * turn], axis=-1).reshape(-1, 3)
-        shares = np.repeat(3 * q**2 * weights / 8, 8)
+        return lambda X: sum(share * field(X - place) for place, share in zip(places, shares, strict=True))
+    # a ring at r has the force 3 q^2 dq
+    return _under_rings(field, a, 4, lambda q: 3 * q**2)
+
+
+def under_cone(field, a):
+    """The same under a cone's pressure, p proportional to arcosh(a/r) (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4).
+
+    A ring at r has the force 2 q artanh(q) dq, endless but integrable at the apex.
+    """
+    return _under_rings(field, a, 16, lambda q: 2 * q * np.arctanh(q))
+
+
+def _under_rings(field, a, count, force):
+    """Displacement under rings of the radii a sqrt(1 - q^2) that have the share force(q) dq of the load, 0 < q < 1."""
+    q, weights = np.polynomial.legendre.leggauss(count)
+    q, weights, turn = (1 + q) / 2, weights / 2, (np.arange(8) + 0.5) * np.pi / 4
+    r, shares = a * np.sqrt(1 - q**2)[:, None], force(q) * weights
+    places = np.stack([r * np.cos(turn), r * np.sin(turn), 0 * r * turn], axis=-1).reshape(-1, 3)
+    shares = np.repeat(shares / (8 * shares.sum()), 8)
     return lambda X: sum(share * field(X - place) for place, share in zip(places, shares, strict=True))

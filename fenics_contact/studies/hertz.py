@@ -1,19 +1,19 @@
-"""Hertz's contacts of a rigid sphere or cylinder with a half-space, at small strain: the force against the closed form.
+"""A rigid sphere, cylinder (Hertz) or cone (Sneddon) on a half-space, at small strain: the force against the closed form.
 
-The half-space is a block whose far faces are led along the displacement under Hertz's pressure, which is Boussinesq's (point
-load) or Flamant's (line load) folded with it.
+The half-space is a block whose far faces are led along the displacement under the exact pressure, which is Boussinesq's
+(point load) or Flamant's (line load) folded with it.
 """
 
 import numpy as np
 
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import rigid_cylinder, rigid_sphere
+from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_sphere
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Body, Scene
 from fenics_contact.solid.materials import from_elastic
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.exact import boussinesq, flamant, under_hertz
+from fenics_contact.studies.exact import boussinesq, flamant, under_cone, under_hertz
 from fenics_contact.studies.runner import Study, expand, metrics
 from meshes import graded_block
 
@@ -58,28 +58,45 @@ TITLE = "Hertz; baseline: cylinder, 12 cells of degree 1, nodes, penalty 100 E/h
 
 def hertz(tool, cells, degree, points, factor, method, steps, linear):
     """Relative error of the force of the tool."""
-    shape, depth, field, exact, mesh = (sphere if tool == "sphere" else cylinder)(cells)
+    result, exact = indented(tool, cells, degree, points, factor, method, steps, linear)
+    force = -result.history[-1]["top_force_z_N"] if result.history else float("nan")
+    return metrics(result, error=abs(force / exact - 1), value=force)
+
+
+def indented(tool, cells, degree=1, points="nodes", factor=100.0, method="newton", steps=2, linear="direct"):
+    """Result of pressing a tool, "sphere", "cone" or "cylinder", into the block, and the exact force [N]."""
+    shape, depth, field, exact, mesh = {"sphere": sphere, "cone": cone, "cylinder": cylinder}[tool](cells)
     scene = Scene(Body(mesh, "block", from_elastic(E, NU)), degree=degree)
     scene.fix("xmin", "x")
     scene.fix("ymin", "y")
     for face in ("xmax", "ymax", "zmin"):
         for axis, letter in enumerate("xyz"):
-            if tool == "sphere" or (letter != "y" and face != "ymax"):
+            if tool != "cylinder" or (letter != "y" and face != "ymax"):
                 scene.prescribe(face, letter, lambda X, t, axis=axis: t * field(X)[:, axis])
-    if tool != "sphere":
+    if tool == "cylinder":
         scene.fix("ymax", "y")
     scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    result = solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False)
-    force = -result.history[-1]["top_force_z_N"] if result.history else float("nan")
-    return metrics(result, error=abs(force / exact - 1), value=force)
+    return solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False), exact
 
 
 def sphere(cells):
     """Tool, its travel [mm], the far field, the exact force [N] on a quarter, and the mesh."""
     depth = A**2 / R
     force = 4 / 3 * STAR * np.sqrt(R) * depth**1.5
-    mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.35 ** (8 / cells))
-    return rigid_sphere(R, (0, 0, R)), depth, under_hertz(boussinesq(force, E, NU), A), force / 4, mesh
+    return rigid_sphere(R, (0, 0, R)), depth, under_hertz(boussinesq(force, E, NU), A), force / 4, quarter(cells)
+
+
+def cone(cells):
+    """The same of a cone whose contact has the radius A: F = 2/pi E* d^2 tan(half-angle), A = 2/pi d tan(half-angle)."""
+    half_angle = np.arctan2(R, A)
+    depth = np.pi / 2 * A / np.tan(half_angle)
+    force = 2 / np.pi * STAR * depth**2 * np.tan(half_angle)
+    field = under_cone(boussinesq(force, E, NU), A)
+    return rigid_cone(half_angle, (0, 0, 0)), depth, field, force / 4, quarter(cells)
+
+
+def quarter(cells):
+    return read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.35 ** (8 / cells))
 
 
 def cylinder(cells):

@@ -10,7 +10,7 @@ import pytest
 from fenics_contact import coulomb
 from fenics_contact.contact.friction import friction_of
 from fenics_contact.kernels import rigid_element as element
-from fenics_contact.kernels.rigid_shapes import BOX, CYLINDER, PLANE, SPHERE
+from fenics_contact.kernels.rigid_shapes import BOX, CONE, CYLINDER, PLANE, SPHERE
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 pytestmark = pytest.mark.serial
@@ -18,6 +18,7 @@ pytestmark = pytest.mark.serial
 EPS_N, EPS_T, BODY, SPACING = 50.0, 20.0, 5.0, 0.4
 HALF = [2.0, 1.5, 1.0]
 SHARP, ROUND, BALL = np.array([*HALF, 0.0]), np.array([*HALF, 0.6]), np.array([1.5, 0.0, 0.0, 0.0])
+POINTED, BLUNT = (np.array([tip, np.cos(1.0), np.sin(1.0), 0.0]) for tip in (0.0, 0.6))
 # four Gauss points of a quadrilateral whose nodes run along the rows
 GAUSS = np.array([[(1 + s * p) * (1 + t * q) / 4 for q in (-1, 1) for p in (-1, 1)]
                   for t in (-3**-0.5, 3**-0.5) for s in (-3**-0.5, 3**-0.5)])  # fmt: skip
@@ -116,6 +117,8 @@ class Contact:
 
 S2, S3 = 0.5**0.5, 3**-0.5
 CORE = np.array(HALF) - 0.6
+ACROSS = np.array([0.8, -0.6, 0.0])
+SIDE, OUT = (a * ACROSS + [0, 0, b] for a, b in ((np.sin(1.0), -np.cos(1.0)), (np.cos(1.0), np.sin(1.0))))  # of the cones
 PLACES = {
     "plane": (PLANE, np.zeros(4), [0.2, -0.4, 0.0], [0, 0, 1]),
     "punch face": (BOX, SHARP, [0.7, -0.4, 1.0], [0, 0, 1]),
@@ -131,6 +134,15 @@ PLACES = {
     "sharp edge outside": (BOX, SHARP, [2.6, 0.3, 1.0], [0, 0, 1]),
     "sphere": (SPHERE, BALL, 1.5 * np.array([0.48, -0.6, 0.64]), [0.48, -0.6, 0.64]),
     "cylinder": (CYLINDER, BALL, [0.9, -1.2, 4.0], [0.6, -0.8, 0]),
+    "cone": (CONE, POINTED, 1.2 * SIDE, OUT),
+    "cone near its apex": (CONE, POINTED, 0.3 * SIDE, OUT),
+    "blunt cone": (CONE, BLUNT, 0.6 * OUT - [0, 0, 0.6] + 0.4 * SIDE, OUT),
+    "blunt cone's tip": (
+        CONE,
+        BLUNT,
+        0.6 * np.array([0.36, -0.2, 0.0]) + [0, 0, 0.6 * (0.8304**0.5 - 1)],
+        [0.36, -0.2, 0.8304**0.5],
+    ),
 }
 FLAT = ("plane", "punch face", "punch back", "punch side", "fillet face")
 EDGES = ("sharp edge", "sharp edge, nearly out", "sharp corner")
@@ -286,6 +298,21 @@ def test_moving_the_tool_back_is_moving_the_nodes(place, law, k):
     assert np.abs(a["force"] - b["force"]).max() < 1e-13 and np.abs(a["force"] - r["force"]).max() > 1e-5
 
 
+@pytest.mark.parametrize("law", ["closed", "stick"])
+@pytest.mark.parametrize("shape", [POINTED, BLUNT])
+def test_a_cones_apex_presses_straight_on(law, shape):
+    """A point on the axis: depth and force along it, a tangent that is exact for what happens on the axis."""
+    contact = Contact(Tool(CONE, shape), [0, 0, -DEPTH], [0, 0, 1.0], mu=0.0 if law == "closed" else 0.3)
+    r, axis = contact.evaluate(), contact.tool.axes[:, 2]
+    assert (r["status"] == LAWS[law]).all()
+    assert np.abs(r["T"][0] + EPS_N * DEPTH * axis).max() < 1e-13  # rounding of a pressure of 5
+    du = np.zeros((9, 3))
+    du[4] = axis
+    for dq in (np.zeros(3), 0.7 * axis):
+        remainders, linear = taylor(contact, r, du, dq, STEP)
+        assert remainders.max() < 1e-13 and linear > 1e-4
+
+
 def test_residual_alone_is_the_same_residual():
     for case in CASES:
         contact, r = build(*case)
@@ -393,7 +420,7 @@ def test_friction_is_mu_N_along_a_curved_path(eps_t, steps, moved):
         assert abs(sliding - way) < 1e-4 * way  # elastic slips of at most 5e-6 per step
 
 
-@pytest.mark.parametrize("place", ["sphere", "cylinder", "fillet edge"])
+@pytest.mark.parametrize("place", ["sphere", "cylinder", "fillet edge", "cone", "blunt cone's tip"])
 @pytest.mark.parametrize("steps", [15, 300])
 def test_friction_is_mu_N_on_curved_tools(place, steps):
     """The tool circles under the node in its tangent plane: depth, normal and the elastic slip's plane change."""

@@ -6,6 +6,7 @@ from scipy.optimize import minimize
 
 from fenics_contact.kernels.rigid_shapes import (
     BOX,
+    CONE,
     CYLINDER,
     PLANE,
     SPHERE,
@@ -21,6 +22,9 @@ HALF = np.array([2.0, 1.5, 1.0])
 SHARP = np.array([*HALF, 0.0])
 ROUND = np.array([*HALF, 0.4])
 BALL = np.array([1.3, 0.0, 0.0, 0.0])
+HALF_ANGLE = 1.0
+POINTED = np.array([0.0, np.cos(HALF_ANGLE), np.sin(HALF_ANGLE), 0.0])
+BLUNT = np.array([0.4, np.cos(HALF_ANGLE), np.sin(HALF_ANGLE), 0.0])
 
 # name: kind, parameters, a point, number of curved directions of the surface through it
 PLACES = {
@@ -45,6 +49,13 @@ PLACES = {
     "sphere inside": (SPHERE, BALL, [0.4, -0.8, 0.7], 2),
     "cylinder outside": (CYLINDER, BALL, [0.9, -1.2, 7.0], 1),
     "cylinder inside": (CYLINDER, BALL, [0.4, -0.8, -3.0], 1),
+    "cone, side outside": (CONE, POINTED, [0.9, -1.2, 0.3], 1),
+    "cone, side inside": (CONE, POINTED, [0.4, -0.3, -1.6], 1),
+    "cone, beyond its apex": (CONE, POINTED, [0.2, -0.3, 0.9], 2),
+    "blunt cone, side outside": (CONE, BLUNT, [0.9, -1.2, 0.3], 1),
+    "blunt cone, side inside": (CONE, BLUNT, [0.4, -0.3, -1.6], 1),
+    "blunt cone, tip outside": (CONE, BLUNT, [0.2, -0.1, 0.3], 2),
+    "blunt cone, tip inside": (CONE, BLUNT, [0.1, 0.1, -0.05], 2),
 }
 
 
@@ -110,6 +121,46 @@ def test_a_point_in_the_centre_gives_finite_numbers(kind):
     assert g == -1.3 and n @ n == 1 and not H.any()
     if kind == CYLINDER:
         assert n[2] == 0
+
+
+@pytest.mark.parametrize("parameters", [POINTED, BLUNT])
+def test_cone_against_the_sampled_surface(parameters):
+    """In the half-plane of the axis: no point of the side or of the tip's arc is nearer than |g|, one is as near."""
+    tip, c, s, _ = parameters
+    angle = np.linspace(0, np.pi / 2 - HALF_ANGLE, 2001)
+    arc = np.column_stack([tip * np.sin(angle), tip * np.cos(angle) - tip])
+    side = arc[-1] + np.linspace(0, 6, 6001)[:, None] * [s, -c]
+    surface, rng = np.vstack([arc, side]), np.random.default_rng(7)
+    for r, z in zip(rng.uniform(0, 2, 300), rng.uniform(-2, 1, 300), strict=True):
+        turn = rng.uniform(0, 2 * np.pi)
+        g, n, _ = at(CONE, parameters, [r * np.cos(turn), r * np.sin(turn), z])
+        nearest = np.linalg.norm(surface - [r, z], axis=1).min()
+        assert -1e-12 < nearest - abs(g) < 1e-3  # samples 1e-3 apart
+        assert abs(n @ [-np.sin(turn), np.cos(turn), 0]) < 1e-15  # of a body of revolution
+    # a point lies inside where the half-angle seen from the end, or for the blunt one from within, is larger than its own
+    assert at(CONE, parameters, [0.5 * s, 0.0, -0.5 * c - 1.0])[0] < 0 < at(CONE, parameters, [2 * s, 0.0, -c])[0]
+
+
+@pytest.mark.parametrize("parameters", [POINTED, BLUNT])
+@pytest.mark.parametrize("z", [-1.5, -1e-6, 0.0, 1e-6, 0.7])
+def test_a_cone_is_met_along_its_axis_at_its_end(parameters, z):
+    """No side is preferred, also by coordinates that are off the axis by round-off; distance and normal agree along it."""
+    for r in (0.0, 1e-11 * abs(z)):
+        g, n, H = at(CONE, parameters, [r, 0.0, z])
+        assert abs(g - z) < 1e-15 and np.abs(n - [0, 0, 1]).max() < 1e-10
+        assert np.isfinite(H).all() and np.abs(H[2]).max() < 1e-4  # of 1/|z| times the angle off the axis
+
+
+@pytest.mark.parametrize("turn", [0.3, 2.0])
+def test_a_cone_is_smooth_where_tip_and_side_meet(turn):
+    """Distance and normal are continuous across the last normal of the tip, within and outside of the surface."""
+    for g in (-0.2, 0.3):
+        ends = []
+        for angle in (np.pi / 2 - HALF_ANGLE - 1e-9, np.pi / 2 - HALF_ANGLE + 1e-9):
+            r, z = (0.4 + g) * np.sin(angle), (0.4 + g) * np.cos(angle) - 0.4
+            ends.append(at(CONE, BLUNT, [r * np.cos(turn), r * np.sin(turn), z]))
+        # places 2e-9 times a radius of at most 0.7 apart, normals 2e-9
+        assert abs(ends[0][0] - g) < 1e-14 and abs(ends[1][0] - g) < 1e-14 and np.abs(ends[0][1] - ends[1][1]).max() < 1e-8
 
 
 # ---- against a closest point that knows only the surface's implicit equation
@@ -237,7 +288,8 @@ def test_cover_fades_between_one_and_two_spacings_of_depth(depth):
     assert abs(s - {1.0: 1.0, 1.5: 0.5, 2.0: 0.0}[depth]) < 1e-10  # 1e-12 beyond the edge, over the spacing
 
 
-@pytest.mark.parametrize(("kind", "parameters"), [(PLANE, np.zeros(4)), (BOX, ROUND), (SPHERE, BALL), (CYLINDER, BALL)])
+@pytest.mark.parametrize(("kind", "parameters"), [(PLANE, np.zeros(4)), (BOX, ROUND), (SPHERE, BALL), (CYLINDER, BALL),
+                                                  (CONE, POINTED)])  # fmt: skip
 def test_shapes_without_sharp_edges_are_covered(kind, parameters):
     s, ds = cover_at([2.1, 1.6, 0.9], parameters, kind)
     assert s == 1 and not ds.any()
