@@ -242,7 +242,7 @@ class System:
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def assemble_residual(self, followed=False):
-        """Fill residual_vector (supports' dofs zero) and tool_residual; returns the out-of-balance norm [force].
+        """Fill residual_vector (supports' dofs zero) with (23), and tool_residual; returns the out-of-balance norm [force].
 
         `forces` is then the largest norm of a single term, reactions included: the scale of the residual.
         followed: with condensed unknowns where the last tangent's linearisation puts them, see Term.
@@ -269,7 +269,7 @@ class System:
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
     def assemble_tangent(self, terms=None, trials=None):
-        """Fill the matrix (supports not yet eliminated) and the border, with some of the terms if so asked.
+        """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked.
 
         trials: {contact: what it is evaluated with in the place of its own trial}.
         """

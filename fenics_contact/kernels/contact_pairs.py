@@ -51,6 +51,8 @@ def _add(array, i, share, vector):
 def add_forces(coords, slaves, surface, projection, anchors, law, judged, out):
     """Add the virtual power area T.(dv_S - dv_M) of (14) to forces (nx, 3) at positions coords (nx, 3).  Pure.
 
+    T.(dv_S - dv_M) = N dg + T_T.(dg_T + g dn) by (5), with dg of (9) and dg_T of (10): none of them is formed.
+
     out: (forces, status, tractions, excesses); fills per point status, traction (np, 3) T = N n + T_T, and excess (np,) =
     |T_tr| over the Coulomb limit minus 1, 0 where there is no friction.
     """
@@ -141,7 +143,7 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
 
 @njit(cache=True, error_model="numpy")
 def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, new_anchors, slips):
-    """Uzawa's update of friction: the anchors (16) that give sticking points a traction greater by eps_T times their slip.
+    """Uzawa's update of friction: the anchors that give sticking points a traction greater by eps_T times their slip.
 
     rests: like anchors, where the points last came to rest.  slips (np,) = |P(n) (x_M - x_rest)| of sticking points, what
     the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.

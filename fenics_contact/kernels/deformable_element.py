@@ -98,7 +98,7 @@ place_apart = njit(cache=True, error_model="numpy")(_place)
 
 @njit(cache=True, error_model="numpy")
 def _foot_metric(kind, m, feature, pair):
-    """G in d(xi)^a = G^ab (jump r_b + d N_,b) du: H^-1 of (8) inside, its like along an edge, 0 at a vertex."""
+    """G in d(xi)^a = G^ab (jump r_b + d N_,b) du: inside H^-1, of (4) times r_b; its like on an edge; 0 at a vertex."""
     r1, r2 = pair.r1, pair.r2
     if kind == INTERIOR:
         a11, a12, a22 = dot(r1, r1), dot(r1, r2) - dot(pair.d, pair.r12), dot(r2, r2)  # H_ab = a_ab - g n.r_ab
@@ -118,9 +118,9 @@ def _foot_metric(kind, m, feature, pair):
 
 @njit(cache=True)
 def foot_rate(kind, m, feature, pair, beta):
-    """Fill beta (2, 4, 3): xi^alpha moves by sum_m beta[alpha, m] . d(mode m), (8)."""
+    """Fill beta (2, 4, 3): xi^alpha moves by sum_m beta[alpha, m] . d(mode m), (4) times r_b."""
     g11, g12, g22 = _foot_metric(kind, m, feature, pair)
-    # (v_S - v_M).r_b + g n.v_M,b of (8)
+    # (v_S - v_M).r_b + g n.v_M,b
     put(beta, 0, JUMP, plus(times(g11, pair.r1), times(g12, pair.r2)))
     put(beta, 1, JUMP, plus(times(g12, pair.r1), times(g22, pair.r2)))
     put(beta, 0, FIRST, times(g11, pair.d))
@@ -164,7 +164,7 @@ def traction_rate(T, by, pair, lean, beta, dn, rates):
     n . r_2, zero where n is the master's own normal.
     """
     by_n, by_w, r1, r2 = by.n, by.w, pair.r1, pair.r2
-    along1 = dot(by_w[0], r1), dot(by_w[1], r1), dot(by_w[2], r1)  # dw = r_a dxi^a + drag
+    along1 = dot(by_w[0], r1), dot(by_w[1], r1), dot(by_w[2], r1)  # dw = r_a dxi^a, (10), + drag
     along2 = dot(by_w[0], r2), dot(by_w[1], r2), dot(by_w[2], r2)
     for mode in range(DRAG):
         beta1, beta2 = got(beta, 0, mode), got(beta, 1, mode)
@@ -177,6 +177,9 @@ def traction_rate(T, by, pair, lean, beta, dn, rates):
         _put_row(rates, mode, 0, plus(one, of_three(by_n[0], dn0, dn1, dn2)))
         _put_row(rates, mode, 1, plus(two, of_three(by_n[1], dn0, dn1, dn2)))
         _put_row(rates, mode, 2, plus(three, of_three(by_n[2], dn0, dn1, dn2)))
+        # In the rate of (14), (11) leaves -dv_M,a Dxi^a of D(dv_S - dv_M). N n times it, with N Dn . (dv_S - dv_M) from
+        # dT/dn, is N times (12) with + g dn . Dn: put (5) for dv_S - dv_M, and (6), (7) for n . r_a. T_T times it, with
+        # DT_T, is the rate of T_T . dg_T, (13), and of g T_T . dn, which (17) leaves out of (14).
         for a in range(2):
             _put_outer(rates, mode, 1 + a, T, got(beta, a, mode))
     for a in range(3):

@@ -78,7 +78,7 @@ def patch(m, xf, c):
 
 @njit(cache=True)
 def patch_normal(c, s, t, n):
-    """Fill n (3,) with r_1 x r_2 / |r_1 x r_2| (paper (1)); return |r_1 x r_2|, n = 0 where that is 0."""
+    """Fill n (3,) with r_1 x r_2 / |r_1 x r_2| of (1); return |r_1 x r_2|, n = 0 where that is 0."""
     a0, a1, a2 = c[1, 0] + c[3, 0] * t, c[1, 1] + c[3, 1] * t, c[1, 2] + c[3, 2] * t
     b0, b1, b2 = c[2, 0] + c[3, 0] * s, c[2, 1] + c[3, 1] * s, c[2, 2] + c[3, 2] * s
     n[0], n[1], n[2] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0

@@ -106,7 +106,7 @@ def contact_elements(points, tool, law, history, judged, want_tangent, out):
                 status[e, q] = OPEN
                 continue
             numbers, gaps = Law(eps, eps_t[e], friction, touch), Gaps(decides if want_tangent else press, decides)
-            w = minus(less(x, g, n), got(history[0], e, q))
+            w = minus(less(x, g, n), got(history[0], e, q))  # the foot by (3)
             found = traction(numbers, gaps, n, w)
             status[e, q], excesses[e, q] = found.status, excess(found)
             T = _to_world(axes, found.T)
@@ -122,7 +122,7 @@ def contact_elements(points, tool, law, history, judged, want_tangent, out):
 
 @njit(cache=True)
 def _rate(by, g, n, H, deps):
-    """dT/dx by rows, of Partials `by`: dg = n.dx, dn = H dx, dw = (I - n n^T - g H) dx, and dT/dw n = 0."""
+    """dT/dx by rows, of Partials `by`: dg = n.dx, dn = H dx, dw = (I - n n^T - g H) dx by (4), and dT/dw n = 0."""
     H = row(H, 0), row(H, 1), row(H, 2)
     return (
         _rate_row(by.g[0], by.eps_n[0], less(by.n[0], g, by.w[0]), by.w[0], n, deps, H),

@@ -213,6 +213,40 @@ def test_taylor_remainder_is_of_second_order(name):
         assert np.linalg.norm(largest * r["K"] @ direction.ravel()) > 5 * remainders[0]
 
 
+PAPER = ["closed flat", "closed warped", "closed deep", "closed patch"]
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_tangent_is_the_papers_without_friction(name):
+    """(26), eps_N (dg Dg + g Ddg), by (6), (8), the rates of xi beneath (10), and (12) with a plus before its last term."""
+    pair, r = build(name)
+    facet, _, _, xi, gap, normal = pair.project(pair.coords)
+    corners, slave = pair.surface[0][facet[0]], pair.slaves[0][0]
+    (s, t), g, n = xi[0], gap[0], normal[0]
+    N = np.array([(1 - s) * (1 - t), (1 + s) * (1 - t), (1 + s) * (1 + t), (1 - s) * (1 + t)]) / 4
+    N_a = np.array([[t - 1, 1 - t, 1 + t, -1 - t], [s - 1, -1 - s, 1 + s, 1 - s]]) / 4
+    N_12 = np.array([1, -1, 1, -1]) / 4
+    r_a, r_12 = N_a @ pair.coords[corners], N_12 @ pair.coords[corners]
+    a, cross = r_a @ r_a.T, np.array([[0, 1], [1, 0]])
+    H = a - g * (r_12 @ n) * cross
+
+    def rates(v):
+        """v_S - v_M, v_M,a, the rate of the foot and that of the normal, (6)."""
+        jump, v_a = pair.slaves[1][0] @ v[slave] - N @ v[corners], N_a @ v[corners]
+        foot = np.linalg.solve(H, r_a @ jump + g * v_a @ n)
+        return jump, v_a, foot, -np.linalg.solve(a, (v_a + np.outer(cross @ foot, r_12)) @ n) @ r_a
+
+    rng = np.random.default_rng(PAPER.index(name))
+    for _ in range(5):
+        d, D = rng.uniform(-1, 1, (2, *pair.coords.shape))
+        (jump, v_a, foot, turn), (Jump, V_a, Foot, Turn) = rates(d), rates(D)
+        twelve = -(Foot @ v_a + foot @ V_a + (Foot @ cross @ foot) * r_12) @ n + g * turn @ Turn
+        ours = AREA * EPS_N * ((jump @ n) * (Jump @ n) + g * twelve)
+        assert abs(d.ravel() @ r["K"] @ D.ravel() - ours) < 1e-11 * AREA * EPS_N  # the foot is found to 1e-12
+        if "flat" not in name:  # the print's sign is another tangent
+            assert abs(2 * g * g * turn @ Turn) > 1e-6
+
+
 @pytest.mark.parametrize("name", [n for n in TOUCHING if STATES[n][2] == INTERIOR and "1e-9" not in n])
 def test_taylor_with_a_multiplier(name):
     """Lifted to an open gap, the point presses by its multiplier as deep as before."""
