@@ -64,6 +64,6 @@ def seek_along_normals(nodes, gradients, corners):
     beyond = BEYOND if corners else 0.0
 
     def seek(points, normals, coords, facets, lists, search, out):
-        slave_rays(points, nodes, gradients, coords, facets, lists, search, beyond, out)
+        slave_rays(points, (nodes, gradients), coords, facets, lists, search, beyond, out)
 
     return seek

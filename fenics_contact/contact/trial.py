@@ -4,16 +4,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fenics_contact.contact.friction import coulomb
 from fenics_contact.kernels.law import Friction
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
-# Places of the slave points on their master, in terms of the master alone: arrays with a row per point
-Anchors = tuple[NDArray[Any], ...]
+from fenics_contact.types import Anchors, Bools, Floats, Ints
 
 PRESENT: Floats = np.empty(0)
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.

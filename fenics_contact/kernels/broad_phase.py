@@ -7,15 +7,20 @@ volume they enclose.
 import numpy as np
 from numba import njit
 
+from fenics_contact.types import Floats, Ints64
+
 # Boxes may enter this many cells on average before the cells are doubled: a few large facets among many small
 # ones then cost some longer lists, not an explosion of entries.  Cubes of mean box size enter 8 at most.
 MAX_CELLS_PER_FACET = 16
 # Cell numbers are clipped here so that far points cannot overflow an integer; clipped cells hold no box.
 MAX_CELL = 1 << 40
 
+Boxes = tuple[Floats, Floats]  # low, high (n, 3)
+Grid = tuple[Floats, float, int, Ints64, Ints64, Ints64]  # origin, cell size, mask, start, cells, facets of `_fill_grid`
+
 
 @njit(cache=True)
-def facet_boxes(x, nodes, size, margin, low, high):
+def facet_boxes(x: Floats, nodes: Ints64, size: Ints64, margin: float, low: Floats, high: Floats) -> None:
     """Fill low, high (n, 3): each facet's bounding box, enlarged by margin on all sides."""
     for f in range(nodes.shape[0]):
         for p in range(3):
@@ -29,20 +34,20 @@ def facet_boxes(x, nodes, size, margin, low, high):
 
 
 @njit(cache=True)
-def _cell(value, origin, h):
+def _cell(value: float, origin: float, h: float) -> int:
     cell = np.floor((value - origin) / h)
-    return np.int64(min(max(cell, -1.0 * MAX_CELL), 1.0 * MAX_CELL))
+    return int(min(max(cell, -1.0 * MAX_CELL), 1.0 * MAX_CELL))
 
 
 @njit(cache=True)
-def _bucket(i, j, k, mask):
+def _bucket(i: int, j: int, k: int, mask: int) -> int:
     # the primes of Teschner et al. 2003 (Optimized spatial hashing); the shift brings high bits down
     key = (i * 73856093) ^ (j * 19349663) ^ (k * 83492791)
     return (key ^ (key >> 15)) & mask
 
 
 @njit(cache=True)
-def _entries(low, high, origin, h):
+def _entries(low: Floats, high: Floats, origin: Floats, h: float) -> float:
     """Number of (box, cell) pairs as a float: it may be too large for an integer before h has grown."""
     total = 0.0
     for f in range(low.shape[0]):
@@ -54,7 +59,7 @@ def _entries(low, high, origin, h):
 
 
 @njit(cache=True)
-def cell_size(low, high, origin):
+def cell_size(low: Floats, high: Floats, origin: Floats) -> float:
     """Mean largest extent of the boxes, doubled until the boxes enter few cells on average."""
     n = low.shape[0]
     h = 0.0
@@ -68,7 +73,9 @@ def cell_size(low, high, origin):
 
 
 @njit(cache=True)
-def _fill_grid(low, high, origin, h, mask, start, cells, facets):
+def _fill_grid(
+    low: Floats, high: Floats, origin: Floats, h: float, mask: int, start: Ints64, cells: Ints64, facets: Ints64
+) -> None:
     """Enter each box into the cells it touches: bucket b holds rows start[b] to start[b + 1].
 
     Called twice: with no rows in cells it counts into start[b + 2]; then it fills and moves start[b + 1] along.
@@ -91,11 +98,13 @@ def _fill_grid(low, high, origin, h, mask, start, cells, facets):
 
 
 @njit(cache=True)
-def _query(point, low, high, origin, h, mask, start, cells, facets, out, at):
+def _query(point: Floats, boxes: Boxes, grid: Grid, out: Ints64, at: int) -> int:
     """Facets whose box holds the point, written to out from place at unless out is empty; return how many.
 
     A box enters a cell once and a point asks one cell, so no facet is found twice; facets come in rising order.
     """
+    low, high = boxes
+    origin, h, mask, start, cells, facets = grid
     i, j, k = _cell(point[0], origin[0], h), _cell(point[1], origin[1], h), _cell(point[2], origin[2], h)
     b = _bucket(i, j, k, mask)
     n = 0
@@ -115,7 +124,7 @@ def _query(point, low, high, origin, h, mask, start, cells, facets, out, at):
 
 
 @njit(cache=True)
-def candidates(points, x, nodes, size, margin):
+def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: float) -> tuple[Ints64, Ints64]:
     """CSR lists of the facets that may lie within margin of each point.
 
     points (np, 3), x (nx, 3) current positions, nodes (nf, 4) and size (nf,) the surface.  Returns offsets (np + 1,)
@@ -142,11 +151,12 @@ def candidates(points, x, nodes, size, margin):
     cells, facets = np.empty((start[-1], 3), np.int64), np.empty(start[-1], np.int64)
     _fill_grid(low, high, origin, h, buckets - 1, start, cells, facets)
 
+    boxes, grid = (low, high), (origin, h, buckets - 1, start, cells, facets)
     found = np.empty(0, np.int64)
     for q in range(n_points):
-        n_q = _query(points[q], low, high, origin, h, buckets - 1, start, cells, facets, found, 0)
+        n_q = _query(points[q], boxes, grid, found, 0)
         offsets[q + 1] = offsets[q] + n_q
     found = np.empty(offsets[-1], np.int64)
     for q in range(n_points):
-        _query(points[q], low, high, origin, h, buckets - 1, start, cells, facets, found, offsets[q])
+        _query(points[q], boxes, grid, found, offsets[q])
     return offsets, found

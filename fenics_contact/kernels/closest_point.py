@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.facets import corner, gather, patch, patch_normal
+from fenics_contact.kernels.facets import Surface, corner, gather, patch, patch_normal
+from fenics_contact.types import Floats, Ints64
 
 NONE = 0
 INTERIOR = 1
@@ -29,9 +30,17 @@ SAME = 1e-9
 BORDER_COSINE = 0.9
 MAX_NEWTON = 60
 
+Lists = tuple[Ints64, Ints64]  # candidates: offsets (np + 1,), facets
+# facet (np,), kind (np,), feature (np,), xi (np, 2), gap (np,) [length], normal (np, 3)
+Projection = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats]
+Foot = tuple[int, int, float, float, float]  # kind, feature, xi1, xi2, distance^2
+Feet = tuple[Ints64, Floats]  # on the listed facets: kind and feature (., 2); xi1, xi2, distance, facet size (., 4)
+Terms = tuple[float, float, float, float, float, float, float]  # what `_terms` returns
+Work = tuple[Floats, Floats, Floats, Floats, Floats]  # scratch: two (4, 3), three (3,)
+
 
 @njit(cache=True)
-def _closest_on_boundary(x, m, xf):
+def _closest_on_boundary(x: Floats, m: int, xf: Floats) -> Foot:
     """Nearest point on the m straight edges: (kind, feature, xi1, xi2, distance^2)."""
     best, best_s, best_e = np.inf, 0.0, 0
     for e in range(m):
@@ -58,7 +67,7 @@ def _closest_on_boundary(x, m, xf):
 
 
 @njit(cache=True)
-def _terms(x, c, s, t):
+def _terms(x: Floats, c: Floats, s: float, t: float) -> Terms:
     """At (s, t): f_alpha = (x - r).r_alpha, a_alpha_beta, (x - r).r_12 and |x - r|^2, as scalars."""
     f1 = f2 = a11 = a12 = a22 = curve = dd = 0.0
     for p in range(3):
@@ -75,7 +84,7 @@ def _terms(x, c, s, t):
 
 
 @njit(cache=True)
-def _foot_triangle(x, c):
+def _foot_triangle(x: Floats, c: Floats) -> tuple[float, float, bool]:
     """Foot on the plane of a tri3: (xi1, xi2, lies inside)."""
     f1, f2, a11, a12, a22, _, _ = _terms(x, c, 0.0, 0.0)
     det = a11 * a22 - a12 * a12
@@ -86,7 +95,7 @@ def _foot_triangle(x, c):
 
 
 @njit(cache=True)
-def _newton_step(terms, free1, free2):
+def _newton_step(terms: Terms, free1: bool, free2: bool) -> tuple[float, float]:
     """Newton step of paper (2) in the directions that are free, with a matrix that makes it descend.
 
     Scaled by sqrt(a_11) and sqrt(a_22), H = a_ab - (x - r).r_ab (minus the Jacobian of f) is [[1, h], [h, 1]]: its
@@ -114,7 +123,7 @@ def _newton_step(terms, free1, free2):
 
 
 @njit(cache=True)
-def _foot_quad(x, c):
+def _foot_quad(x: Floats, c: Floats) -> tuple[float, float, bool]:
     """Foot on a bilinear patch by projected Newton, paper (2): (xi1, xi2, lies inside)."""
     limit = 1.0 + OVERLAP
     s = t = 0.0
@@ -146,7 +155,7 @@ def _foot_quad(x, c):
 
 
 @njit(cache=True)
-def closest_on_facet(x, m, xf, c):
+def closest_on_facet(x: Floats, m: int, xf: Floats, c: Floats) -> Foot:
     """Closest point of x (3,) on one facet with corners xf (4, 3); c (4, 3) is filled with its patch.
 
     Returns (kind, feature, xi1, xi2, distance^2); feature is the number of the edge or corner, -1 inside.
@@ -165,7 +174,7 @@ def closest_on_facet(x, m, xf, c):
 
 
 @njit(cache=True)
-def _facet_size(m, xf):
+def _facet_size(m: int, xf: Floats) -> float:
     """Longest edge."""
     longest = 0.0
     for e in range(m):
@@ -177,7 +186,7 @@ def _facet_size(m, xf):
 
 
 @njit(cache=True)
-def _too_far(x, m, xf, reach):
+def _too_far(x: Floats, m: int, xf: Floats, reach: float) -> bool:
     """True if the facet certainly lies farther away than reach: its corners' ball does."""
     centre0 = centre1 = centre2 = radius = 0.0
     for i in range(m):
@@ -192,7 +201,7 @@ def _too_far(x, m, xf, reach):
 
 
 @njit(cache=True)
-def _corner_angle(m, xf, i):
+def _corner_angle(m: int, xf: Floats, i: int) -> float:
     """Angle between the two edges that meet in corner i."""
     uu = vv = uv = 0.0
     for p in range(3):
@@ -205,12 +214,23 @@ def _corner_angle(m, xf, i):
 
 
 @njit(cache=True)
-def _scan(x, x_normal, coords, surface, listed, search, facing, feet, work):
+def _scan(
+    x: Floats,
+    x_normal: Floats,
+    coords: Floats,
+    surface: Surface,
+    listed: Ints64,
+    limits: tuple[float, float],
+    feet: Feet,
+    work: Work,
+) -> int:
     """Foot on each listed facet; return the winner's place in the list, or -1.
 
-    Fills feet = (kinds (., 2): kind and feature, places (., 4): xi1, xi2, distance and facet size).  Facets that
-    look the same way as the slave point (n . slave normal > facing) or lie beyond search get kind NONE.
+    Fills feet = (kinds (., 2): kind and feature, places (., 4): xi1, xi2, distance and facet size).  limits =
+    (search, facing): facets that look the slave point's own way (n . slave normal > facing) or lie beyond search get
+    kind NONE.
     """
+    search, facing = limits
     nodes, size = surface
     kinds, places = feet
     xf, c, n = work[0], work[1], work[2]
@@ -241,7 +261,9 @@ def _scan(x, x_normal, coords, surface, listed, search, facing, feet, work):
 
 
 @njit(cache=True)
-def _pseudo_normal(winner, coords, surface, listed, feet, foot, pseudo, work):
+def _pseudo_normal(
+    winner: int, coords: Floats, surface: Surface, listed: Ints64, feet: Feet, foot: Floats, pseudo: Floats, work: Work
+) -> bool:
     """Angle-weighted normal, into pseudo (3,), of the facets that share the winner's foot; True if they surround it."""
     nodes, size = surface
     kinds, places = feet
@@ -276,7 +298,9 @@ def _pseudo_normal(winner, coords, surface, listed, feet, foot, pseudo, work):
 
 
 @njit(cache=True)
-def _gap_and_normal(x, winner, coords, surface, listed, feet, normal, work):
+def _gap_and_normal(
+    x: Floats, winner: int, coords: Floats, surface: Surface, listed: Ints64, feet: Feet, normal: Floats, work: Work
+) -> tuple[int, float]:
     """Signed gap and normal (paper (1)) at the winner; returns (kind, gap), NONE beyond a free border."""
     nodes, size = surface
     kinds, places = feet
@@ -305,7 +329,16 @@ def _gap_and_normal(x, winner, coords, surface, listed, feet, normal, work):
 
 
 @njit(cache=True)
-def closest_points(points, point_normals, coords, surface, lists, search, facing, projection):
+def closest_points(
+    points: Floats,
+    point_normals: Floats,
+    coords: Floats,
+    surface: Surface,
+    lists: Lists,
+    search: float,
+    facing: float,
+    projection: Projection,
+) -> None:
     """Project slave points (np, 3) with outward normals (np, 3) on a surface (nodes, size) at positions coords (nx, 3).
 
     lists = (offsets, facets) are the candidates.  Fills projection = (facet (np,), kind (np,), feature (np,) int64,
@@ -322,7 +355,7 @@ def closest_points(points, point_normals, coords, surface, lists, search, facing
         facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
         xi[q, 0] = xi[q, 1] = normal[q, 0] = normal[q, 1] = normal[q, 2] = 0.0
         mine = listed[offsets[q] : offsets[q + 1]]
-        winner = _scan(points[q], point_normals[q], coords, surface, mine, search, facing, feet, work)
+        winner = _scan(points[q], point_normals[q], coords, surface, mine, (search, facing), feet, work)
         if winner < 0:
             continue
         found, g = _gap_and_normal(points[q], winner, coords, surface, mine, feet, normal[q], work)

@@ -7,55 +7,62 @@ they are not the present ones; (0,) where they are.  The tangent is in kernels/c
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.deformable_element import place, place_apart, slide_anchor
-from fenics_contact.kernels.law import FRICTIONLESS, Gaps, Law, excess, traction
+from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.deformable_element import Anchors, Pair, Pairs, PointLaws, place, place_apart, slide_anchor
+from fenics_contact.kernels.law import FRICTIONLESS, Gaps, Law, Traction, excess, traction
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import dot, less, minus, norm, of_four, of_nodes, plus, row, times
+from fenics_contact.kernels.vectors import Four, Vector, dot, less, minus, norm, of_four, of_nodes, plus, row, times
+from fenics_contact.types import Floats, Ints, Ints64
 
 
 @njit(cache=True, inline="always")
-def deciding_gap(q, projection, law, judged):
+def deciding_gap(q: int, projection: Projection, law: PointLaws, judged: Floats) -> float:
     return judged[q] if len(judged) > 0 else projection[4][q] + law[4][q]
 
 
 @njit(cache=True, inline="always")
-def presses(q, projection, law, judged):
+def presses(q: int, projection: Projection, law: PointLaws, judged: Floats) -> bool:
     """True if point q has a partner and counts as closed; most points of a surface do not."""
     return projection[1][q] != NONE and deciding_gap(q, projection, law, judged) <= law[3]
 
 
 @njit(cache=True)
-def point_law(q, law, anchors):
+def point_law(q: int, law: PointLaws, anchors: Anchors) -> Law:
     """The Law of point q: without friction where it has no anchor."""
     return Law(law[0][q], law[1][q], law[2] if anchors[0][q, 0] >= 0 else FRICTIONLESS, law[3])
 
 
 @njit(cache=True)
-def _present_traction(q, pair, law, anchors):
+def _present_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> Traction:
     """The Traction of point q at its present gap."""
     press = pair.g + law[4][q]
     return traction(point_law(q, law, anchors), Gaps(press, press), pair.n, pair.w)
 
 
 @njit(cache=True)
-def _add(array, i, share, vector):
+def _add(array: Floats, i: int, share: float, vector: Vector) -> None:
     array[i, 0] += share * vector[0]
     array[i, 1] += share * vector[1]
     array[i, 2] += share * vector[2]
 
 
 @njit(cache=True, error_model="numpy")
-def add_forces(coords, slaves, surface, projection, anchors, law, judged, out):
-    """Add the virtual power area T.(dv_S - dv_M) of (14) to forces (nx, 3) at positions coords (nx, 3).  Pure.
+def add_forces(
+    pairs: Pairs,
+    law: PointLaws,
+    judged: Floats,
+    out: tuple[Floats, Ints, Floats, Floats],
+) -> None:
+    """Add the virtual power area T.(dv_S - dv_M) of (14) to forces (nx, 3).  Pure.
 
     T.(dv_S - dv_M) = N dg + T_T.(dg_T + g dn) by (5), with dg of (9) and dg_T of (10): none of them is formed.
 
     out: (forces, status, tractions, excesses); fills per point status, traction (np, 3) T = N n + T_T, and excess (np,) =
     |T_tr| over the Coulomb limit minus 1, 0 where there is no friction.
     """
+    coords, slaves, surface, projection, anchors = pairs
     nodes, weights, area, _ = slaves
     corners, facet = surface[0], projection[0]
     forces, status, tractions, excesses = out
@@ -83,8 +90,9 @@ def add_forces(coords, slaves, surface, projection, anchors, law, judged, out):
 
 
 @njit(cache=True)
-def foreseen_gaps(coords, slaves, surface, projection, anchors, moved, gaps):
-    """Fill gaps (np,): what the gaps at positions coords become, linearised, when the nodes move by moved (nx, 3)."""
+def foreseen_gaps(pairs: Pairs, moved: Floats, gaps: Floats) -> None:
+    """Fill gaps (np,): what the gaps of the pairs become, linearised, when the nodes move by moved (nx, 3)."""
+    coords, slaves, surface, projection, anchors = pairs
     nodes, weights, _, gradients = slaves
     corners, facet, kind = surface[0], projection[0], projection[1]
     for q in range(len(gaps)):
@@ -107,20 +115,26 @@ def foreseen_gaps(coords, slaves, surface, projection, anchors, moved, gaps):
 
 
 @njit(cache=True)
-def _keep(q, nodes, weights, facet_nodes, f, N):
+def _keep(q: int, nodes: Ints64, weights: Floats, facet_nodes: Ints64, f: int, N: Four) -> None:
     for i in range(4):
         nodes[q, i] = facet_nodes[f, i]
     weights[q, 0], weights[q, 1], weights[q, 2], weights[q, 3] = N
 
 
 @njit(cache=True, error_model="numpy")
-def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anchors, sliding):
+def committed_anchors(
+    pairs: Pairs,
+    law: PointLaws,
+    new_anchors: Anchors,
+    sliding: Floats,
+) -> None:
     """The anchors to keep when a step is accepted: new_anchors = (nodes (np, 4), weights (np, 4)), and sliding (np,).
 
     Open or frictionless: the projection itself.  Stick: unchanged.  Slip: behind the projection by the elastic slip
     T_T/eps_T, the return mapping of (16).  No partner: none (-1).  sliding is the way the anchor's image moved in
     slip [length].  new_anchors must not be the arrays of anchors.
     """
+    coords, slaves, surface, projection, anchors = pairs
     facet, kind = projection[0], projection[1]
     nodes, weights = new_anchors
     eps_t = law[1]
@@ -142,12 +156,19 @@ def committed_anchors(coords, slaves, surface, projection, anchors, law, new_anc
 
 
 @njit(cache=True, error_model="numpy")
-def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, new_anchors, slips):
+def augmented_anchors(
+    pairs: Pairs,
+    rests: Anchors,
+    law: PointLaws,
+    new_anchors: Anchors,
+    slips: Floats,
+) -> None:
     """Uzawa's update of friction: the anchors that give sticking points a traction greater by eps_T times their slip.
 
     rests: like anchors, where the points last came to rest.  slips (np,) = |P(n) (x_M - x_rest)| of sticking points, what
     the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.
     """
+    coords, slaves, surface, projection, anchors = pairs
     nodes, weights = new_anchors
     eps_t = law[1]
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]
@@ -167,12 +188,19 @@ def augmented_anchors(coords, slaves, surface, projection, anchors, rests, law, 
 
 
 @njit(cache=True, error_model="numpy")
-def stiffened_anchors(coords, slaves, surface, projection, anchors, rests, law, factor, new_anchors):
+def stiffened_anchors(
+    pairs: Pairs,
+    rests: Anchors,
+    law: PointLaws,
+    factor: float,
+    new_anchors: Anchors,
+) -> None:
     """The anchors that tangential penalties greater by `factor` need for points that slip on from rest as they do.
 
     rests: like anchors, places x_rest of the same traction under either penalty.  New anchors lie on the points' present
     facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
     """
+    coords, slaves, surface, projection, anchors = pairs
     nodes, weights = new_anchors
     eps_t = law[1]
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]

@@ -8,12 +8,16 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.contact_pairs import point_law, presses
-from fenics_contact.kernels.couplings import equal_rows, felt_nodes, find
+from fenics_contact.kernels.couplings import Pattern, equal_rows, felt_nodes, find
 from fenics_contact.kernels.deformable_element import (
     DRAG,
     FIRST,
     JUMP,
     SECOND,
+    Pair,
+    Pairs,
+    PointLaws,
+    Slaves,
     foot_rate,
     normal_rate,
     place,
@@ -22,16 +26,25 @@ from fenics_contact.kernels.deformable_element import (
 from fenics_contact.kernels.law import Gaps, partials, traction
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.kernels.vectors import dot
+from fenics_contact.kernels.vectors import Four, dot
+from fenics_contact.types import Bools, Floats, Ints64
 
 
 @njit(cache=True)
-def add_tangents(coords, slaves, surface, projection, anchors, law, judged, pattern, values, used):
+def add_tangents(
+    pairs: Pairs,
+    law: PointLaws,
+    judged: Floats,
+    pattern: Pattern,
+    values: Floats,
+    used: Bools,
+) -> int:
     """Add the exact derivative of the forces, with the foot on the master following, to blocks values (nb, 3, 3).  Pure.
 
     pattern: as in kernels/couplings.py.  Marks used (nb,).  With judged gaps the points press with these, which are
     then the pressures of a mixed method.  Returns the number of blocks that were not in the pattern.
     """
+    coords, slaves, surface, projection, anchors = pairs
     points, k = slaves[0].shape
     corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
     shift = law[4]
@@ -77,13 +90,13 @@ def add_tangents(coords, slaves, surface, projection, anchors, law, judged, patt
 
 
 @njit(cache=True)
-def _put_four(table, i, first, scale, values):
+def _put_four(table: Floats, i: int, first: int, scale: float, values: Four) -> None:
     for j in range(4):
         table[i, first + j] = scale * values[j]
 
 
 @njit(cache=True)
-def _shares(q, slaves, anchor_weights, felt, has_anchor, pair, share):
+def _shares(q: int, slaves: Slaves, anchor_weights: Floats, felt: int, has_anchor: bool, pair: Pair, share: Floats) -> None:
     """Fill share (4, k + 8): the parts of the nodes in the modes of point q."""
     _, weights, _, gradients = slaves
     k = weights.shape[1]
@@ -106,7 +119,7 @@ def _shares(q, slaves, anchor_weights, felt, has_anchor, pair, share):
 
 
 @njit(cache=True)
-def _spread(area, felt, rates, share, spread):
+def _spread(area: float, felt: int, rates: Floats, share: Floats, spread: Floats) -> None:
     """Fill spread (3, 9 felt): rates of T, T xi^1 and T xi^2 against the motion of the nodes, 3 x 3 each, times the area."""
     for j in range(felt):
         jump, one, two, drag = area * share[JUMP, j], area * share[FIRST, j], area * share[SECOND, j], area * share[DRAG, j]
@@ -118,7 +131,7 @@ def _spread(area, felt, rates, share, spread):
 
 
 @njit(cache=True)
-def _add_point(q, weights, width, pair, spread, matrix):
+def _add_point(q: int, weights: Floats, width: int, pair: Pair, spread: Floats, matrix: Floats) -> None:
     """Add the rates of the forces on k slave nodes and on the facet's nodes to the element's matrix (k + 4, 9 felt)."""
     k = weights.shape[1]
     for i in range(k):
@@ -131,14 +144,14 @@ def _add_point(q, weights, width, pair, spread, matrix):
 
 
 @njit(cache=True)
-def _add_row(row, width, N, N1, N2, spread, matrix):
+def _add_row(row: int, width: int, N: float, N1: float, N2: float, spread: Floats, matrix: Floats) -> None:
     """The forces on a node of the facet, on which x_M moves."""
     for c in range(width):
         matrix[row, c] -= N * spread[0, c] + N1 * spread[1, c] + N2 * spread[2, c]
 
 
 @njit(cache=True)
-def _insert(matrix, nodes, felt, pattern, values, used):
+def _insert(matrix: Floats, nodes: Ints64, felt: int, pattern: Pattern, values: Floats, used: Bools) -> int:
     """Add an element's matrix to the blocks of the pattern; returns how many of them are not in it."""
     blocks, first, end, columns = pattern
     missing = 0

@@ -7,9 +7,13 @@ where its row begins and ends in columns (nb,), rising global numbers).
 import numpy as np
 from numba import njit
 
+from fenics_contact.types import Bools, Ints64
+
+Pattern = tuple[Ints64, Ints64, Ints64, Ints64]  # blocks, first, end, columns
+
 
 @njit(cache=True)
-def equal_rows(table, i, j):
+def equal_rows(table: Ints64, i: int, j: int) -> bool:
     same = True
     for column in range(table.shape[1]):
         same = same and table[i, column] == table[j, column]
@@ -17,7 +21,7 @@ def equal_rows(table, i, j):
 
 
 @njit(cache=True)
-def felt_nodes(q, slave_nodes, corners, facet, anchor_nodes, nodes):
+def felt_nodes(q: int, slave_nodes: Ints64, corners: Ints64, facet: Ints64, anchor_nodes: Ints64, nodes: Ints64) -> int:
     """Fill nodes (k + 8,) of pair q; returns how many of them T depends on: on its own facet an anchor adds none."""
     k = slave_nodes.shape[1]
     at_home, has_anchor = True, anchor_nodes[q, 0] >= 0
@@ -31,7 +35,7 @@ def felt_nodes(q, slave_nodes, corners, facet, anchor_nodes, nodes):
 
 
 @njit(cache=True)
-def find(columns, low, high, wanted):
+def find(columns: Ints64, low: int, high: int, wanted: int) -> int:
     """Place of `wanted` in the rising columns[low:high], or -1."""
     n = high - low
     while n > 1:  # without branches, which nothing could foresee
@@ -42,7 +46,7 @@ def find(columns, low, high, wanted):
 
 
 @njit(cache=True)
-def newly_met(closed, facet, anchor_nodes, met, met_anchors):
+def newly_met(closed: Bools, facet: Ints64, anchor_nodes: Ints64, met: Ints64, met_anchors: Ints64) -> Bools:
     """True for each closed point (np,) whose facet or anchor is not the one taken down in met (np,), met_anchors (np, 4)."""
     new = np.zeros(len(closed), np.bool_)
     for q in range(len(closed)):
@@ -54,7 +58,7 @@ def newly_met(closed, facet, anchor_nodes, met, met_anchors):
 
 
 @njit(cache=True)
-def lacks(asked, slave_nodes, corners, facet, anchor_nodes, pattern):
+def lacks(asked: Bools, slave_nodes: Ints64, corners: Ints64, facet: Ints64, anchor_nodes: Ints64, pattern: Pattern) -> bool:
     """True if the pattern has not all couplings of the pairs of the points that are asked for (np,)."""
     blocks, first, end, columns = pattern
     k = slave_nodes.shape[1]
@@ -71,7 +75,15 @@ def lacks(asked, slave_nodes, corners, facet, anchor_nodes, pattern):
 
 
 @njit(cache=True)
-def coupled_pairs(offsets, listed, slave_nodes, corners, anchor_nodes, rows, columns):
+def coupled_pairs(
+    offsets: Ints64,
+    listed: Ints64,
+    slave_nodes: Ints64,
+    corners: Ints64,
+    anchor_nodes: Ints64,
+    rows: Ints64,
+    columns: Ints64,
+) -> int:
     """Write all pairs among the nodes of each slave point, its anchor and the facets listed for it (CSR); returns how many.
 
     Points without a facet count for nothing. Each pair comes once per slave element, whose points follow one another.
@@ -81,18 +93,18 @@ def coupled_pairs(offsets, listed, slave_nodes, corners, anchor_nodes, rows, col
     count = 1 + max(slave_nodes.max(), corners.max())
     number, known, local, at = np.empty(count, np.int64), np.full(count, -1), np.empty(count, np.int64), 0
     here, seen = np.empty(count, np.int64), np.full(count, -1)
-    first = 0
+    lists, first = (offsets, listed), 0
     while first < points:
         end, n = first, 0
         while end < points and equal_rows(slave_nodes, first, end):
-            for i in here[: _nodes_of(end, offsets, listed, slave_nodes, corners, anchor_nodes, here, seen, 2 * end)]:
+            for i in here[: _nodes_of(end, lists, slave_nodes, corners, anchor_nodes, here, seen, 2 * end)]:
                 if known[i] != first:
                     known[i], number[i], local[n] = first, n, i
                     n += 1
             end += 1
         together = np.zeros((n, n), np.bool_)
         for q in range(first, end):
-            m = _nodes_of(q, offsets, listed, slave_nodes, corners, anchor_nodes, here, seen, 2 * q + 1)
+            m = _nodes_of(q, lists, slave_nodes, corners, anchor_nodes, here, seen, 2 * q + 1)
             for i in range(m):
                 here[i] = number[here[i]]
             for i in here[:m]:
@@ -109,9 +121,18 @@ def coupled_pairs(offsets, listed, slave_nodes, corners, anchor_nodes, rows, col
 
 
 @njit(cache=True)
-def _nodes_of(q, offsets, listed, slave_nodes, corners, anchor_nodes, nodes, seen, stamp):
+def _nodes_of(
+    q: int,
+    lists: tuple[Ints64, Ints64],
+    slave_nodes: Ints64,
+    corners: Ints64,
+    anchor_nodes: Ints64,
+    nodes: Ints64,
+    seen: Ints64,
+    stamp: int,
+) -> int:
     """Write the nodes of point q, each once, none if no facet is listed; returns how many. seen (count,) is scratch."""
-    n = 0
+    (offsets, listed), n = lists, 0
     for at in range(offsets[q], offsets[q + 1]):
         n = _join(corners, listed[at], nodes, n, seen, stamp)
     if n > 0:
@@ -122,7 +143,7 @@ def _nodes_of(q, offsets, listed, slave_nodes, corners, anchor_nodes, nodes, see
 
 
 @njit(cache=True)
-def _join(table, row, nodes, n, seen, stamp):
+def _join(table: Ints64, row: int, nodes: Ints64, n: int, seen: Ints64, stamp: int) -> int:
     for i in range(table.shape[1]):
         node = table[row, i]
         if seen[node] != stamp:
@@ -132,7 +153,7 @@ def _join(table, row, nodes, n, seen, stamp):
 
 
 @njit(cache=True)
-def unique_pairs(rows, columns, count):
+def unique_pairs(rows: Ints64, columns: Ints64, count: int) -> tuple[Ints64, Ints64]:
     """The pairs (rows (n,), columns (n,)) of nodes below count, each once, rows rising."""
     start, order = np.zeros(count + 1, np.int64), np.empty(len(rows), np.int64)
     for i in rows:

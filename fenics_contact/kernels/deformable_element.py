@@ -22,18 +22,22 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64):
     law        (eps_n (np,), eps_t (np,) [pressure/length], Friction of kernels/law.py, touch [length], shift (np,)
                [length]); shift: multiplier over eps_n, by which a point presses more than its gap does; touch: gap + shift
                up to it counts as closed
+    pairs      (coords (nx, 3) present positions of nodes [length], slaves, surface, projection, anchors)
 """
 
 import math
-from collections import namedtuple
+from typing import NamedTuple
 
 from numba import njit
 
-from fenics_contact.kernels.closest_point import EDGE, INTERIOR
-from fenics_contact.kernels.facets import corner, shape, shape_gradient, shape_mixed
+from fenics_contact.kernels.closest_point import EDGE, INTERIOR, Projection
+from fenics_contact.kernels.facets import Surface, corner, shape, shape_gradient, shape_mixed
+from fenics_contact.kernels.law import Friction, Partials
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.vectors import (
     ZERO,
+    Four,
+    Vector,
     cross,
     dot,
     got,
@@ -48,23 +52,46 @@ from fenics_contact.kernels.vectors import (
     row,
     times,
 )
+from fenics_contact.types import Floats, Ints64
+
+# The groups that no other kernel names
+Slaves = tuple[Ints64, Floats, Floats, Floats]
+Anchors = tuple[Ints64, Floats]
+PointLaws = tuple[Floats, Floats, Friction, float, Floats]
+Pairs = tuple[Floats, Slaves, Surface, Projection, Anchors]
 
 # Modes.
 JUMP, FIRST, SECOND, DRAG = 0, 1, 2, 3
 
-# Kinematics (1) of a slave point and its facet: gap, normal, x_S - x_M, r_1, r_2, r_12, the elastic slip x_M - x_a before
-# projection, shape functions of the facet with their gradients; tangents of the slave's facet and |t1 x t2|, 0 without.
-Pair = namedtuple("Pair", "g n d r1 r2 r12 w N N1 N2 t1 t2 size")
+
+class Pair(NamedTuple):
+    """Kinematics (1) of a slave point and its facet [length]: gap, normal, x_S - x_M, r_1, r_2, r_12, the elastic slip
+    x_M - x_a before projection, shape functions of the facet with their gradients; tangents of the slave's facet and
+    |t1 x t2|, 0 without."""
+
+    g: float
+    n: Vector
+    d: Vector
+    r1: Vector
+    r2: Vector
+    r12: Vector
+    w: Vector
+    N: Four
+    N1: Four
+    N2: Four
+    t1: Vector
+    t2: Vector
+    size: float
 
 
 @njit(cache=True)
-def slave_points(coords, nodes, weights, points):
+def slave_points(coords: Floats, nodes: Ints64, weights: Floats, points: Floats) -> None:
     """Fill points (np, 3) with x_S = sum a_i x_i of nodes (np, k) and weights (np, k)."""
     for q in range(nodes.shape[0]):
         points[q, 0], points[q, 1], points[q, 2] = of_nodes(weights, q, nodes, coords)
 
 
-def _place(q, coords, slaves, surface, projection, anchors):
+def _place(q: int, coords: Floats, slaves: Slaves, surface: Surface, projection: Projection, anchors: Anchors) -> Pair:
     """The Pair of slave point q."""
     slave_nodes, slave_weights, _, gradients = slaves
     nodes, size = surface
@@ -97,7 +124,7 @@ place_apart = njit(cache=True, error_model="numpy")(_place)
 
 
 @njit(cache=True, error_model="numpy")
-def _foot_metric(kind, m, feature, pair):
+def _foot_metric(kind: int, m: int, feature: int, pair: Pair) -> Vector:
     """G in d(xi)^a = G^ab (jump r_b + d N_,b) du: inside H^-1, of (4) times r_b; its like on an edge; 0 at a vertex."""
     r1, r2 = pair.r1, pair.r2
     if kind == INTERIOR:
@@ -117,7 +144,7 @@ def _foot_metric(kind, m, feature, pair):
 
 
 @njit(cache=True)
-def foot_rate(kind, m, feature, pair, beta):
+def foot_rate(kind: int, m: int, feature: int, pair: Pair, beta: Floats) -> None:
     """Fill beta (2, 4, 3): xi^alpha moves by sum_m beta[alpha, m] . d(mode m), (4) times r_b."""
     g11, g12, g22 = _foot_metric(kind, m, feature, pair)
     # (v_S - v_M).r_b + g n.v_M,b
@@ -130,7 +157,7 @@ def foot_rate(kind, m, feature, pair, beta):
 
 
 @njit(cache=True, error_model="numpy")
-def normal_rate(kind, pair, beta, dn):
+def normal_rate(kind: int, pair: Pair, beta: Floats, dn: Floats) -> None:
     """Fill dn (4, 3, 3): n moves by sum_m dn[m] d(mode m), from (6) inside and from n = d/g at edges and vertices."""
     n, r1, r2 = pair.n, pair.r1, pair.r2
     a11, a12, a22, twist = dot(r1, r1), dot(r1, r2), dot(r2, r2), dot(n, pair.r12)
@@ -157,7 +184,9 @@ def normal_rate(kind, pair, beta, dn):
 
 
 @njit(cache=True, error_model="numpy")
-def traction_rate(T, by, pair, lean, beta, dn, rates):
+def traction_rate(
+    T: Vector, by: Partials, pair: Pair, lean: tuple[float, float], beta: Floats, dn: Floats, rates: Floats
+) -> None:
     """Fill rates (4, 3, 9): T moves by rates[m, 0] d(mode m), 3 x 3; T xi^1 and T xi^2, T held, by rates[m, 1] and [m, 2].
 
     The law's Partials `by` of the traction T (3,) meet the rates of gap, normal and way: (26)-(28). lean: n . r_1 and
@@ -187,19 +216,19 @@ def traction_rate(T, by, pair, lean, beta, dn, rates):
 
 
 @njit(cache=True)
-def _put_row(rates, mode, a, vector):
+def _put_row(rates: Floats, mode: int, a: int, vector: Vector) -> None:
     rates[mode, 0, 3 * a], rates[mode, 0, 3 * a + 1], rates[mode, 0, 3 * a + 2] = vector
 
 
 @njit(cache=True)
-def _put_outer(rates, mode, part, a, b):
+def _put_outer(rates: Floats, mode: int, part: int, a: Vector, b: Vector) -> None:
     rates[mode, part, 0], rates[mode, part, 1], rates[mode, part, 2] = times(a[0], b)
     rates[mode, part, 3], rates[mode, part, 4], rates[mode, part, 5] = times(a[1], b)
     rates[mode, part, 6], rates[mode, part, 7], rates[mode, part, 8] = times(a[2], b)
 
 
 @njit(cache=True, error_model="numpy")
-def slide_anchor(q, pair, tangential, eps_t, weights):
+def slide_anchor(q: int, pair: Pair, tangential: Vector, eps_t: float, weights: Floats) -> None:
     """Take e^alpha N_i,alpha off weights[q]: the anchor trails x_M by the elastic slip e = T_T/eps_T.
 
     At an edge or vertex e is normal to n but may leave the facet's plane; there the vector e' of the plane with

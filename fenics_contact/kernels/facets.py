@@ -10,11 +10,16 @@ import math
 
 from numba import njit
 
+from fenics_contact.kernels.vectors import Four
+from fenics_contact.types import Floats, Ints64
+
+Surface = tuple[Ints64, Ints64]  # nodes (nf, 4), size (nf,)
+
 MAX_NODES = 4
 
 
 @njit(cache=True)
-def corner(m, i):
+def corner(m: int, i: int) -> tuple[float, float]:
     """Parametric place (xi1, xi2) of corner i."""
     if m == 3:
         return (1.0 if i == 1 else 0.0), (1.0 if i == 2 else 0.0)
@@ -22,7 +27,7 @@ def corner(m, i):
 
 
 @njit(cache=True)
-def shape(m, s, t):
+def shape(m: int, s: float, t: float) -> Four:
     """N_i(s, t); a tri3 has N_3 = 0."""
     if m == 3:
         return 1.0 - s - t, s, t, 0.0
@@ -35,7 +40,7 @@ def shape(m, s, t):
 
 
 @njit(cache=True)
-def shape_gradient(m, s, t):
+def shape_gradient(m: int, s: float, t: float) -> tuple[Four, Four]:
     """(N_i,1, N_i,2) at (s, t)."""
     if m == 3:
         return (-1.0, 1.0, 0.0, 0.0), (-1.0, 0.0, 1.0, 0.0)
@@ -44,14 +49,14 @@ def shape_gradient(m, s, t):
 
 
 @njit(cache=True)
-def shape_mixed(m):
+def shape_mixed(m: int) -> Four:
     """N_i,12, the only second derivative that is not zero; it is constant."""
     sign = 0.0 if m == 3 else 0.25
     return sign, -sign, sign, -sign
 
 
 @njit(cache=True)
-def gather(x, nodes, m, xf):
+def gather(x: Floats, nodes: Ints64, m: int, xf: Floats) -> None:
     """Copy the facet's current corner positions x[nodes] into xf (4, 3)."""
     for i in range(m):
         for p in range(3):
@@ -59,7 +64,7 @@ def gather(x, nodes, m, xf):
 
 
 @njit(cache=True)
-def patch(m, xf, c):
+def patch(m: int, xf: Floats, c: Floats) -> None:
     """Fill c (4, 3) so that r(s, t) = c0 + c1 s + c2 t + c3 s t.
 
     With it r_1 = c1 + c3 t, r_2 = c2 + c3 s, r_12 = c3, for both shapes of facet.
@@ -77,7 +82,7 @@ def patch(m, xf, c):
 
 
 @njit(cache=True)
-def patch_normal(c, s, t, n):
+def patch_normal(c: Floats, s: float, t: float, n: Floats) -> float:
     """Fill n (3,) with r_1 x r_2 / |r_1 x r_2| of (1); return |r_1 x r_2|, n = 0 where that is 0."""
     a0, a1, a2 = c[1, 0] + c[3, 0] * t, c[1, 1] + c[3, 1] * t, c[1, 2] + c[3, 2] * t
     b0, b1, b2 = c[2, 0] + c[3, 0] * s, c[2, 1] + c[3, 1] * s, c[2, 2] + c[3, 2] * s

@@ -5,34 +5,72 @@ anchor there. Masters differ in how these follow the nodes; the law is the same 
 T . (dv_S - dv_M), (14): -T acts on the slave.
 """
 
-from collections import namedtuple
+from typing import NamedTuple
 
 from numba import njit
 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import AXES, ZERO, dot, less, norm, plus, times
+from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, plus, times
+from fenics_contact.types import Floats
 
 ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative, where slips are a millionth of the coordinates
 
-# |T_T| <= mu(p) p under a pressure p: mu(p) = mu (p/reference)^exponent, Coulomb's constant mu for an exponent of 0; and
-# |T_T| <= shear [pressure], 0: no such limit.
-Friction = namedtuple("Friction", "mu reference exponent shear")
+
+class Friction(NamedTuple):
+    """|T_T| <= mu(p) p under a pressure p: mu(p) = mu (p/reference)^exponent, Coulomb's constant mu for an exponent of 0;
+    and |T_T| <= shear [pressure], 0: no such limit."""
+
+    mu: float
+    reference: float
+    exponent: float
+    shear: float
+
+
 FRICTIONLESS = Friction(0.0, 1.0, 0.0, 0.0)
-# Penalties eps_N, eps_T [pressure/length]; Friction, none where there is no anchor; touch [length]: gaps up to it are
-# round-off and closed, slips up to it are none.
-Law = namedtuple("Law", "eps_n eps_t friction touch")
-# press: the gap and its multiplier over eps_N [length], by which the point presses; decides: what tells open from closed
-# and stick from slip, press itself or the press that Newton's last solve foresaw (contact/deformable.py).
-Gaps = namedtuple("Gaps", "press decides")
-# status; N [pressure]; the limit of |T_T| [pressure] and its slope d(limit)/dp; T_T^tr, T_T and T (3,).
-Traction = namedtuple("Traction", "status N limit slope trial tangential T")
-# dT/dg and dT/d(eps_N) (3,); dT/dn and dT/dw (3, 3), by rows. Each holds the status, a foreseen pressure, and the other
-# arguments.
-Partials = namedtuple("Partials", "g eps_n n w")
+
+
+class Law(NamedTuple):
+    """Penalties eps_N, eps_T [pressure/length]; Friction, none where there is no anchor; touch [length]: gaps up to it are
+    round-off and closed, slips up to it are none."""
+
+    eps_n: float
+    eps_t: float
+    friction: Friction
+    touch: float
+
+
+class Gaps(NamedTuple):
+    """press: the gap and its multiplier over eps_N [length], by which the point presses; decides: what tells open from
+    closed and stick from slip, press itself or the press that Newton's last solve foresaw."""
+
+    press: float
+    decides: float
+
+
+class Traction(NamedTuple):
+    """status; N [pressure]; the limit of |T_T| [pressure] and its slope d(limit)/dp; T_T^tr, T_T and T (3,)."""
+
+    status: int
+    N: float
+    limit: float
+    slope: float
+    trial: Vector
+    tangential: Vector
+    T: Vector
+
+
+class Partials(NamedTuple):
+    """dT/dg and dT/d(eps_N) (3,); dT/dn and dT/dw (3, 3), by rows. Each holds the status, a foreseen pressure, and the
+    other arguments."""
+
+    g: Vector
+    eps_n: Vector
+    n: tuple[Vector, Vector, Vector]
+    w: tuple[Vector, Vector, Vector]
 
 
 @njit(cache=True, error_model="numpy")
-def friction_limit(friction, p):
+def friction_limit(friction: Friction, p: float) -> tuple[float, float]:
     """The greatest |T_T| [pressure] under a pressure p, mu |N| of (16), and its slope."""
     if p <= 0.0:  # a gap within touch presses on nothing
         return 0.0, 0.0
@@ -45,20 +83,20 @@ def friction_limit(friction, p):
 
 
 @njit(cache=True)
-def friction_limits(friction, pressures, limits):
+def friction_limits(friction: Friction, pressures: Floats, limits: Floats) -> None:
     """Fill limits (n,) under pressures (n,)."""
     for i in range(len(limits)):
         limits[i] = friction_limit(friction, pressures[i])[0]
 
 
 @njit(cache=True)
-def _strength(law, gaps, N, limit, slope):
+def _strength(law: Law, gaps: Gaps, N: float, limit: float, slope: float) -> float:
     """|T_T| in slip (18); under a foreseen pressure linear in the gap, so that one more solve mends what was foreseen."""
     return limit if gaps.decides == gaps.press else limit + slope * (law.eps_n * gaps.decides - N)
 
 
 @njit(cache=True, error_model="numpy")
-def traction(law, gaps, n, w):
+def traction(law: Law, gaps: Gaps, n: Vector, w: Vector) -> Traction:
     """The Traction T = N n + T_T of a point."""
     if gaps.decides > law.touch:
         return Traction(OPEN, 0.0, 0.0, 0.0, ZERO, ZERO, ZERO)
@@ -79,7 +117,7 @@ def traction(law, gaps, n, w):
 
 
 @njit(cache=True, error_model="numpy")
-def partials(law, gaps, n, w, found):
+def partials(law: Law, gaps: Gaps, n: Vector, w: Vector, found: Traction) -> Partials:
     """The Partials of T, found at the same arguments: (26), with (27) in stick and (28) in slip."""
     if found.status == OPEN:
         return Partials(ZERO, ZERO, (ZERO, ZERO, ZERO), (ZERO, ZERO, ZERO))
@@ -98,7 +136,7 @@ def partials(law, gaps, n, w, found):
 
 
 @njit(cache=True)
-def _rows(e, n_e, t_e, rub, N, n, w, t):
+def _rows(e: Vector, n_e: float, t_e: float, rub: float, N: float, n: Vector, w: Vector, t: Vector) -> tuple[Vector, Vector]:
     """Rows of dT/dn = N I - rub (n w^T + (n.w) (I - t t^T)) and dT/dw = rub (I - n n^T - t t^T) along the axis e.
 
     n_e, t_e: the parts of n and t along e. d(P w) = P dw - n (w.dn) - (n.w) dn, and the return to the cone takes off t t^T.
@@ -108,6 +146,6 @@ def _rows(e, n_e, t_e, rub, N, n, w, t):
 
 
 @njit(cache=True)
-def excess(found):
+def excess(found: Traction) -> float:
     """|T_T^tr| over the limit of friction minus 1, of a Traction; 0 without friction."""
     return norm(found.trial) / max(found.limit, 1e-300) - 1.0 if found.status >= STICK else 0.0

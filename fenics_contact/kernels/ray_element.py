@@ -9,12 +9,13 @@ x_S - x_M = g n gives, with r_1, r_2 of the master's facet,
 
 from numba import njit
 
-from fenics_contact.kernels.deformable_element import FIRST, JUMP, SECOND
-from fenics_contact.kernels.vectors import cross, dot, less, minus, put, times
+from fenics_contact.kernels.deformable_element import FIRST, JUMP, SECOND, Pair
+from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, put, times
+from fenics_contact.types import Floats
 
 
 @njit(cache=True, error_model="numpy")
-def foot_covectors(pair):
+def foot_covectors(pair: Pair) -> tuple[Vector, Vector]:
     """c_1 and c_2."""
     one, two = cross(pair.r2, pair.n), cross(pair.n, pair.r1)
     det = dot(pair.r1, one)
@@ -22,7 +23,7 @@ def foot_covectors(pair):
 
 
 @njit(cache=True, error_model="numpy")
-def ray_rates(pair, beta, dn):
+def ray_rates(pair: Pair, beta: Floats, dn: Floats) -> None:
     """Fill dn (4, 3, 3) from the slave's facet and beta (2, 4, 3), the rates of xi."""
     one, two = foot_covectors(pair)
     arm = -pair.g / pair.size
@@ -37,7 +38,7 @@ def ray_rates(pair, beta, dn):
 
 
 @njit(cache=True)
-def _put_turn(dn, mode, t, n):
+def _put_turn(dn: Floats, mode: int, t: Vector, n: Vector) -> None:
     """dn[mode] = P(n) [t x]."""
     across = cross(n, t)
     put(dn, mode, 0, less((0.0, -t[2], t[1]), n[0], across))
@@ -46,7 +47,7 @@ def _put_turn(dn, mode, t, n):
 
 
 @njit(cache=True, error_model="numpy")
-def ray_gap_rate(pair, jump, first, second):
+def ray_gap_rate(pair: Pair, jump: Vector, first: Vector, second: Vector) -> float:
     """dg when x_S - x_M, place on the facet held, and the slave's tangents change by jump, first, second."""
     n = pair.n
     turn = less(cross(pair.t2, first), -1.0, cross(second, pair.t1))

@@ -16,14 +16,25 @@ Arrays travel in groups (tuples):
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.law import Gaps, Law, excess, partials, traction
+from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, excess, partials, traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
-from fenics_contact.kernels.vectors import ZERO, dot, got, less, minus, norm, of_three, plus, put, row, times
+from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, norm, of_three, plus, put, row, times
+from fenics_contact.types import Floats, Ints
+
+# The groups, in this order
+Points = tuple[Floats, Floats, Floats, Floats]
+ToolPose = tuple[int, Floats, Floats, Floats, Floats]
+ElementLaws = tuple[Floats, Floats, Floats, Friction, float]
+ToolHistory = tuple[Floats, Floats]
+# force, tangent, arm, traction, gap, status, excess, cover of `contact_elements`
+Elements = tuple[Floats, Floats, Floats, Floats, Floats, Ints, Floats, Floats]
+Scratch = tuple[Floats, Floats, Floats, Floats, Floats]
+Rows = tuple[Vector, Vector, Vector]
 
 
 @njit(cache=True)
-def _to_tool(x, tool):
+def _to_tool(x: Vector, tool: ToolPose) -> Vector:
     """Place x in the tool's frame, axes^T (x - origin - travel)."""
     _, _, origin, axes, travel = tool
     x = x[0] - origin[0] - travel[0], x[1] - origin[1] - travel[1], x[2] - origin[2] - travel[2]
@@ -31,18 +42,18 @@ def _to_tool(x, tool):
 
 
 @njit(cache=True)
-def _to_world(axes, vector):
+def _to_world(axes: Floats, vector: Vector) -> Vector:
     return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
 
 
 @njit(cache=True)
-def _scratch():
+def _scratch() -> Scratch:
     """Arrays y (3,), active (3,), n (3,), H (3, 3), dcover (3,): what kernels/rigid_shapes.py fills for a point."""
     return np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
 
 
 @njit(cache=True)
-def _meet(e, q, points, tool, scratch):
+def _meet(e: int, q: int, points: Points, tool: ToolPose, scratch: Scratch) -> tuple[float, Vector, Vector, float]:
     """(gap, place in the tool's frame, normal, cover) of point q of element e; fills scratch."""
     at, a, _, spacing = points
     y, active, n, H, dcover = scratch
@@ -60,7 +71,7 @@ def _meet(e, q, points, tool, scratch):
 
 
 @njit(cache=True)
-def _edge_penalty(eps, body, cover):
+def _edge_penalty(eps: float, body: float, cover: float) -> tuple[float, float]:
     """Penalty of a point that lies only by the share `cover` under a sharp edge, and its rate with the cover.
 
     In series with the penalty acts the spring of the body beneath, (1/cover - 1)/body: half the cover carries about half
@@ -74,7 +85,9 @@ def _edge_penalty(eps, body, cover):
 
 
 @njit(cache=True)
-def contact_elements(points, tool, law, history, judged, want_tangent, out):
+def contact_elements(
+    points: Points, tool: ToolPose, law: ElementLaws, history: ToolHistory, judged: Floats, want_tangent: bool, out: Elements
+) -> None:
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
     judged (ne nq,): pressures that points start from over -eps_n [length], which decide their status and with which the
@@ -114,30 +127,32 @@ def contact_elements(points, tool, law, history, judged, want_tangent, out):
             for i in range(k):
                 put(force, e, i, less(got(force, e, i), -a[e, q, i] * area[e, q], T))
             if want_tangent:
-                rows = _rate(partials(numbers, gaps, n, w, found), g, n, H, times(by_cover, dcover))
+                rows = _rate(
+                    partials(numbers, gaps, n, w, found), g, n, H, times(by_cover, (dcover[0], dcover[1], dcover[2]))
+                )
                 for i in range(3):
                     D[i, 0], D[i, 1], D[i, 2] = _to_world(axes, of_three(row(axes, i), rows[0], rows[1], rows[2]))
                 _scatter_tangent(a, area, e, q, D, tangent, arm)
 
 
 @njit(cache=True)
-def _rate(by, g, n, H, deps):
+def _rate(by: Partials, g: float, n: Vector, H: Floats, deps: Vector) -> Rows:
     """dT/dx by rows, of Partials `by`: dg = n.dx, dn = H dx, dw = (I - n n^T - g H) dx by (4), and dT/dw n = 0."""
-    H = row(H, 0), row(H, 1), row(H, 2)
+    turn = row(H, 0), row(H, 1), row(H, 2)
     return (
-        _rate_row(by.g[0], by.eps_n[0], less(by.n[0], g, by.w[0]), by.w[0], n, deps, H),
-        _rate_row(by.g[1], by.eps_n[1], less(by.n[1], g, by.w[1]), by.w[1], n, deps, H),
-        _rate_row(by.g[2], by.eps_n[2], less(by.n[2], g, by.w[2]), by.w[2], n, deps, H),
+        _rate_row(by.g[0], by.eps_n[0], less(by.n[0], g, by.w[0]), by.w[0], n, deps, turn),
+        _rate_row(by.g[1], by.eps_n[1], less(by.n[1], g, by.w[1]), by.w[1], n, deps, turn),
+        _rate_row(by.g[2], by.eps_n[2], less(by.n[2], g, by.w[2]), by.w[2], n, deps, turn),
     )
 
 
 @njit(cache=True)
-def _rate_row(by_g, by_eps, by_n, by_w, n, deps, H):
+def _rate_row(by_g: float, by_eps: float, by_n: Vector, by_w: Vector, n: Vector, deps: Vector, H: Rows) -> Vector:
     return plus(less(less(by_w, -by_g, n), -by_eps, deps), of_three(by_n, H[0], H[1], H[2]))
 
 
 @njit(cache=True)
-def _scatter_tangent(a, area, e, q, D, tangent, arm):
+def _scatter_tangent(a: Floats, area: Floats, e: int, q: int, D: Floats, tangent: Floats, arm: Floats) -> None:
     k = a.shape[2]
     for i in range(k):
         w = a[e, q, i] * area[e, q]
@@ -149,7 +164,9 @@ def _scatter_tangent(a, area, e, q, D, tangent, arm):
 
 
 @njit(cache=True)
-def committed_anchors(points, tool, law, history, new_anchor, sliding):
+def committed_anchors(
+    points: Points, tool: ToolPose, law: ElementLaws, history: ToolHistory, new_anchor: Floats, sliding: Floats
+) -> None:
     """The anchors to keep when a step is accepted (tool's frame), and the slip distance of the step per point.
 
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
@@ -173,7 +190,7 @@ def committed_anchors(points, tool, law, history, new_anchor, sliding):
 
 
 @njit(cache=True)
-def point_normals(points, tool, normal):
+def point_normals(points: Points, tool: ToolPose, normal: Floats) -> None:
     """Unit normals (ne, nq, 3) of the tool at the slave points, in world axes: what splits a traction for the output."""
     scratch = _scratch()
     for e in range(normal.shape[0]):
@@ -182,7 +199,7 @@ def point_normals(points, tool, normal):
 
 
 @njit(cache=True)
-def distances(X, tool, gap):
+def distances(X: Floats, tool: ToolPose, gap: Floats) -> None:
     """Signed distances (n,) of fixed points X (n, 3) to a tool."""
     y, active, n, H, _ = _scratch()
     for p in range(len(X)):

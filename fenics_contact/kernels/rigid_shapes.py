@@ -8,6 +8,8 @@ import math
 
 from numba import njit
 
+from fenics_contact.types import Floats
+
 PLANE = 0
 BOX = 1
 SPHERE = 2
@@ -17,7 +19,7 @@ ON_AXIS = 1e-9  # of the distance from the apex: nearer to the axis a cone has n
 
 
 @njit(cache=True)
-def _ball(y0, y1, y2, active, radius, n, H):
+def _ball(y0: float, y1: float, y2: float, active: Floats, radius: float, n: Floats, H: Floats) -> float:
     """Distance to a ball (three active axes), round edge (two) or flat face (one) about the origin of the axes."""
     a0, a1, a2 = y0 * active[0], y1 * active[1], y2 * active[2]
     length = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
@@ -38,7 +40,7 @@ def _ball(y0, y1, y2, active, radius, n, H):
 
 
 @njit(cache=True)
-def _box(parameters, y, active, n, H):
+def _box(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
     """Box |y_i| <= half_i whose edges are rounded with a fillet; a fillet of zero leaves the edges sharp."""
     fillet = parameters[3]
     outside = 0
@@ -64,7 +66,7 @@ def _box(parameters, y, active, n, H):
 
 
 @njit(cache=True)
-def _cone(parameters, y, active, n, H):
+def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
     """Cone about -z that ends at the origin; its tip is a ball: the surface parallel to a sharp cone within it."""
     tip, c, s = parameters[0], parameters[1], parameters[2]
     z = y[2] + tip  # above the apex of the sharp cone
@@ -84,7 +86,7 @@ def _cone(parameters, y, active, n, H):
 
 
 @njit(cache=True)
-def signed_distance(kind, parameters, y, active, n, H):
+def signed_distance(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
     """Signed distance of y (3,) to a shape; fills the unit normal n (3,) and the curvature H (3, 3).
 
     kind: PLANE (body z <= 0), BOX (half sizes and fillet radius), SPHERE (radius), CYLINDER (radius, axis z, endless), CONE
@@ -106,7 +108,7 @@ def signed_distance(kind, parameters, y, active, n, H):
 
 
 @njit(cache=True)
-def _fade(t):
+def _fade(t: float) -> tuple[float, float]:
     """Smooth step from 0 (t <= 0) to 1 (t >= 1), and its slope."""
     if t <= 0.0:
         return 0.0, 0.0
@@ -116,7 +118,7 @@ def _fade(t):
 
 
 @njit(cache=True)
-def edge_cover(kind, parameters, y, spacing, ds):
+def edge_cover(kind: int, parameters: Floats, y: Floats, spacing: float, ds: Floats) -> float:
     """How far a slave point counts as lying under a sharp-edged face: a share s from 1 to 0, and its gradient ds (3,).
 
     Points are `spacing` [length] apart. A contact that ends at the edge lies between the last point under the face and
@@ -138,7 +140,7 @@ def edge_cover(kind, parameters, y, spacing, ds):
 
 
 @njit(cache=True)
-def meets_face(kind, parameters, y, spacing, cover):
+def meets_face(kind: int, parameters: Floats, y: Floats, spacing: float, cover: float) -> bool:
     """Whether y belongs to a sharp-edged flat face rather than to the nearest side.
 
     True for covered points less than `spacing` deep, however near to the edge they are: a point next to the edge is held
@@ -150,7 +152,7 @@ def meets_face(kind, parameters, y, spacing, cover):
 
 
 @njit(cache=True)
-def face_distance(parameters, y, n, H):
+def face_distance(parameters: Floats, y: Floats, n: Floats, H: Floats) -> float:
     """Distance to the plane of the box's flat face nearest to y, as if the face had no end."""
     n[0], n[1], n[2] = 0.0, 0.0, 1.0 if y[2] >= 0.0 else -1.0
     H[:, :] = 0.0

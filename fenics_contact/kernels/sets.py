@@ -2,9 +2,11 @@
 
 from numba import njit
 
+from fenics_contact.types import Ints64
+
 
 @njit(cache=True)
-def _root(parent, i):
+def _root(parent: Ints64, i: int) -> int:
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -12,7 +14,7 @@ def _root(parent, i):
 
 
 @njit(cache=True)
-def join(rows, parent):
+def join(rows: Ints64, parent: Ints64) -> None:
     """Unite the members of every row. rows (n, k) int64 < m; parent (m,) int64, arange at first, ends as the lowest member
     of each one's set."""
     for row in range(rows.shape[0]):

@@ -13,8 +13,12 @@ the angle between facets.
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP
-from fenics_contact.kernels.vectors import ZERO, cross, dot, less, minus, norm, plus, row, times
+from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, plus, row, times
+from fenics_contact.types import Floats, Ints64
+
+Patch = tuple[Vector, Vector, Vector, Vector]  # c0, c1, c2, c3
 
 MAX_NEWTON = 30
 # A facet whose ball the ray passes by this much, relative, is not met; above round-off and OVERLAP.
@@ -22,7 +26,9 @@ CLEAR = 1e-6
 
 
 @njit(cache=True, error_model="numpy")
-def _meet(x, n, m, c0, c1, c2, c3):
+def _meet(
+    x: Vector, n: Vector, m: int, c0: Vector, c1: Vector, c2: Vector, c3: Vector
+) -> tuple[bool, bool, float, float, float]:
     """Newton for x - r(xi) = g n on the patch r = c0 + c1 s + c2 t + c3 s t; returns (found, inside, xi1, xi2, g)."""
     s = t = 1.0 / 3.0 if m == 3 else 0.0
     size = max(max(abs(c1[0]), abs(c1[1]), abs(c1[2])), max(abs(c2[0]), abs(c2[1]), abs(c2[2])))
@@ -47,7 +53,7 @@ def _meet(x, n, m, c0, c1, c2, c3):
 
 
 @njit(cache=True)
-def _patch(m, x0, x1, x2, x3):
+def _patch(m: int, x0: Vector, x1: Vector, x2: Vector, x3: Vector) -> Patch:
     """c0, c1, c2, c3 of r(s, t) = c0 + c1 s + c2 t + c3 s t on a facet with these corners."""
     if m == 3:
         return x0, minus(x1, x0), minus(x2, x0), ZERO
@@ -62,7 +68,7 @@ def _patch(m, x0, x1, x2, x3):
 
 
 @njit(cache=True)
-def facet_balls(coords, surface, centres, radii):
+def facet_balls(coords: Floats, surface: Surface, centres: Floats, radii: Floats) -> None:
     """Fill centres (nf, 3) and squared radii (nf,) of balls that hold the facets."""
     nodes, size = surface
     for f in range(len(size)):
@@ -77,7 +83,7 @@ def facet_balls(coords, surface, centres, radii):
 
 
 @njit(cache=True)
-def _facet_patch(f, coords, surface):
+def _facet_patch(f: int, coords: Floats, surface: Surface) -> Patch:
     """`_patch` of facet f."""
     nodes, size = surface
     x0, x1, x2, x3 = row(coords, nodes[f, 0]), row(coords, nodes[f, 1]), row(coords, nodes[f, 2]), row(coords, nodes[f, 3])
@@ -85,20 +91,30 @@ def _facet_patch(f, coords, surface):
 
 
 @njit(cache=True)
-def _faces(n, s, t, c1, c2, c3):
+def _faces(n: Vector, s: float, t: float, c1: Vector, c2: Vector, c3: Vector) -> bool:
     """True where the patch does not look the slave's own way."""
     return dot(cross(less(c1, -t, c3), less(c2, -s, c3)), n) > 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, beyond, projection):
+def slave_rays(
+    points: Floats,
+    slaves: tuple[Ints64, Floats],
+    coords: Floats,
+    surface: Surface,
+    lists: Lists,
+    search: float,
+    beyond: float,
+    projection: Projection,
+) -> None:
     """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within `search`.
 
-    slave_nodes (np, k), gradients (np, 2, k): nodes of the slave facet and derivatives of their shape functions in
+    slaves = (nodes (np, k), gradients (np, 2, k)): nodes of the slave facet and derivatives of their shape functions in
     the point, counter-clockwise seen from outside; surface, lists, projection as in kernels/closest_point.py,
     kind INTERIOR or NONE. Facets that look the slave's own way are no partners. beyond: a ray that meets no facet is paired
     with the one it misses least, continued, if it misses that by no more than `beyond` of the radius of the facet's ball.
     """
+    slave_nodes, gradients = slaves
     size = surface[1]
     offsets, listed = lists
     facet, kind, feature, xi, gap, normal = projection
@@ -132,7 +148,9 @@ def slave_rays(points, slave_nodes, gradients, coords, surface, lists, search, b
 
 
 @njit(cache=True, error_model="numpy")
-def _least_missed(x, n, mine, coords, surface, search, beyond, radii):
+def _least_missed(
+    x: Vector, n: Vector, mine: Ints64, coords: Floats, surface: Surface, search: float, beyond: float, radii: Floats
+) -> tuple[int, float, float, float]:
     """(facet or -1, xi1, xi2, g): of the listed facets, continued, the one whose border the ray passes nearest."""
     best, least, place1, place2, gap = -1, np.inf, 0.0, 0.0, 0.0
     for f in mine:
@@ -147,7 +165,7 @@ def _least_missed(x, n, mine, coords, surface, search, beyond, radii):
 
 
 @njit(cache=True, error_model="numpy")
-def _off_facet(p, f, coords, surface):
+def _off_facet(p: Vector, f: int, coords: Floats, surface: Surface) -> float:
     """Distance of place p from the nearest edge of facet f."""
     nodes, size = surface
     nearest = np.inf
@@ -160,7 +178,7 @@ def _off_facet(p, f, coords, surface):
 
 
 @njit(cache=True)
-def slave_tangents(q, coords, nodes, gradients):
+def slave_tangents(q: int, coords: Floats, nodes: Ints64, gradients: Floats) -> tuple[Vector, Vector]:
     """t1, t2 = sum dN_i,alpha x_i of the slave facet in point q, counter-clockwise seen from outside."""
     t1, t2 = ZERO, ZERO
     for i in range(nodes.shape[1]):

@@ -4,63 +4,68 @@ import math
 
 from numba import njit
 
+from fenics_contact.types import Floats, Ints64
+
+Vector = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
 ZERO = (0.0, 0.0, 0.0)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @njit(cache=True)
-def row(x, i):
+def row(x: Floats, i: int) -> Vector:
     return x[i, 0], x[i, 1], x[i, 2]
 
 
 @njit(cache=True)
-def put(array, i, j, vector):
+def put(array: Floats, i: int, j: int, vector: Vector) -> None:
     array[i, j, 0], array[i, j, 1], array[i, j, 2] = vector
 
 
 @njit(cache=True)
-def got(array, i, j):
+def got(array: Floats, i: int, j: int) -> Vector:
     return array[i, j, 0], array[i, j, 1], array[i, j, 2]
 
 
 @njit(cache=True)
-def plus(a, b):
+def plus(a: Vector, b: Vector) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @njit(cache=True)
-def minus(a, b):
+def minus(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @njit(cache=True)
-def times(s, a):
+def times(s: float, a: Vector) -> Vector:
     return s * a[0], s * a[1], s * a[2]
 
 
 @njit(cache=True)
-def less(a, s, b):
+def less(a: Vector, s: float, b: Vector) -> Vector:
     """a - s b."""
     return a[0] - s * b[0], a[1] - s * b[1], a[2] - s * b[2]
 
 
 @njit(cache=True)
-def dot(a, b):
+def dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True)
-def cross(a, b):
+def cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True)
-def norm(a):
+def norm(a: Vector) -> float:
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 @njit(cache=True)
-def of_nodes(weights, q, nodes, x):
+def of_nodes(weights: Floats, q: int, nodes: Ints64, x: Floats) -> Vector:
     """sum_i weights[q, i] x[nodes[q, i]]."""
     a = b = c = 0.0
     for i in range(nodes.shape[1]):
@@ -70,7 +75,7 @@ def of_nodes(weights, q, nodes, x):
 
 
 @njit(cache=True)
-def of_three(w, a, b, c):
+def of_three(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
     """w_0 a + w_1 b + w_2 c."""
     return (
         w[0] * a[0] + w[1] * b[0] + w[2] * c[0],
@@ -80,7 +85,7 @@ def of_three(w, a, b, c):
 
 
 @njit(cache=True)
-def of_four(w, a, b, c, d):
+def of_four(w: Four, a: Vector, b: Vector, c: Vector, d: Vector) -> Vector:
     """w_0 a + w_1 b + w_2 c + w_3 d."""
     return (
         w[0] * a[0] + w[1] * b[0] + w[2] * c[0] + w[3] * d[0],

@@ -68,7 +68,8 @@ class Pair:
         new, sliding = (np.zeros((1, 4), np.int64), np.zeros((1, 4))), np.zeros(1)
         projection = self.project(coords)
         before = [a.copy() for a in self.anchors]
-        element.committed_anchors(coords, self.slaves, self.surface, projection, self.anchors, self.law, new, sliding)
+        pairs = (coords, self.slaves, self.surface, projection, self.anchors)
+        element.committed_anchors(pairs, self.law, new, sliding)
         assert all(np.array_equal(a, b) for a, b in zip(before, self.anchors, strict=False))
         self.anchors = new
         return sliding[0]
@@ -270,8 +271,8 @@ def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
     pair, r = build(name)
     rest = (np.array([[0, 1, 2, 3]]), np.array([[0.3, 0.3, 0.2, 0.2]]))
     new, slips = (np.zeros((1, 4), np.int64), np.zeros((1, 4))), np.zeros(1)
-    arrays = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords))
-    element.augmented_anchors(*arrays, pair.anchors, rest, pair.law, new, slips)
+    pairs = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords), pair.anchors)
+    element.augmented_anchors(pairs, rest, pair.law, new, slips)
     point = pair.slaves[1][0] @ pair.coords[pair.slaves[0][0]]
     foot = point - r["gap"] * r["normal"]
     moved = foot - rest[1][0] @ pair.coords[rest[0][0]]
