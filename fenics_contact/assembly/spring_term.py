@@ -6,6 +6,10 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.term import FormTerm
+from fenics_contact.types import Constant, Form, Function
+
+# share of stiffness, places the springs pull to, (residual, tangent, strain energy), Function of the energies, on tools
+Springs = tuple[Constant, Function, tuple[Form, Form, Form], Function, float]
 
 
 class SpringTerm(FormTerm):

@@ -12,6 +12,8 @@
     of degree 1 they gain nothing from a pressure, and lock from K / mu of 5.
 """
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 import ufl
 
@@ -20,7 +22,11 @@ from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.term import FormTerm
 from fenics_contact.solid import materials
 from fenics_contact.solid import virtual_power as vp
+from fenics_contact.solid.materials import Material
+from fenics_contact.types import Expr, Form, Function, Measure, Mesh, Space
 from fenics_contact.values import SceneError
+
+Parts = list[tuple[Material, Callable[[int], Measure]]]  # of each body: dx(quadrature degree)
 
 ELEMENTS = ("displacement", "mixed")
 # K / mu above which an element of degree 1 without treatment is refused: Cook's membrane then loses 28 % of its deflection
@@ -33,7 +39,9 @@ LOCKS = 100.0
 LOCKS_TETRAHEDRA, NOTED_TETRAHEDRA = 5.0, 2.0
 
 
-def refuse_element(element, degree, tetrahedra, materials_by_body, accept_locking):
+def refuse_element(
+    element: str, degree: int, tetrahedra: bool, materials_by_body: Mapping[str, Material], accept_locking: bool
+) -> None:
     """An element must be known, fit its materials, and not lock; a locking one may be asked for."""
     if element not in ELEMENTS:
         raise SceneError(
@@ -57,7 +65,7 @@ def refuse_element(element, degree, tetrahedra, materials_by_body, accept_lockin
             )
 
 
-def locking_notes(degree, tetrahedra, materials_by_body):
+def locking_notes(degree: int, tetrahedra: bool, materials_by_body: Mapping[str, Material]) -> list[str]:
     """What a verdict must say of bodies whose tetrahedra are stiffer than their material by more than about 3 %."""
     if degree != 1 or not tetrahedra:
         return []
@@ -70,21 +78,23 @@ def locking_notes(degree, tetrahedra, materials_by_body):
     ]
 
 
-def _bulk_over_shear(material):
+def _bulk_over_shear(material: Material) -> float:
     return material.bulk_modulus / material.shear_modulus
 
 
-def quadrature_degree(degree):
+def quadrature_degree(degree: int) -> int:
     """Full integration: 2 x 2 x 2 points in hexahedra of degree 1, 3 x 3 x 3 of degree 2."""
     return 2 * degree + 1
 
 
-def _linear_pressure(mesh, degree):
+def _linear_pressure(mesh: Mesh, degree: int) -> bool:
     """Whether the volume has four parameters per cell, or one: tetrahedra have too few nodes for more than one."""
     return degree == 2 and compat.cell_name(mesh) == "hexahedron"
 
 
-def solid_term(element, u, parts, loads_power, degree):
+def solid_term(
+    element: str, u: Function, parts: Parts, loads_power: Callable[[Expr], Form], degree: int
+) -> CondensedPressure | FormTerm:
     """The term of a solid under dead loads.
 
     parts: [(material, dx)] of the bodies, dx(quadrature degree) their measure; loads_power(v): the loads' virtual power.
@@ -100,22 +110,27 @@ def solid_term(element, u, parts, loads_power, degree):
     return FormTerm("solid", [power - loads_power(v)], [rate], laws=[material for material, _ in parts])
 
 
-def _mixed(u, v, du, parts, loads_power, degree):
+def _mixed(
+    u: Function, v: Expr, du: Expr, parts: Parts, loads_power: Callable[[Expr], Form], degree: int
+) -> CondensedPressure:
     mesh = u.function_space.mesh
     space, value = pressure_space(mesh, degree)
     q, dq = ufl.TestFunction(space), ufl.TrialFunction(space)
     pressure, predicted, dilatation = (compat.Function(space) for _ in range(3))
     measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
 
-    def summed(integrand):
+    def summed(integrand: Callable[[Material], Expr]) -> Form:
         return sum(integrand(material) * dx for material, dx in measured)
+
+    def slope(material: Material) -> Expr:
+        return ufl.diff(materials.energy_parts(material)[1](theta), theta)
 
     J = ufl.det(vp.deformation_gradient(u))
     theta = ufl.variable(value(dilatation))
     forms = {
         "volume": summed(lambda m: value(q) * J),
-        "law": summed(lambda m: value(q) * ufl.diff(m.volumetric(theta), theta)),
-        "stiffness": summed(lambda m: value(q) * value(dq) * ufl.diff(ufl.diff(m.volumetric(theta), theta), theta)),
+        "law": summed(lambda m: value(q) * slope(m)),
+        "stiffness": summed(lambda m: value(q) * value(dq) * ufl.diff(slope(m), theta)),
         "mass": summed(lambda m: value(q) * value(dq)),
         "coupling": summed(lambda m: value(q) * vp.dilatation_rate(u, du)),
     }
@@ -128,7 +143,7 @@ def _mixed(u, v, du, parts, loads_power, degree):
     return CondensedPressure("solid", power - loads_power(v), rate, forms, u, pressure, predicted, dilatation, laws)
 
 
-def pressure_space(mesh, degree):
+def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function], Expr]]:
     """Space of pressures for displacements of a degree, and value(q): the UFL scalar of one of its functions.
 
     One value per cell, or in hexahedra of degree 2 linear in X: in the reference position itself and not in the parent

@@ -6,7 +6,7 @@ units of pressure (MPa with lengths in mm and forces in N).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import ufl
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
@@ -14,6 +14,7 @@ from ufl.constantvalue import ConstantValue
 from ufl.core.multiindex import MultiIndex
 from ufl.corealg.traversal import traverse_unique_terminals
 
+from fenics_contact.types import Expr
 from fenics_contact.values import finite, function, positive, text
 
 
@@ -25,11 +26,11 @@ class Isotropic:
     """
 
     name: str
-    psi: Callable
+    psi: Callable[[Expr, Expr, Expr], Expr]
     shear_modulus: float
     bulk_modulus: float
-    isochoric: Callable | None = None
-    volumetric: Callable | None = None
+    isochoric: Callable[[Expr, Expr], Expr] | None = None
+    volumetric: Callable[[Expr], Expr] | None = None
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,16 @@ class Hyperelastic:
     """Any energy psi(F) [pressure], a UFL function of the deformation gradient; its moduli at rest scale penalties."""
 
     name: str
-    psi: Callable
+    psi: Callable[[Expr], Expr]
     shear_modulus: float
     bulk_modulus: float
 
 
-def sampled_energy(material):
+Material = Isotropic | Hyperelastic
+Volumetric = Callable[[Expr, float], Expr]  # energy of J and K [pressure]
+
+
+def sampled_energy(material: Material) -> list[float]:
     """The energy [pressure] at a few deformations, which tells apart laws of one name; [] where it varies in space."""
     if isinstance(material, Isotropic):
         energies = [material.psi(*(ufl.as_ufl(value) for value in at)) for at in ((3.3, 3.4, 1.1), (3.1, 3.05, 0.9))]
@@ -54,52 +59,65 @@ def sampled_energy(material):
     return [float(energy(())) for energy in energies]
 
 
-def _positive(law, **moduli):
+def _positive(law: str, **moduli: float) -> None:
     for name, value in moduli.items():
         positive(value, f"{law}: {name}", more=", a modulus in units of pressure")
 
 
-def _finite(law, **parameters):
+def _finite(law: str, **parameters: float) -> None:
     for name, value in parameters.items():
         finite(value, f"{law}: {name}")
 
 
-def _stable(law, shear):
+def _stable(law: str, shear: float) -> None:
     if not shear > 0.0:
         raise ValueError(f"{law}: the shear modulus at rest is {shear}; choose parameters that make it positive")
 
 
-def moderate_pressure(J, K):
+def moderate_pressure(J: Expr, K: float) -> Expr:
     """Psi_0 = K/2 (J - 1)^2, (21)."""
     return K / 2 * (J - 1) ** 2
 
 
-def barrier(J, K):
+def barrier(J: Expr, K: float) -> Expr:
     """Psi_0 = K/4 (J^2 - 1 - 2 ln J), infinite at J = 0 (Simo & Taylor 1982; Simo & Hughes 1998, Computational
     Inelasticity, (9.2.3))."""
     return K / 4 * (J**2 - 1 - 2 * ufl.ln(J))
 
 
-def _split(name, isochoric, volumetric, shear, K):
+def _split(name: str, isochoric: Callable[[Expr, Expr], Expr], volumetric: Volumetric, shear: float, K: float) -> Isotropic:
     """The law isochoric(I1, I2) + volumetric(J, K)."""
     function(volumetric, f"{name}: volumetric", "volumetric(J, K)")
 
-    def volume(J):
+    def volume(J: Expr) -> Expr:
         return volumetric(J, K)
 
-    def psi(I1, I2, J):
+    def psi(I1: Expr, I2: Expr, J: Expr) -> Expr:
         return isochoric(I1, I2) + volume(J)
 
     law = "" if volumetric is moderate_pressure else f", volume by {volumetric.__name__}"
     return Isotropic(f"{name}, K = {K}{law}", psi, shear, K, isochoric, volume)
 
 
-def with_pressure(material, p):
+def energy_parts(material: Material) -> tuple[Callable[[Expr, Expr], Expr], Callable[[Expr], Expr]]:
+    """isochoric(I1, I2) and volumetric(J), whose sum the energy [pressure] is; TypeError where it is not stated so."""
+    if not isinstance(material, Isotropic) or material.isochoric is None or material.volumetric is None:
+        raise TypeError(f"'{material.name}' is not stated as a sum isochoric(I1, I2) + volumetric(J)")
+    return material.isochoric, material.volumetric
+
+
+def _with_energy(material: Material, psi: Callable[[Expr, Expr, Expr], Expr]) -> Isotropic:
+    """Another energy in the place of the sum of its parts."""
+    return Isotropic(material.name, psi, material.shear_modulus, material.bulk_modulus, *energy_parts(material))
+
+
+def with_pressure(material: Material, p: Expr) -> Isotropic:
     """Isochoric energy + p J: the volume answers with a pressure p [pressure] that is a field of its own."""
-    return replace(material, psi=lambda I1, I2, J: material.isochoric(I1, I2) + p * J)
+    isochoric, _ = energy_parts(material)
+    return _with_energy(material, lambda I1, I2, J: isochoric(I1, I2) + p * J)
 
 
-def mooney_paper(a1, a2, K, volumetric=moderate_pressure):
+def mooney_paper(a1: float, a2: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Psi = a1 (I1 - 3) + a2 (tr(B^.B^) - 3) + K/2 (J - 1)^2, (22), with the paper's second invariant tr(B^ . B^).
 
     The shear modulus at rest is 2 a1 + 8 a2. All parameters in units of pressure; ValueError if not positive.
@@ -109,13 +127,13 @@ def mooney_paper(a1, a2, K, volumetric=moderate_pressure):
     _finite("mooney_paper", a2=a2)
     _stable("mooney_paper", 2 * a1 + 8 * a2)
 
-    def isochoric(I1, I2):
+    def isochoric(I1: Expr, I2: Expr) -> Expr:
         return a1 * (I1 - 3) + a2 * (I2 - 3)
 
     return _split(f"Mooney, I2 = tr(B.B), a1 = {a1}, a2 = {a2}", isochoric, volumetric, 2 * a1 + 8 * a2, K)
 
 
-def mooney_rivlin(a1, a2, K, volumetric=moderate_pressure):
+def mooney_rivlin(a1: float, a2: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Psi = a1 (I1 - 3) + a2 ((I1^2 - tr(B^.B^))/2 - 3) + K/2 (J - 1)^2: classical Mooney (1940, doi:10.1063/1.1712836).
 
     The shear modulus at rest is 2 a1 + 2 a2. All parameters in units of pressure; ValueError if not positive.
@@ -124,34 +142,34 @@ def mooney_rivlin(a1, a2, K, volumetric=moderate_pressure):
     _finite("mooney_rivlin", a2=a2)
     _stable("mooney_rivlin", 2 * a1 + 2 * a2)
 
-    def isochoric(I1, I2):
+    def isochoric(I1: Expr, I2: Expr) -> Expr:
         return a1 * (I1 - 3) + a2 * ((I1**2 - I2) / 2 - 3)
 
     return _split(f"Mooney-Rivlin, classical I2, a1 = {a1}, a2 = {a2}", isochoric, volumetric, 2 * (a1 + a2), K)
 
 
-def neo_hooke(mu, K, volumetric=moderate_pressure):
+def neo_hooke(mu: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Psi = mu/2 (I1 - 3) + K/2 (J - 1)^2 (Treloar 1943, doi:10.1039/TF9433900036; volume term (21)), moduli in pressure."""
     _positive("neo_hooke", mu=mu, K=K)
 
-    def isochoric(I1, I2):
+    def isochoric(I1: Expr, I2: Expr) -> Expr:
         return mu / 2 * (I1 - 3)
 
     return _split(f"neo-Hooke, mu = {mu}", isochoric, volumetric, mu, K)
 
 
-def yeoh(c1, c2, c3, K, volumetric=moderate_pressure):
+def yeoh(c1: float, c2: float, c3: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Psi = sum c_i (I1 - 3)^i + K/2 (J - 1)^2 (Yeoh 1993, doi:10.5254/1.3538343), parameters in pressure, 2 c1 at rest."""
     _positive("yeoh", c1=c1, K=K)
     _finite("yeoh", c2=c2, c3=c3)
 
-    def isochoric(I1, I2):
+    def isochoric(I1: Expr, I2: Expr) -> Expr:
         return c1 * (I1 - 3) + c2 * (I1 - 3) ** 2 + c3 * (I1 - 3) ** 3
 
     return _split(f"Yeoh, c1 = {c1}, c2 = {c2}, c3 = {c3}", isochoric, volumetric, 2 * c1, K)
 
 
-def from_elastic(E, nu, volumetric=moderate_pressure):
+def from_elastic(E: float, nu: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Neo-Hooke with Young's modulus E [pressure] and Poisson's ratio nu at rest, for small-strain comparisons."""
     _positive("from_elastic", E=E)
     _finite("from_elastic", nu=nu)
@@ -160,7 +178,9 @@ def from_elastic(E, nu, volumetric=moderate_pressure):
     return neo_hooke(E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), volumetric)
 
 
-def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):
+def user_energy(
+    psi: Callable[[Expr], Expr], shear_modulus: float, bulk_modulus: float, name: str = "user energy"
+) -> Hyperelastic:
     """A user's own UFL energy psi(F) [pressure]; the moduli at rest [pressure] are used for penalties only."""
     _positive(text(name, "user_energy: name"), shear_modulus=shear_modulus, bulk_modulus=bulk_modulus)
     function(psi, f"{name}: psi", "psi(F)")
@@ -170,7 +190,7 @@ def user_energy(psi, shear_modulus, bulk_modulus, name="user energy"):
     return Hyperelastic(name, psi, shear_modulus, bulk_modulus)
 
 
-def young(material):
+def young(material: Material) -> float:
     """Young's modulus at rest [pressure]."""
     mu, K = material.shear_modulus, material.bulk_modulus
     return 9 * K * mu / (3 * K + mu)

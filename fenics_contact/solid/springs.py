@@ -1,14 +1,19 @@
 """Springs on all bodies, of a stiffness that goes with their own: what stabilisation and damping are made of."""
 
+from collections.abc import Callable, Sequence
+
 import ufl
 
 from fenics_contact import compat
 from fenics_contact.assembly.size import bodies_size
+from fenics_contact.assembly.spring_term import Springs
 from fenics_contact.solid import virtual_power as vp
+from fenics_contact.solid.body import Body
 from fenics_contact.solid.materials import young
+from fenics_contact.types import Function, Measure, Space
 
 
-def springs(space, bodies, dx, u):
+def springs(space: Space, bodies: Sequence[Body], dx: Callable[[Body], Measure], u: Function) -> Springs:
     """Springs of stiffness share E / L^2 per reference volume between u and the places that they pull to.
 
     dx: body -> its measure. Returns the share, a Constant; these places, a Function; the forms (residual, tangent, strain

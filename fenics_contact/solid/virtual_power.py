@@ -4,27 +4,30 @@ With tau = J sigma, h = grad v F^-1 and dOmega = J dX the power of the stresses 
 (Dtau - tau h^T) : delta h dX.
 """
 
+from collections.abc import Callable
+
 import ufl
 
-from fenics_contact.solid.materials import Isotropic
+from fenics_contact.solid.materials import Isotropic, Material
+from fenics_contact.types import Expr, Form, Function, Measure, Mesh
 
 
-def deviator(A):
+def deviator(A: Expr) -> Expr:
     return A - ufl.tr(A) / 3 * ufl.Identity(3)
 
 
-def deformation_gradient(u):
+def deformation_gradient(u: Function) -> Expr:
     return ufl.Identity(3) + ufl.grad(u)
 
 
-def kirchhoff_and_rate(material, F, h):
+def kirchhoff_and_rate(material: Material, F: Expr, h: Expr) -> tuple[Expr, Expr]:
     """Kirchhoff stress tau(F) and its rate under the velocity gradient h, both (3, 3) UFL tensors [pressure]."""
     if isinstance(material, Isotropic):
         return _isotropic(material.psi, F, h)
     return _from_deformation_gradient(material.psi, F, h)
 
 
-def _isotropic(psi, F, h):
+def _isotropic(psi: Callable[[Expr, Expr, Expr], Expr], F: Expr, h: Expr) -> tuple[Expr, Expr]:
     """(20) and the rate of J sigma for psi(I1, I2, J): tau = 2 psi_1 dev B^ + 4 psi_2 dev B^2 + J psi_J I."""
     one = ufl.Identity(3)
     det = ufl.det(F)
@@ -47,7 +50,7 @@ def _isotropic(psi, F, h):
     return tau, dtau + (rate[2] * slope[2] + J * dslope[2]) * one
 
 
-def _from_deformation_gradient(psi, F, h):
+def _from_deformation_gradient(psi: Callable[[Expr], Expr], F: Expr, h: Expr) -> tuple[Expr, Expr]:
     """tau = P F^T with P = dpsi/dF, and its rate under dF = h F."""
     F = ufl.variable(F)
     P = ufl.diff(psi(F), F)
@@ -57,14 +60,14 @@ def _from_deformation_gradient(psi, F, h):
     return ufl.dot(P, F.T), ufl.dot(dP, F.T) + ufl.dot(P, dF.T)
 
 
-def stress_power(material, u, v, dx):
+def stress_power(material: Material, u: Function, v: Expr, dx: Measure) -> Form:
     """The first integral of (19) [power per unit velocity, force]."""
     F = deformation_gradient(u)
     tau, _ = kirchhoff_and_rate(material, F, ufl.Identity(3))
     return ufl.inner(tau, ufl.dot(ufl.grad(v), ufl.inv(F))) * dx
 
 
-def stress_power_rate(material, u, du, v, dx):
+def stress_power_rate(material: Material, u: Function, du: Expr, v: Expr, dx: Measure) -> Form:
     """The first integral of (25): (Dtau - tau h^T) : delta h."""
     F = deformation_gradient(u)
     Finv = ufl.inv(F)
@@ -73,35 +76,35 @@ def stress_power_rate(material, u, du, v, dx):
     return ufl.inner(dtau - ufl.dot(tau, h.T), ufl.dot(ufl.grad(v), Finv)) * dx
 
 
-def dilatation_rate(u, v):
+def dilatation_rate(u: Function, v: Expr) -> Expr:
     """Rate of J = det F under the velocity v: J div_x v."""
     F = deformation_gradient(u)
     return ufl.det(F) * ufl.tr(ufl.dot(ufl.grad(v), ufl.inv(F)))
 
 
-def cauchy_stress(material, u):
+def cauchy_stress(material: Material, u: Function) -> Expr:
     """(20): sigma = tau / J."""
     F = deformation_gradient(u)
     tau, _ = kirchhoff_and_rate(material, F, ufl.Identity(3))
     return tau / ufl.det(F)
 
 
-def dead_traction_power(traction, v, ds):
+def dead_traction_power(traction: Expr, v: Expr, ds: Measure) -> Form:
     """Power of a traction [pressure] fixed in direction, per reference area."""
     return ufl.inner(traction, v) * ds
 
 
-def _area_vector(F, mesh):
+def _area_vector(F: Expr, mesh: Mesh) -> Expr:
     """Current area vector over reference area, cof F N, by Nanson's formula."""
     return ufl.det(F) * ufl.dot(ufl.inv(F).T, ufl.FacetNormal(mesh))
 
 
-def follower_pressure_power(pressure, u, v, mesh, ds):
+def follower_pressure_power(pressure: Expr, u: Function, v: Expr, mesh: Mesh, ds: Measure) -> Form:
     """Power of a pressure [per current area] that pushes against the outward normal of the deformed surface, (19)."""
     return -pressure * ufl.inner(_area_vector(deformation_gradient(u), mesh), v) * ds
 
 
-def follower_pressure_power_rate(pressure, u, du, v, mesh, ds):
+def follower_pressure_power_rate(pressure: Expr, u: Function, du: Expr, v: Expr, mesh: Mesh, ds: Measure) -> Form:
     """Its rate at constant pressure: the load tangent of (25), with d(n da)/dt = (tr h I - h^T) n da."""
     F = deformation_gradient(u)
     area = _area_vector(F, mesh)
@@ -109,18 +112,18 @@ def follower_pressure_power_rate(pressure, u, du, v, mesh, ds):
     return -pressure * ufl.inner(ufl.tr(h) * area - ufl.dot(h.T, area), v) * ds
 
 
-def body_force_power(force, v, dx):
+def body_force_power(force: Expr, v: Expr, dx: Measure) -> Form:
     """Power of a force per reference volume, the last integral of (19)."""
     return ufl.inner(force, v) * dx
 
 
-def current_area(u, v, mesh, ds):
+def current_area(u: Function, v: Expr, mesh: Mesh, ds: Measure) -> Form:
     """Current area that belongs to each node: int N_a |cof F N| dS."""
     area = _area_vector(deformation_gradient(u), mesh)
     return ufl.sqrt(ufl.inner(area, area)) * v * ds
 
 
-def strain_energy(material, u, w, dx):
+def strain_energy(material: Material, u: Function, w: Expr, dx: Measure) -> Form:
     """Strain energy weighted by w [force length]."""
     F = deformation_gradient(u)
     if not isinstance(material, Isotropic):
@@ -130,6 +133,6 @@ def strain_energy(material, u, w, dx):
     return material.psi(ufl.tr(B), ufl.tr(ufl.dot(B, B)), J) * w * dx
 
 
-def spring_power(stiffness, moved, v, dx):
+def spring_power(stiffness: Expr, moved: Expr, v: Expr, dx: Measure) -> Form:
     """Springs of `stiffness` per reference volume [pressure/length^2] that are stretched by `moved`."""
     return stiffness * ufl.inner(moved, v) * dx

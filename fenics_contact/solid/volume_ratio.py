@@ -1,5 +1,7 @@
 """J = det F over a mesh: its smallest value, and the cell that turned inside out."""
 
+from collections.abc import Sequence
+
 import basix
 import numpy as np
 import ufl
@@ -8,22 +10,24 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.finding import INVERTED, Finding, spot
 from fenics_contact.solid import virtual_power as vp
+from fenics_contact.solid.body import Body, NamedCells
+from fenics_contact.types import Function
 
 
 class VolumeRatio:
     """J of the displacement u in the quadrature points of all cells. mesh: NamedMesh; bodies: with their groups."""
 
-    def __init__(self, mesh, bodies, degree, u):
+    def __init__(self, mesh: NamedCells, bodies: Sequence[Body], degree: int, u: Function) -> None:
         cell = getattr(basix.CellType, compat.cell_name(mesh.domain))
         points, _ = basix.make_quadrature(cell, 2 * degree + 1)
         self._mesh, self._bodies = mesh, bodies
         self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
 
-    def smallest(self):
+    def smallest(self) -> float:
         """Smallest J over all ranks."""
         return self._mesh.comm.allreduce(float(np.min(self._evaluate(), initial=np.inf)), op=MPI.MIN)
 
-    def check(self, least=0.0):
+    def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
         J = self._evaluate().min(axis=1, initial=np.inf)
         J[np.isnan(J)] = -np.inf
@@ -36,7 +40,7 @@ class VolumeRatio:
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
         return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", f"body '{body}' at {place}", remedy)
 
-    def _place(self, cell):
+    def _place(self, cell: int) -> tuple[str, str]:
         """Name of the body and reference position of the centre of a local cell."""
         tags = self._mesh.cell_tags
         tag = tags.values[tags.indices == cell]
