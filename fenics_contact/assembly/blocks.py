@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.kernels.scatter import scatter_border
-
-Floats = NDArray[np.float64]
+from fenics_contact.types import Array, Floats, Ints64, Mat
 
 
 @dataclass(frozen=True)
@@ -19,7 +17,7 @@ class TravelBlocks:
     local nodes (n,) with the travel; rows (n, 3, 3), that of the tool's force with the motion of the node; corner (3, 3)."""
 
     index: int
-    nodes: NDArray[Any]
+    nodes: Array
     columns: Floats
     rows: Floats
     corner: Floats
@@ -33,8 +31,8 @@ class Blocks:
     where a contact's points were, for what it foresees from this tangent."""
 
     forms: tuple[CellForm, ...] = ()
-    cells: tuple[NDArray[Any], Floats] | None = None
-    pairs: tuple[NDArray[Any], NDArray[Any], Floats] | None = None
+    cells: tuple[Array, Floats] | None = None
+    pairs: tuple[Array, Array, Floats] | None = None
     whole: bool = True
     travel: TravelBlocks | None = None
     free: Floats | None = None
@@ -44,7 +42,7 @@ class Blocks:
 class Border:
     """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
 
-    def __init__(self, tools: int, dofs: int):
+    def __init__(self, tools: int, dofs: int) -> None:
         self.columns = np.zeros((3 * tools, dofs))
         self.rows = np.zeros((3 * tools, dofs))
         self.corner = np.zeros((3 * tools, 3 * tools))
@@ -71,14 +69,14 @@ def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:
         border.corner += np.diag(blocks.free)
 
 
-def _insert_pairs(rows, columns, values, whole, matrix):
+def _insert_pairs(rows: Ints64, columns: Ints64, values: Floats, whole: bool, matrix: Mat) -> None:
     starts = np.flatnonzero(np.diff(rows, prepend=-1))
     offsets, rows = np.append(starts, len(values)).astype(np.int32), rows[starts].astype(np.int32)
     add = matrix.setValuesBlockedIJV if whole else matrix.setValuesBlockedLocalIJV
     add(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
 
 
-def _insert_travel(travel, border):
+def _insert_travel(travel: TravelBlocks, border: Border) -> None:
     mine = slice(3 * travel.index, 3 * travel.index + 3)
     scatter_border(travel.nodes, travel.columns, travel.rows, border.columns[mine], border.rows[mine])
     border.corner[mine, mine] += travel.corner

@@ -4,6 +4,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.supports import Supports
+from fenics_contact.types import Form, Function, Mat
 
 
 class CellForm:
@@ -13,7 +15,7 @@ class CellForm:
     rank's part need none of that: theirs go whole into the block of the rank's own rows and columns.
     """
 
-    def __init__(self, form):
+    def __init__(self, form: Form) -> None:
         self.whole, self._inner, self._rest = compat.compile_form(form), None, None
         space = form.arguments()[0].ufl_function_space()
         if space.mesh.comm.size > 1:
@@ -23,7 +25,7 @@ class CellForm:
             if parts is not None:
                 self._inner, self._rest = (compat.compile_form(part) for part in parts)
 
-    def add(self, matrix):
+    def add(self, matrix: Mat) -> None:
         """Add to a matrix of MatrixPattern, to be assembled afterwards."""
         if self._inner is None:
             compat.assemble_matrix(matrix, self.whole)
@@ -32,7 +34,7 @@ class CellForm:
         compat.assemble_matrix(matrix, self._rest)
 
 
-def number_own_block(matrix, count):
+def number_own_block(matrix: Mat, count: int) -> None:
     """Let the block of a rank's own rows and columns be filled by local numbers of nodes; count: owned nodes."""
     if matrix.comm.size > 1:
         own = matrix.getDiagonalBlock()
@@ -40,7 +42,7 @@ def number_own_block(matrix, count):
         own.setLGMap(numbers, numbers)
 
 
-def is_symmetric(tangent_form, u, supports):
+def is_symmetric(tangent_form: Form, u: Function, supports: Supports) -> bool:
     """Whether a bilinear form is symmetric on the dofs that no support holds, in a random configuration. Collective."""
     saved = u.x.array.copy()
     u.x.array[:] = np.random.default_rng(0).standard_normal(len(saved))

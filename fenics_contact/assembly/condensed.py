@@ -1,16 +1,20 @@
 """A solid whose pressure lives cell by cell and is condensed out, so that only the displacement stays unknown."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.term import FormTerm
+from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.types import Array, Floats, Form, Function, Ints64, Space
 
 
 class CellBlocks:
     """A bilinear form between a space without continuity and another one, as one dense block per owned cell."""
 
-    def __init__(self, form, rows, columns):
+    def __init__(self, form: Form, rows: Space, columns: Space) -> None:
         self._form, self._matrix = form, compat.create_matrix(form)
         cells = rows.mesh.topology.index_map(3).size_local
         numbers = _dofs(columns, compat.global_blocks(columns))[:cells]
@@ -19,7 +23,7 @@ class CellBlocks:
         # PETSc keeps a row's columns in rising order; these are their places in the cell
         self._order = np.argsort(numbers, axis=1)[:, None, :]
 
-    def assemble(self):
+    def assemble(self) -> Floats:
         """Blocks (cells, rows per cell, columns per cell) at the present coefficients. Collective."""
         self._matrix.zeroEntries()
         compat.assemble_matrix(self._matrix, self._form)
@@ -30,7 +34,7 @@ class CellBlocks:
         return blocks
 
 
-def _dofs(space, blocks=None):
+def _dofs(space: Space, blocks: Ints64 | None = None) -> Ints64:
     """(cells, dofs per cell): local numbers, or those of the numbering `blocks`."""
     size = space.dofmap.index_map_bs
     cells = compat.cell_dofs(space)
@@ -55,15 +59,25 @@ class CondensedPressure(FormTerm):
     it is the committed state's, so that a step cut back equals a small step.
 
     forms: compiled `volume` int q J, `law` int q U'(theta), `stiffness` int q U''(theta) q, `mass` M, `coupling` B;
-    pressure, predicted, dilatation: Functions in q's space, written here; residual holds `pressure`, tangent `predicted`.
+    fields: Functions pressure, predicted, dilatation in q's space, written here; residual holds `pressure`, tangent
+    `predicted`.
     """
 
     condensed = True
 
-    def __init__(self, name, residual, tangent, forms, u, pressure, predicted, dilatation, laws=()):
+    def __init__(
+        self,
+        name: str,
+        residual: Form,
+        tangent: Form,
+        forms: dict[str, Form],
+        u: Function,
+        fields: tuple[Function, Function, Function],
+        laws: Sequence[Any] = (),
+    ) -> None:
         super().__init__(name, residual, tangent, laws=laws)
-        self.pressure, self._predicted, self._dilatation = pressure, predicted, dilatation
-        self._forms, q, v = forms, pressure.function_space, u.function_space
+        self.pressure, self._predicted, self._dilatation = fields
+        self._forms, q, v = forms, self.pressure.function_space, u.function_space
         self._coupling = CellBlocks(forms["coupling"], q, v)
         self._stiffness = CellBlocks(forms["stiffness"], q, q)
         mass = CellBlocks(forms["mass"], q, q)
@@ -74,12 +88,13 @@ class CondensedPressure(FormTerm):
         self._blocks = np.ascontiguousarray(compat.cell_dofs(v)[:cells])
         self._start = u.x.array.copy(), self._cell_values(self._predicted)  # committed displacement and its prediction
         self.key = compat.original_cells(u.function_space.mesh)[:cells].astype(np.int64)
-        self._last = None  # displacement, pressure and its slope (cells, q, dofs) of the last tangent
+        # displacement, pressure, the eliminated one and its slope (cells, q, dofs) at the last tangent
+        self._last: tuple[Floats, Floats, Floats, Floats] | None = None
 
-    def _cell_values(self, function):
+    def _cell_values(self, function: Function) -> Floats:
         return function.x.array[self._pressure_dofs]
 
-    def _projected(self, form, target):
+    def _projected(self, form: str, target: Function) -> Floats:
         """Put the projection of what the linear form integrates against q into target; returns its values by cell."""
         integral = np.zeros(len(target.x.array))
         compat.assemble_vector(integral, self._forms[form])
@@ -87,12 +102,12 @@ class CondensedPressure(FormTerm):
         target.x.array[self._pressure_dofs] = values
         return values
 
-    def _evaluate(self):
+    def _evaluate(self) -> Floats:
         """Dilatation and pressure of the present displacement; returns the pressure by cell."""
         self._projected("volume", self._dilatation)
         return self._projected("law", self.pressure)
 
-    def _follow(self, state):
+    def _follow(self, state: State) -> Floats:
         """Put the pressure that follows the last tangent into `predicted`, and return it by cell."""
         u = state.u.x.array
         if np.array_equal(u, self._start[0]):
@@ -105,33 +120,33 @@ class CondensedPressure(FormTerm):
         self._predicted.x.array[self._pressure_dofs] = values
         return values
 
-    def add_residual(self, state, residual, tool_residual, trial=None):
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
         self._evaluate()
         super().add_residual(state, residual, tool_residual)
 
-    def add_followed_residual(self, state, residual, tool_residual):
+    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         """The residual at the pressure of the tangent."""
         kept = self._evaluate()
         self.pressure.x.array[self._pressure_dofs] = self._follow(state)
         super().add_residual(state, residual, tool_residual)
         self.pressure.x.array[self._pressure_dofs] = kept
 
-    def tangent(self, state, trial=None):
+    def tangent(self, state: State, trial: Any = None) -> Blocks:
         eliminated, own = self._evaluate(), self._follow(state)
         coupling = self._coupling.assemble()
         slope = self._inverse_mass @ (self._stiffness.assemble() @ (self._inverse_mass @ coupling))
         self._last = state.u.x.array.copy(), own, eliminated, slope
         return Blocks(forms=tuple(self._tangents), cells=(self._blocks, coupling.transpose(0, 2, 1) @ slope))
 
-    def commit(self, state):
+    def commit(self, state: State) -> None:
         """Keep the pressure at the accepted displacement: where the next step, or its repetition, starts."""
         self._evaluate()
         self._start = state.u.x.array.copy(), self._follow(state)
 
-    def history(self):
+    def history(self) -> dict[str, Array]:
         """The committed prediction of the pressure, by owned cell (cells, q)."""
         return {"pressure": self._start[1]}
 
-    def restore(self, values, state):
+    def restore(self, values: dict[str, Array], state: State) -> None:
         """The displacement is the committed one already."""
         self._start = state.u.x.array.copy(), np.array(values["pressure"])

@@ -4,9 +4,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.types import Space, Vec
 
 
-def lasting(comm):
+def lasting(comm: MPI.Comm) -> MPI.Comm:
     """The communicator of the same processes that outlives every mesh, where there is one.
 
     Python alone never frees what several ranks share: PETSc keeps it with its communicator until all ranks clean up there,
@@ -18,7 +19,7 @@ def lasting(comm):
     return comm
 
 
-def ghosted_vector(space):
+def ghosted_vector(space: Space) -> Vec:
     """New PETSc vector (owned and ghost dofs of a vector space), zero, on the lasting communicator."""
     index_map, comm = space.dofmap.index_map, space.mesh.comm
     ghosts = compat.global_blocks(space)[index_map.size_local :].astype(PETSc.IntType)
@@ -26,11 +27,11 @@ def ghosted_vector(space):
     return PETSc.Vec().createGhost(ghosts, sizes, bsize=3, comm=lasting(comm))
 
 
-def sum_to_owners(vector):
+def sum_to_owners(vector: Vec) -> None:
     """Add what ranks wrote into their ghosts to the owners' values."""
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
 
-def copy_to_ghosts(vector):
+def copy_to_ghosts(vector: Vec) -> None:
     """Give every ghost its owner's value."""
     vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)

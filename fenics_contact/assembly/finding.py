@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from fenics_contact.types import Floats
+
 CONVERGED = "converged"
 INVERTED = "element inverted"
 LIMIT_POINT = "limit point"
@@ -25,6 +27,6 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def spot(position):
+def spot(position: Floats) -> str:
     """A reference position as text."""
     return "({:.4g}, {:.4g}, {:.4g})".format(*position)

@@ -1,10 +1,17 @@
 """Stabilisation of bodies and tools that nothing holds yet: soft springs whose far ends follow until they pull no more."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
-from fenics_contact.assembly.spring_term import SpringTerm
+from fenics_contact.assembly.spring_term import Springs, SpringTerm
+from fenics_contact.assembly.term import State
+from fenics_contact.types import Bools, Floats
+
+if TYPE_CHECKING:  # it has one of these
+    from fenics_contact.assembly.system import System
 
 SHARE = 1e-2  # stiffness of the springs over E V / L^2 of a body of volume V and size L: a hundredth of its own
 SOFTER = 0.25  # change of stiffness where the springs pull as before: nothing has been met yet
@@ -21,34 +28,36 @@ class Grounding(SpringTerm):
     always: asked for by the user, in every step; else in those alone for which `engaged` is set.
     """
 
-    def __init__(self, springs, free, always):
+    def __init__(self, springs: Springs, free: Bools, always: bool) -> None:
         super().__init__("stabilisation", *springs, free)
-        self._pull, self._left, self._engaged, self._softest = None, 0.0, False, LEAST * SHARE
+        self._pull: float | None = None  # at the state evaluated last, and before
+        self._before: float | None = None
+        self._left, self._engaged, self._softest = 0.0, False, LEAST * SHARE
         self.always, self.used = always, False
         self.most = {"energy": 0.0, "energy_share": 0.0}  # largest of all accepted steps, [force length]
 
-    def bind(self, system):
+    def bind(self, system: "System") -> None:
         """Forces are compared with the largest of this System; the committed state is where its springs begin."""
         self._system = system
         self.engaged = self.always
 
     @property
-    def engaged(self):
+    def engaged(self) -> bool:
         return self._engaged
 
     @engaged.setter
-    def engaged(self, wanted):
+    def engaged(self, wanted: bool) -> None:
         """Put the springs in, from the last accepted state on, or take them out. Collective."""
         self._engaged, self._left, self.used = wanted, 0.0, self.used or wanted
         self.rollback()
 
-    def rollback(self):
+    def rollback(self) -> None:
         if self._pull is not None:
             self._left = self._pull
         self._pull, self.share, self._softest = None, SHARE if self._engaged else 0.0, LEAST * SHARE
         self.begin(*self._system.committed)
 
-    def pull(self, state):
+    def pull(self, state: State) -> float:
         """Pull of the springs over what is allowed, a share of the largest force or round-off. Collective."""
         force, _ = self.spent(state)
         allowed = max(ALLOWED * max(self._system.forces, self._system.force_scale), self._system.noise)
@@ -56,35 +65,35 @@ class Grounding(SpringTerm):
         self._before, self._pull = self._pull, pull
         return pull
 
-    def follow(self, state):
+    def follow(self, state: State) -> None:
         """Let the far ends go to where the state is, with softer springs where these pulled as before."""
-        if self._before is not None and self._pull > 0.5 * self._before:
+        if self._before is not None and self._pull is not None and self._pull > 0.5 * self._before:
             self.share = max(SOFTER * self.share, self._softest)
         self.begin(state.u.x.array, state.travel)
 
-    def ahead(self, state):
+    def ahead(self, state: State) -> float:
         """Solves that it takes at the rate of the last one until they pull no more, or until bodies and tools have gone FAR,
         on which they may meet something; 0 where the springs may still become softer. Collective."""
-        if self._before is None or self.share > self._softest:
+        if self._before is None or self._pull is None or self.share > self._softest:
             return 0.0
         fading = np.log(self._pull) / np.log(self._before / self._pull) if self._before > self._pull else np.inf
         gone, way = self._way(state, *self._system.committed), self._way(state, self._reference.x.array, self._travel)
         left = FAR * self._system.extent - gone
         return min(fading, left / way if left > 0.0 < way else np.inf)
 
-    def _way(self, state, u, travel):
+    def _way(self, state: State, u: Floats, travel: Floats) -> float:
         """Largest motion [length] of a body or a tool from a displacement (local array) and a travel. Collective."""
         way = max(self._system.comm.allgather(np.abs(state.u.x.array - u).max(initial=0.0)))
         return max(way, np.abs(state.travel - travel).max(initial=0.0))
 
-    def stiffen(self):
+    def stiffen(self) -> bool:
         """Take stiffer springs, and no softer ones within this step; False where they are as stiff as at first."""
         if self.share >= SHARE:
             return False
         self.share = self._softest = min(self.share / SOFTER, SHARE)
         return True
 
-    def commit(self, state):
+    def commit(self, state: State) -> None:
         if not self._engaged:
             return
         energy, elastic = 0.5 * self.spent(state)[1], self.strain_energy(state)
@@ -93,7 +102,7 @@ class Grounding(SpringTerm):
         self._pull, self.share, self._softest = None, SHARE, LEAST * SHARE
         self.begin(state.u.x.array, state.travel)
 
-    def trouble(self, state):
+    def trouble(self, state: State) -> Finding | None:
         if self._left * ALLOWED > 0.1:
             text = "the stabilisation still carries the load: no contact has been met that holds the bodies"
             return Finding(RIGID_MOTION, text, remedy="close the gap, fix a surface, or turn the load towards the contact")

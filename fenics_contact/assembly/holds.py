@@ -1,6 +1,13 @@
 """What holds each body: its supports along some axes, contacts along the others, and nothing where these have opened."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.assembly.supports import Supports
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.types import Ints64
 
 AXES = "xyz"
 ALLOWED = 1e-7  # of the largest force: a contact that presses less holds nothing, a spring that pulls less has let go
@@ -13,7 +20,9 @@ class Holds:
     `grounded`, held by no body, and which nodes they touch. Construction is collective.
     """
 
-    def __init__(self, comm, bodies, supports, contacts):
+    def __init__(
+        self, comm: MPI.Comm, bodies: list[tuple[str, Ints64]], supports: Supports, contacts: Sequence[ContactTerm]
+    ) -> None:
         self.bodies, self._supported, self._ties = bodies, [], []
         for _, blocks in bodies:
             counts = [int(np.isin(3 * blocks + axis, supports.dofs).sum()) for axis in range(3)]
@@ -24,11 +33,11 @@ class Holds:
             self._ties.append((contact, np.flatnonzero(met)))
 
     @property
-    def reliant(self):
+    def reliant(self) -> list[int]:
         """Numbers of the bodies that supports alone do not hold along all axes."""
         return [i for i, axes in enumerate(self._supported) if len(axes) < len(AXES)]
 
-    def loose(self, axes_of):
+    def loose(self, axes_of: Callable[[ContactTerm], set[str]]) -> dict[int, str]:
         """{number of a body: letters of the axes along which nothing holds it}, where there are such.
 
         axes_of(contact) -> letters of the axes along which it holds. A contact of two bodies holds one of them only as far

@@ -1,10 +1,16 @@
 """What an accepted state consists of, as arrays that any number of ranks can take up again."""
 
+from typing import Any
+
 import numpy as np
 
 from fenics_contact.assembly.numbering import gather, node_keys, spread
+from fenics_contact.assembly.system import System
+from fenics_contact.types import Array, Floats, Ints64
 
 COORDINATES = 1e-9  # of the mesh's size: what moving nodes between ranks rounds is 1e-16, another mesh is far from it
+
+Arrays = dict[str, Any] | None  # what `collect` gave, on rank 0 alone
 
 
 class Memory:
@@ -15,17 +21,17 @@ class Memory:
     and restore({name: (ne, ...)}, state). fields(): further {name: local array like u} to keep, e.g. a predictor's.
     """
 
-    def __init__(self, system):
+    def __init__(self, system: System) -> None:
         self.system = system
         self.keys = node_keys(system.space)
         self._X = system.space.tabulate_dof_coordinates()
 
-    def collect(self, fields=None):
+    def collect(self, fields: dict[str, Floats] | None = None) -> dict[str, Any] | None:
         """{name: array} on rank 0, None elsewhere. Collective."""
         system, comm = self.system, self.system.comm
         owned = system.space.dofmap.index_map.size_local
         nodal = {"X": self._X.ravel(), "u": system.state.u.x.array} | {f"field/{k}": v for k, v in (fields or {}).items()}
-        out = {}
+        out: dict[str, Any] = {}
         *before, _ = system.accepted
         nodal |= {f"before/{i}/u": u for i, (u, _, _) in enumerate(before)}
         for name, values in nodal.items():
@@ -41,7 +47,7 @@ class Memory:
         out |= {"force_scale": system.force_scale, "stiffness": system.stiffness}
         return out if comm.rank == 0 else None
 
-    def restore(self, arrays):
+    def restore(self, arrays: Arrays) -> dict[str, Floats]:
         """Put collected arrays back as the committed state; returns the fields. Collective.
 
         ValueError, on all ranks, if they belong to another mesh or other terms.
@@ -64,16 +70,16 @@ class Memory:
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 
-    def _nodal(self, arrays, name):
+    def _nodal(self, arrays: Arrays, name: str) -> Floats:
         return self._rows(arrays, name, self.keys)
 
-    def _rows(self, arrays, name, keys):
+    def _rows(self, arrays: Arrays, name: str, keys: Ints64) -> Array:
         try:
-            return spread(self.system.comm, arrays and (arrays[f"{name}/key"], arrays[name]), keys)
+            return spread(self.system.comm, None if arrays is None else (arrays[f"{name}/key"], arrays[name]), keys)
         except KeyError:
             raise ValueError(f"it does not hold '{name}' for every point of this scene") from None
 
 
-def _put(out, name, gathered):
+def _put(out: dict[str, Any], name: str, gathered: tuple[Ints64, Array] | None) -> None:
     if gathered is not None:
         out[f"{name}/key"], out[name] = gathered

@@ -1,12 +1,14 @@
 """An order of a mesh's nodes that no partition changes: what a state must be kept in to be read on other ranks."""
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.types import Array, Ints64, Space
 
 
-def node_keys(space):
+def node_keys(space: Space) -> Ints64:
     """Number (nodes,) int64 of every local node, ghosts included, the same on any number of ranks. Collective.
 
     A node is known by the first cell of the gmsh model that holds it and by its place there: that tells apart nodes
@@ -28,7 +30,7 @@ def node_keys(space):
     return -last.x.array[::3].astype(np.int64)
 
 
-def gather(comm, keys, values):
+def gather(comm: MPI.Comm, keys: Ints64, values: Array) -> tuple[Ints64, Array] | None:
     """Rows of all ranks on rank 0 in the order of their keys: (keys (n,), values (n, ...)); other ranks get None."""
     parts = comm.gather((keys, values))
     if parts is None:
@@ -38,7 +40,7 @@ def gather(comm, keys, values):
     return keys[order], np.concatenate([part[1] for part in parts])[order]
 
 
-def spread(comm, gathered, keys):
+def spread(comm: MPI.Comm, gathered: tuple[Ints64, Array] | None, keys: Ints64) -> Array:
     """Rows of what `gather` gave on rank 0 that belong to this rank's keys; KeyError, on all ranks, where one is missing."""
     known, values = comm.bcast(gathered)
     place = np.minimum(np.searchsorted(known, keys), max(len(known) - 1, 0))

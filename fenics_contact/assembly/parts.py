@@ -4,9 +4,10 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.kernels.sets import join
+from fenics_contact.types import Ints64, Space
 
 
-def connected_parts(space):
+def connected_parts(space: Space) -> tuple[Ints64, int]:
     """Part (n,) of every local node (owned, then ghost) of a space of blocks of three, and how many parts there are.
 
     Parts are numbered by their first cell in the gmsh model, so that any number of ranks agrees. Collective.

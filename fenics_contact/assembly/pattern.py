@@ -6,17 +6,18 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.assembly.cell_forms import number_own_block
 from fenics_contact.assembly.exchange import lasting
+from fenics_contact.types import Form, Ints64, Mat, Space
 
 
 class MatrixPattern:
     """Block pattern of a bilinear form, to which couplings between any two nodes can be added. Built once per mesh."""
 
-    def __init__(self, form, space):
+    def __init__(self, form: Form, space: Space) -> None:
         self.comm, self._map = lasting(space.mesh.comm), space.dofmap.index_map
         self._offsets, self._columns = compat.block_pattern(form, space)
         self._blocks = compat.global_blocks(space)
 
-    def matrix(self, keys):
+    def matrix(self, keys: Ints64) -> Mat:
         """New matrix whose couplings hold explicit zeros, not yet assembled: add the forms, then assemble. Collective.
 
         keys (n,): row * N + column of global block numbers, N their total; rows may belong to any rank.
@@ -44,14 +45,14 @@ class MatrixPattern:
             matrix.setValuesBlockedRCV(*pair, zeros, addv=True)
         return matrix
 
-    def _sent_to_owners(self, keys):
+    def _sent_to_owners(self, keys: Ints64) -> Ints64:
         """Unique keys of this rank's rows, from all ranks."""
         starts = np.array(self.comm.allgather(self._map.local_range[0])) * self._map.size_global
         keys = np.unique(keys)
         parts = np.split(keys, np.searchsorted(keys, starts[1:]))
         return np.unique(np.concatenate(self.comm.alltoall(parts)))
 
-    def _not_in_bodies(self, keys):
+    def _not_in_bodies(self, keys: Ints64) -> Ints64:
         first = self._map.local_range[0]
         total = self._map.size_global
         rows = np.unique(keys // total)

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from fenics_contact.types import Space
 
-def bodies_size(space):
+
+def bodies_size(space: Space) -> float:
     """Largest side of the box around all bodies [length]. Collective."""
     X, comm = space.tabulate_dof_coordinates(), space.mesh.comm
     low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)

@@ -1,12 +1,14 @@
 """Springs on all bodies and free tools as a term of a System: in it only while their share of stiffness is above zero."""
 
+from typing import Any
+
 import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
-from fenics_contact.assembly.term import FormTerm
-from fenics_contact.types import Constant, Form, Function
+from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.types import Bools, Constant, Floats, Form, Function
 
 # share of stiffness, places the springs pull to, (residual, tangent, strain energy), Function of the energies, on tools
 Springs = tuple[Constant, Function, tuple[Form, Form, Form], Function, float]
@@ -20,57 +22,66 @@ class SpringTerm(FormTerm):
     on_tools [force/length]: stiffness at share 1 of free (tools, 3) components of the tools' travel.
     """
 
-    def __init__(self, name, constant, reference, forms, energies, on_tools, free):
+    def __init__(
+        self,
+        name: str,
+        constant: Constant,
+        reference: Function,
+        forms: tuple[Form, Form, Form],
+        energies: Function,
+        on_tools: float,
+        free: Bools,
+    ) -> None:
         super().__init__(name, None, None)
         self._constant, self._reference, self._forms, self._cells = constant, reference, forms, energies
         self._on_tools, self._free, self._travel, self._energy = on_tools, free, np.zeros(free.shape), None
 
     @property
-    def share(self):
+    def share(self) -> float:
         """kappa over E/L^2."""
         return float(self._constant.value)
 
     @share.setter
-    def share(self, value):
+    def share(self, value: float) -> None:
         if value > 0.0 and self._energy is None:
             residual, tangent, energy = self._forms
             self._residuals, self._tangents = [compat.compile_form(residual)], [CellForm(tangent)]
             self._energy = compat.compile_form(energy)
         self._constant.value = value
 
-    def begin(self, u, travel):
+    def begin(self, u: Floats, travel: Floats) -> None:
         """Pull towards a displacement (local array) and a travel (tools, 3)."""
         self._reference.x.array[:] = u
         self._travel = travel.copy()
 
     @property
-    def _first_rank(self):
+    def _first_rank(self) -> bool:
         return self._reference.function_space.mesh.comm.rank == 0
 
-    def _tool_pull(self, state):
+    def _tool_pull(self, state: State) -> Floats:
         return np.where(self._free, self.share * self._on_tools * (state.travel - self._travel), 0.0)
 
-    def add_residual(self, state, residual, tool_residual, trial=None):
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
         if self.share > 0.0:
             super().add_residual(state, residual, tool_residual)
             if self._first_rank:
                 tool_residual += self._tool_pull(state)
 
-    def tangent(self, state, trial=None):
+    def tangent(self, state: State, trial: Any = None) -> Blocks:
         if not self.share > 0.0:
             return Blocks()
         on_tools = self.share * self._on_tools * self._free.ravel() if self._first_rank else None
         return Blocks(forms=tuple(self._tangents), free=on_tools)
 
-    def spent(self, state):
+    def spent(self, state: State) -> tuple[float, float]:
         """(sum of the forces' sizes [force], their work on the way from u_0 at these forces [force length]). Collective."""
         local, moved = np.zeros_like(state.u.x.array), state.u.x.array - self._reference.x.array
-        FormTerm.add_residual(self, state, local, None)
+        FormTerm.add_residual(self, state, local, np.zeros_like(self._travel))
         tools, comm = self._tool_pull(state), state.u.function_space.mesh.comm
         force, work = comm.allreduce(np.array([np.abs(local).sum(), local @ moved]))
         return force + np.abs(tools).sum(), work + float((tools * (state.travel - self._travel)).sum())
 
-    def strain_energy(self, state):
+    def strain_energy(self, state: State) -> float:
         """Of the bodies at the state [force length]. Collective."""
         cells = np.zeros(len(self._cells.x.array))
         compat.assemble_vector(cells, self._energy)

@@ -1,6 +1,21 @@
 """Prescribed dofs and prescribed or pushed tools as functions of the load parameter t."""
 
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol
+
 import numpy as np
+
+from fenics_contact.types import Bools, Floats, Ints
+
+Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (3,)
+
+
+class Prescribed(Protocol):
+    """Displacements [length] of an entry's dofs (n,) at t, and of a few of its points, the same on all ranks."""
+
+    def __call__(self, t: float) -> Floats: ...
+
+    def few(self, t: float) -> Floats: ...
 
 
 class Supports:
@@ -10,7 +25,7 @@ class Supports:
     gives (n,) and that all ranks call. conflict: names of two entries that contradict each other, or None.
     """
 
-    def __init__(self, entries, owned_dofs, names):
+    def __init__(self, entries: Sequence[tuple[Ints, float | Prescribed]], owned_dofs: int, names: Sequence[str]) -> None:
         self._entries, self._names = entries, names
         dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
         self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
@@ -25,24 +40,24 @@ class Supports:
                 first = int(np.searchsorted(sizes, self._first[inverse[int(np.argmax(gap))]], side="right"))
                 self.conflict = (names[first], names[second])
 
-    def _all(self, t):
+    def _all(self, t: float) -> Floats:
         parts = [value(t) if callable(value) else np.full(len(dofs), value * t) for dofs, value in self._entries]
         return np.concatenate(parts) if parts else np.empty(0)
 
-    def sampled(self, times):
+    def sampled(self, times: Iterable[float]) -> dict[str, list[float]]:
         """{name: prescribed displacements [length] at these t, of a function at a few points}. Collective."""
-        out = {}
+        out: dict[str, list[float]] = {}
         for (_, value), name in zip(self._entries, self._names, strict=True):
             at = [value.few(t) if callable(value) else [value * t] for t in times]
             out[name] = out.get(name, []) + np.concatenate(at).tolist()
         return out
 
-    def largest(self, t):
+    def largest(self, t: float) -> list[tuple[str, float]]:
         """[(name, largest displacement [length] on this rank)] of all entries at t."""
         parts = np.split(np.abs(self._all(t)), np.cumsum([len(dofs) for dofs, *_ in self._entries]))
         return [(name, float(part.max(initial=0.0))) for name, part in zip(self._names, parts[:-1], strict=True)]
 
-    def values(self, t):
+    def values(self, t: float) -> Floats:
         """Prescribed displacements [length] of `dofs` at load parameter t."""
         return self._all(t)[self._first]
 
@@ -53,22 +68,22 @@ class ToolMotion:
     paths: one function t -> (3,) [length] per tool; forces: one function t -> (3,) [force]; free (tools, 3) bool; names.
     """
 
-    def __init__(self, paths, forces, free, names=()):
+    def __init__(self, paths: Paths, forces: Paths, free: Bools | Sequence[Bools], names: Sequence[str] = ()) -> None:
         self.names = tuple(names) or tuple(str(i) for i in range(len(paths)))
         self._paths, self._forces = paths, forces
         self.free = np.asarray(free, dtype=bool).reshape(len(paths), 3)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self._paths)
 
-    def prescribed(self, t):
+    def prescribed(self, t: float) -> Floats:
         """Prescribed travel (tools, 3) at t; zero where the component is free."""
         return np.where(self.free, 0.0, _stack(self._paths, t))
 
-    def forces(self, t):
+    def forces(self, t: float) -> Floats:
         """External forces (tools, 3) at t."""
         return _stack(self._forces, t)
 
 
-def _stack(functions, t):
+def _stack(functions: Paths, t: float) -> Floats:
     return np.array([f(t) for f in functions], dtype=float).reshape(len(functions), 3)

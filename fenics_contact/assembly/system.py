@@ -1,19 +1,30 @@
 """The nonlinear system R(u, travel, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Border, insert
+from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
-from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.assembly.grounding import Grounding
+from fenics_contact.assembly.holds import ALLOWED, Holds
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
+from fenics_contact.assembly.supports import Supports, ToolMotion
+from fenics_contact.assembly.term import ContactTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Floats, Mat, Vec
 
 TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
 ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
+
+Terms = tuple[FormTerm, *tuple[Term, ...]]  # the solid first
+Accepted = tuple[Floats, Floats, float]  # displacement (local array) and travel (tools, 3) [length], t
 
 
 class System:
@@ -27,12 +38,26 @@ class System:
     """
 
     def __init__(
-        self, state, terms, supports, tools, set_loads, check=lambda least=0.0: None, *, contacts=(), holds=None,
-        grounding=None, damping=None, reach=0.0, bulk_over_shear=1.0, timers=None,
-    ):  # fmt: skip
+        self,
+        state: State,
+        terms: Terms,
+        supports: Supports,
+        tools: ToolMotion,
+        set_loads: Callable[[float], None],
+        check: Callable[..., Finding | None] = lambda least=0.0: None,
+        *,
+        contacts: Sequence[ContactTerm] = (),
+        holds: Holds | None = None,
+        grounding: Grounding | None = None,
+        damping: Damping | None = None,
+        reach: float = 0.0,
+        bulk_over_shear: float = 1.0,
+        timers: Timers | None = None,
+    ) -> None:
         self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
-        self.set_loads, self.check, self.contacts, self.holds = set_loads, check, contacts, holds
-        self.bodies = holds.bodies if holds else []  # (name, local nodes) of each group of bonded bodies
+        self.set_loads, self.check, self.contacts = set_loads, check, contacts
+        self.holds = holds or Holds(state.u.function_space.mesh.comm, [], supports, [])
+        self.bodies = self.holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.grounding, self.damping, self.bulk_over_shear = grounding, damping, bulk_over_shear
         self.timers = timers or Timers()
         self.space = state.u.function_space
@@ -56,12 +81,12 @@ class System:
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [contact for contact in contacts if contact.foresees]
-        self._linearised = {}  # where the points of these were at the last tangent
+        self._linearised: dict[Term, Any] = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
         if grounding:
             grounding.bind(self)
 
-    def _new_matrix(self):
+    def _new_matrix(self) -> Mat:
         matrix = self._pattern.matrix(np.concatenate(self._couplings))
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
@@ -70,24 +95,24 @@ class System:
         return matrix
 
     # -- steps ----------------------------------------------------------------------------------------------------
-    def _snapshot(self):
+    def _snapshot(self) -> Accepted:
         return self.state.u.x.array.copy(), self.state.travel.copy(), self.state.t
 
-    def begin_step(self, t):
+    def begin_step(self, t: float) -> tuple[Floats, Floats]:
         """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
         self.state.t = t
         self.set_loads(t)
         owed = self.supports.values(t) - self.state.u.x.array[self.supports.dofs]
         return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.travel)
 
-    def commit(self):
+    def commit(self) -> None:
         for term in self.terms:
             term.commit(self.state)
         self.force_scale = max(self.force_scale, self.forces)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self.accepted = [*self.accepted[-2:], self._committed]
 
-    def rollback(self):
+    def rollback(self) -> None:
         """Return to the last committed state."""
         self.release()
         for term in self.terms:
@@ -99,7 +124,9 @@ class System:
         self.state.t = t
         self.set_loads(t)
 
-    def resume(self, travel, t, histories, before=()):
+    def resume(
+        self, travel: Floats, t: float, histories: Sequence[dict[str, Array]], before: Sequence[Accepted] = ()
+    ) -> None:
         """Declare the displacement in the state, with this travel and t, the committed one, after those of `before`, like
         `accepted`; histories: of each term, what its `history` gave there."""
         self.state.travel[:] = travel
@@ -113,7 +140,7 @@ class System:
             self.grounding.rollback()
         self.assemble_residual()  # the terms' tractions and the reactions are those of the state
 
-    def extrapolate(self, owed):
+    def extrapolate(self, owed: Floats) -> bool:
         """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
 
         owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where
@@ -136,7 +163,7 @@ class System:
             self.state.u.x.array[:] = u
         return False
 
-    def _onwards(self, states):
+    def _onwards(self, states: list[Accepted]) -> Floats:
         """Displacement from the last of these states to the present t on the polynomial through all of them (Lagrange)."""
         times = np.array([state[2] for state in states])
         step = -states[-1][0]
@@ -145,44 +172,44 @@ class System:
             step = step + np.prod((self.state.t - others) / (t - others)) * u
         return step
 
-    def _strays(self, gap, owed):
+    def _strays(self, gap: Floats, owed: Floats) -> bool:
         """True where supports would end further from their places than half the way they go. Collective."""
         sizes = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
         return bool(sizes[0] > 0.25 * sizes[1])
 
-    def foresee(self):
+    def foresee(self) -> None:
         """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
         for contact in self._foreseeing:
             contact.foresee(self.state, self._linearised[contact])
 
-    def release(self):
+    def release(self) -> None:
         for contact in self.contacts:
             contact.release()
 
     @property
-    def augmented(self):
+    def augmented(self) -> list[ContactTerm]:
         """The contacts with multipliers."""
         return [contact for contact in self.contacts if contact.tolerance is not None]
 
-    def misfit(self):
+    def misfit(self) -> float:
         """Largest error of the augmented terms over their tolerances. Collective."""
         return max(self.comm.allgather(max(contact.multipliers.misfit(self.state) for contact in self.augmented)))
 
-    def augment(self, share=1.0):
+    def augment(self, share: float = 1.0) -> None:
         """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
         for contact in self.augmented:
             contact.take(contact.multipliers.augmented(self.state, share))
 
     @property
-    def committed(self):
+    def committed(self) -> tuple[Floats, Floats]:
         """Displacement (local array) and travel (tools, 3) of the last accepted state."""
         return self._committed[:2]
 
     @property
-    def committed_t(self):
+    def committed_t(self) -> float:
         return self._committed[2]
 
-    def new_vector(self):
+    def new_vector(self) -> Vec:
         """A PETSc vector like u, of owned and ghost dofs, zero."""
         vector = self.residual_vector.duplicate()
         with vector.localForm() as local:
@@ -190,12 +217,12 @@ class System:
         return vector
 
     @property
-    def noise(self):
+    def noise(self) -> float:
         """Out-of-balance force [force] that the last places of the coordinates make: no iteration gets below it."""
-        return self.stiffness * ROUNDED * self.reach
+        return float(self.stiffness * ROUNDED * self.reach)
 
     @property
-    def scale(self):
+    def scale(self) -> float:
         """What out-of-balance forces are compared with [force]: the largest force of any term, now or before.
 
         A body that moves without strain has no other scale than rounding.
@@ -203,7 +230,7 @@ class System:
         moved = self.vector.norm(PETSc.NormType.NORM_INFINITY)
         return max(self.forces, self.force_scale, 1e-4 * self.stiffness * moved, self.noise / TOLERANCE)
 
-    def update(self, du, dq, share=1.0):
+    def update(self, du: Vec, dq: Floats, share: float = 1.0) -> None:
         """Add a PETSc increment (owned part) and a travel increment to the state.
 
         share: how much of the last tangent solve's increment the state then holds.
@@ -213,7 +240,7 @@ class System:
         self.state.travel += dq
         self.state.share = share
 
-    def objection(self):
+    def objection(self) -> Finding | None:
         """None, or the Finding why a state in balance must not be accepted. Collective."""
         found = self.check()
         for term in self.terms:
@@ -221,18 +248,18 @@ class System:
         return found or self.adrift()
 
     @property
-    def stabilised(self):
+    def stabilised(self) -> bool:
         """Whether the user has asked for springs in every step."""
         return self.grounding is not None and self.grounding.always
 
-    def loose(self):
+    def loose(self) -> set[int]:
         """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
         if not self.holds.reliant:
             return set()
         least = max(ALLOWED * max(self.forces, self.force_scale), self.noise)
         return set(self.holds.loose(lambda contact: contact.holding(self.state, least)))
 
-    def adrift(self):
+    def adrift(self) -> Finding | None:
         """None, or the Finding that a body has lost what holds it: then any place is in balance, and none is the answer."""
         if self.grounding is None or self.grounding.engaged or not (loose := self.loose()):
             return None
@@ -241,7 +268,7 @@ class System:
         return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)
 
     # -- evaluation -----------------------------------------------------------------------------------------------
-    def assemble_residual(self, followed=False):
+    def assemble_residual(self, followed: bool = False) -> float:
         """Fill residual_vector (supports' dofs zero) with (23), and tool_residual; returns the out-of-balance norm [force].
 
         `forces` is then the largest norm of a single term, reactions included: the scale of the residual.
@@ -268,7 +295,7 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self, terms=None, trials=None):
+    def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: dict[Term, Any] | None = None) -> None:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked.
 
         trials: {contact: what it is evaluated with in the place of its own trial}.
@@ -289,7 +316,7 @@ class System:
             if self.border is not None:
                 self.border.corner = self.comm.allreduce(self.border.corner)
 
-    def _provide_couplings(self):
+    def _provide_couplings(self) -> None:
         """Clear the matrix; where a term asks for other couplings, on any rank, put a new one in its place."""
         changed = False
         for i, term in enumerate(self.terms):
@@ -302,7 +329,7 @@ class System:
         elif self.matrix.assembled:
             self.matrix.zeroEntries()
 
-    def border_vector(self, values):
+    def border_vector(self, values: Floats) -> Vec:
         """Local array of a border row or column (owned and ghost dofs) -> PETSc vector summed over ranks."""
         vector = self.new_vector()
         with vector.localForm() as local:

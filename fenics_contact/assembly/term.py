@@ -1,13 +1,16 @@
 """What a System sums: terms of the virtual power, and the state they depend on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
+from fenics_contact.assembly.finding import Finding
+from fenics_contact.types import Array, Bools, Floats, Form, Function, Ints64
 
 
 @dataclass
@@ -17,8 +20,8 @@ class State:
     share: how much of the last tangent solve's increment is in u; terms with unknowns of their own follow by it.
     """
 
-    u: object
-    travel: np.ndarray
+    u: Function
+    travel: Floats
     t: float = 0.0
     share: float = 1.0
 
@@ -35,44 +38,110 @@ class Term(Protocol):
     symmetric: bool
     condensed: bool
 
-    def add_residual(self, state, residual, tool_residual, trial=None): ...
+    @property
+    def key(self) -> Ints64:
+        """Numbers (ne,) of this rank's elements that no partition changes."""
+        ...
 
-    def add_followed_residual(self, state, residual, tool_residual): ...
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None: ...
 
-    def couplings(self, state):
+    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
+
+    def couplings(self, state: State) -> Ints64 | None:
         """None while the couplings given last, at first none, suffice; else keys row * N + column of global blocks.
 
         They come on top of the cells' own. Called on all ranks before every tangent; another rank may have other keys.
         """
 
-    def tangent(self, state, trial=None):
+    def tangent(self, state: State, trial: Any = None) -> Blocks:
         """Blocks of the tangent."""
 
-    def commit(self, state): ...
+    def commit(self, state: State) -> None: ...
 
-    def rollback(self):
+    def rollback(self) -> None:
         """Back to what the last accepted step left."""
 
-    def history(self):
+    def history(self) -> dict[str, Array]:
         """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
 
-    def restore(self, values, state):
+    def restore(self, values: dict[str, Array], state: State) -> None:
         """Take up what history gave, for this rank's elements, at the accepted state."""
 
-    def statuses(self):
+    def statuses(self) -> Array:
         """Status codes (n,) of this rank's points at the state evaluated last."""
 
-    def spots(self):
+    def spots(self) -> Floats:
         """Reference positions (n, 3) of these points."""
 
-    def objection(self, state):
+    def objection(self, state: State) -> Finding | None:
         """None, or the Finding why this state, evaluated last, must not be accepted though it is in balance. Collective."""
 
-    def trouble(self, state):
+    def trouble(self, state: State) -> Finding | None:
         """None, or the Finding that keeps the step after this accepted state from converging. Collective."""
 
-    def remark(self, state):
+    def remark(self, state: State) -> str | None:
         """None, or what is to be said of an accepted state. Collective."""
+
+
+class ContactTerm(Term, Protocol):
+    """What solvers and the output ask of a contact. Of what is the contact's own they know that it can be handed back:
+    a trial, and the places `at` of a tangent's points.
+
+    tolerance: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
+    foresees: may its pressures be unknowns beside the displacement; surface: SlaveSurface; partner: Partner; penalties,
+    multipliers: what steppers let a contact be evaluated with.
+    """
+
+    tolerance: float | None
+    surface: Any
+    partner: Any
+    penalties: Any
+    multipliers: Any
+    trial: Any
+
+    @property
+    def rough(self) -> bool: ...
+
+    @property
+    def foresees(self) -> bool: ...
+
+    @property
+    def master_name(self) -> str: ...
+
+    @property
+    def friction_stated(self) -> float | dict[str, float]: ...
+
+    def response(self, state: State, trial: Any = None) -> Any: ...
+
+    def foresee(self, state: State, at: Any) -> None: ...
+
+    def hold(self, share: float) -> None: ...
+
+    def release(self) -> None: ...
+
+    def take(self, trial: Any) -> None: ...
+
+    def holding(self, state: State, least: float) -> set[str]: ...
+
+    def held_axes(self, state: State) -> set[str]: ...
+
+    def grip(self, state: State) -> tuple[float, float]: ...
+
+    def measures(self, state: State, trial: Any = None) -> dict[str, Any]: ...
+
+    def resultants(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
+
+    def split_traction(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
+
+    def laws(self, frictionless: bool) -> dict[str, int]: ...
+
+    def part(self, mask: Bools, frictionless: bool = False) -> Any: ...
+
+    def branches(self, state: State, trial: Any = None) -> Array: ...
+
+    def deep(self, state: State) -> Finding | None: ...
+
+    def never_met(self, state: State) -> str | None: ...
 
 
 class FormTerm:
@@ -83,57 +152,65 @@ class FormTerm:
     """
 
     condensed = False
+    key: Ints64 = np.empty(0, dtype=np.int64)
 
-    def __init__(self, name, residual, tangent=None, symmetric=True, laws=()):
+    def __init__(
+        self,
+        name: str,
+        residual: Form | list[Form] | None,
+        tangent: Form | list[Form] | None = None,
+        symmetric: bool = True,
+        laws: Sequence[Any] = (),
+    ) -> None:
         self.name, self.symmetric, self.laws = name, symmetric, laws
         self._residuals = [compat.compile_form(form) for form in _listed(residual)]
         self._tangents = [CellForm(form) for form in _listed(tangent)]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
-    def add_residual(self, state, residual, tool_residual, trial=None):
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
         for form in self._residuals:
             compat.assemble_vector(residual, form)
 
-    def add_followed_residual(self, state, residual, tool_residual):
+    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         """The residual: there are no other unknowns."""
         self.add_residual(state, residual, tool_residual)
 
-    def couplings(self, state):
+    def couplings(self, state: State) -> None:
         """None: the cells' own couplings are the pattern's base."""
 
-    def tangent(self, state, trial=None):
+    def tangent(self, state: State, trial: Any = None) -> Blocks:
         return Blocks(forms=tuple(self._tangents))
 
-    def commit(self, state):
+    def commit(self, state: State) -> None:
         """Forms keep no history."""
 
-    def rollback(self):
+    def rollback(self) -> None:
         """Nothing to take back."""
 
-    def history(self):
+    def history(self) -> dict[str, Array]:
         """None to keep."""
         return {}
 
-    def restore(self, values, state):
+    def restore(self, values: dict[str, Array], state: State) -> None:
         """Nothing to take up."""
 
-    def statuses(self):
+    def statuses(self) -> Array:
         return np.empty(0, dtype=int)
 
-    def spots(self):
+    def spots(self) -> Floats:
         return np.empty((0, 3))
 
-    def objection(self, state):
+    def objection(self, state: State) -> Finding | None:
         """None: forms compute no differences of coordinates."""
 
-    def trouble(self, state):
+    def trouble(self, state: State) -> Finding | None:
         """None: what forms suffer from is found in the tangent."""
 
-    def remark(self, state):
+    def remark(self, state: State) -> str | None:
         """None."""
 
 
-def _listed(forms):
+def _listed(forms: Form | list[Form] | None) -> list[Form]:
     if forms is None:
         return []
     return forms if isinstance(forms, list) else [forms]

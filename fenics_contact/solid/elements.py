@@ -116,7 +116,7 @@ def _mixed(
     mesh = u.function_space.mesh
     space, value = pressure_space(mesh, degree)
     q, dq = ufl.TestFunction(space), ufl.TrialFunction(space)
-    pressure, predicted, dilatation = (compat.Function(space) for _ in range(3))
+    fields = pressure, predicted, dilatation = (compat.Function(space), compat.Function(space), compat.Function(space))
     measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
 
     def summed(integrand: Callable[[Material], Expr]) -> Form:
@@ -140,7 +140,7 @@ def _mixed(
     power = sum(vp.stress_power(material, u, v, dx) for material, dx in stressed)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in ahead)
     laws = [material for material, _ in stressed]
-    return CondensedPressure("solid", power - loads_power(v), rate, forms, u, pressure, predicted, dilatation, laws)
+    return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws)
 
 
 def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function], Expr]]:
