@@ -31,7 +31,7 @@ TABLE = {
     "solvers": {"numpy", "petsc4py", "assembly", "timing"},
     "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "mesh_io", "output", "solid", "timing",
               "values"},
-    "output": {"numpy", "matplotlib", "mpl_toolkits", "ufl", "agreement", "compat", "assembly", "kernels", "solid",
+    "output": {"numpy", "mpi4py", "matplotlib", "mpl_toolkits", "ufl", "agreement", "compat", "assembly", "kernels", "solid",
                "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "compat", "solid", "mesh_io",
                 "contact", "packages", "solvers", "scene", "run"},
@@ -45,9 +45,9 @@ TABLE = {
 # narrower than the room: what an outer room may use of another one
 ONLY = {
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
-    ("output", "assembly"): {"exchange"},
+    ("output", "assembly"): {"exchange", "system"},
     ("output", "kernels"): {"status"},
-    ("output", "solid"): {"virtual_power"},
+    ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"sets", "scatter"},
     ("restart", "scene"): {"fingerprint"},
     ("__init__", "contact"): {"friction", "penalties", "tools"},

@@ -4,11 +4,13 @@ import json
 import os
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fenics_contact.output.files import CHECKPOINTS
 from fenics_contact.output.history import plain
+from fenics_contact.types import Array
 
 BROKEN = (EOFError, OSError, ValueError, KeyError, zipfile.BadZipFile)  # what a file that is no checkpoint raises
 
@@ -16,11 +18,11 @@ BROKEN = (EOFError, OSError, ValueError, KeyError, zipfile.BadZipFile)  # what a
 class CheckpointFiles:
     """checkpoint_0.npz and checkpoint_1.npz of a folder, written in turn. Used on rank 0 alone."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: Path) -> None:
         self._paths = [Path(folder) / name for name in CHECKPOINTS]
         self._turn = 0  # which of them is written next
 
-    def write(self, step, arrays, content):
+    def write(self, step: int, arrays: dict[str, Any], content: dict[str, Any]) -> None:
         """Keep arrays {name: array} and content (plain values) of accepted step number `step`."""
         text = json.dumps({"step": step, **content}, default=plain)
         target = self._paths[self._turn]
@@ -36,7 +38,7 @@ class CheckpointFiles:
             raise
         self._turn = 1 - self._turn
 
-    def read(self):
+    def read(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
         """(arrays, content) of the newest complete checkpoint, or None where there is no file. Torn: none is complete."""
         there = [i for i, path in enumerate(self._paths) if path.exists()]
         if not there:
@@ -48,7 +50,7 @@ class CheckpointFiles:
         self._turn = 1 - newest
         return found[newest]
 
-    def _load(self, path):
+    def _load(self, path: Path) -> tuple[dict[str, Array], dict[str, Any]] | None:
         try:
             with np.load(path) as file:
                 arrays = {name: file[name] for name in file.files}  # the archive's checksums are tested here
@@ -61,7 +63,7 @@ class Torn(ValueError):
     """There are checkpoints, and none of them is complete."""
 
 
-def replace(draft, target):
+def replace(draft: Path, target: Path) -> None:
     """Move a finished file to its name, and have the disk know of it."""
     os.replace(draft, target)
     folder = os.open(target.parent, os.O_RDONLY)

@@ -4,8 +4,12 @@ import numpy as np
 import ufl
 
 from fenics_contact import compat
+from fenics_contact.assembly.system import System
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.output.solved import Solved
 from fenics_contact.solid import virtual_power as vp
+from fenics_contact.solid.body import Body
+from fenics_contact.types import Floats, Function, Ints
 
 # How much a point is held, by its status code: the order in which a node's points of different status are averaged.
 _RANK_OF_STATUS = np.empty(4)
@@ -19,7 +23,7 @@ class Fields:
     current area]; gap [length], status (0 open, 1 closed, 2 stick, 3 slip) at the nodes of slave surfaces.
     """
 
-    def __init__(self, scene, system):
+    def __init__(self, scene: Solved, system: System) -> None:
         mesh = scene.mesh.domain
         self.scene, self.system = scene, system
         flat = compat.lagrange_space(mesh, 1)
@@ -36,15 +40,15 @@ class Fields:
         self._prepare_area()
 
     @property
-    def all(self):
+    def all(self) -> list[Function]:
         return [self.displacement, self.cauchy_stress, self.J, *self._contact_fields()]
 
-    def _contact_fields(self):
+    def _contact_fields(self) -> list[Function]:
         if not self.system.contacts:
             return []
         return [self.contact_pressure, self.friction_traction, self.gap, self.status]
 
-    def _prepare_stress(self):
+    def _prepare_stress(self) -> None:
         scene, u = self.scene, self.system.state.u
         centre = {"hexahedron": [0.5, 0.5, 0.5], "tetrahedron": [0.25, 0.25, 0.25]}[compat.cell_name(scene.mesh.domain)]
         self._centre_J = compat.cell_evaluator(scene.mesh.domain, ufl.det(vp.deformation_gradient(u)), centre)
@@ -53,12 +57,12 @@ class Fields:
             for body, law in zip(scene.bodies, self.system.terms[0].laws, strict=True)
         ]
 
-    def _cells(self, body):
+    def _cells(self, body: Body) -> Ints:
         tags = self.scene.mesh.cell_tags
         cells = tags.indices[tags.values == self.scene.mesh.volume_tag(body.group)]
         return cells[cells < self.scene.mesh.domain.topology.index_map(3).size_local]
 
-    def _prepare_area(self):
+    def _prepare_area(self) -> None:
         groups = sorted({name for contact in self.scene.contacts for name in contact.slave})
         if not groups:
             return
@@ -67,7 +71,7 @@ class Fields:
         form = vp.current_area(self.system.state.u, v, self.scene.mesh.domain, self.scene.ds(groups))
         self._area_form = compat.compile_form(form)
 
-    def update(self):
+    def update(self) -> None:
         """Evaluate all fields at the system's state."""
         u = self.system.state.u
         if self.scene.degree == 1:
@@ -80,13 +84,13 @@ class Fields:
         if self.system.contacts:
             self._update_contact()
 
-    def _per_cell(self, function, values, cells):
+    def _per_cell(self, function: Function, values: Floats, cells: Ints | slice) -> None:
         width = values.shape[1]
         owned = function.x.array[: values.size].reshape(-1, width)  # one block per cell, numbered like the cells
         owned[cells] = values[cells]
         compat.copy_to_ghosts(function)
 
-    def _update_contact(self):
+    def _update_contact(self) -> None:
         """Means over the slave points of each node, and tractions per current area."""
         area, weight, normal, gap, rank, *tangential = (compat.Function(self._nodal) for _ in range(8))
         compat.assemble_vector(area.x.array, self._area_form)
@@ -114,7 +118,7 @@ class Fields:
             self._publish(scalar, component.x.array * per_area)
             self.friction_traction.x.array[axis::3] = scalar.x.array
 
-    def _publish(self, function, values):
+    def _publish(self, function: Function, values: Floats) -> None:
         source = compat.Function(self._nodal)
         source.x.array[:] = values
         compat.copy_to_ghosts(source)
@@ -124,7 +128,7 @@ class Fields:
             function.interpolate(source)
 
 
-def exterior_surface(scene, u, values=None):
+def exterior_surface(scene: Solved, u: Function, values: Floats | None = None) -> tuple[Floats, Floats] | tuple[None, None]:
     """Deformed boundary on rank 0 for pictures: corners (facets, 3 or 4, 3) [length] and the field at them.
 
     values: (nodes,) array over the local nodes of the scene's space, e.g. u.x.array[2::3]. Other ranks get (None, None).

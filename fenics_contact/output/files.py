@@ -2,8 +2,11 @@
 
 import os
 import re
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+
+from mpi4py import MPI
 
 from fenics_contact.agreement import agreed
 
@@ -19,12 +22,12 @@ class FolderError(ValueError):
     """A file of the output folder cannot be written, or must not be; raised on all ranks."""
 
 
-def writing(comm, folder, what):
+def writing(comm: MPI.Comm, folder: Path, what: str) -> AbstractContextManager[None]:
     """A block that writes `what` into the folder, on any ranks: FolderError on all where it fails. Collective."""
     return agreed(comm, f"output folder '{folder}': writing {what}", FolderError)
 
 
-def prepare_folder(path, comm):
+def prepare_folder(path: str | Path, comm: MPI.Comm) -> Path:
     """Make the folder on rank 0 and see that it can be written."""
     problem = None
     if comm.rank == 0:
@@ -39,7 +42,7 @@ def prepare_folder(path, comm):
     return Path(path)
 
 
-def results_in(folder):
+def results_in(folder: Path) -> list[Path]:
     """The files of an earlier run in a folder, in the order in which to remove them."""
     found = [folder / name for name in NAMES if (folder / name).is_file()]
     index = folder / FIELDS
@@ -50,14 +53,14 @@ def results_in(folder):
     return found
 
 
-def clear_results(folder):
+def clear_results(folder: Path) -> None:
     """Remove an earlier run's files, so that none is taken for the present one's; what a run did not write stays."""
     for path in results_in(folder):
         path.unlink()
 
 
 @contextmanager
-def complete(target):
+def complete(target: Path) -> Iterator[Path]:
     """The path of a draft to write, which takes the target's place at the end of the block, and vanishes if that fails."""
     draft = target.with_suffix(".part")
     try:
@@ -68,7 +71,7 @@ def complete(target):
         raise
 
 
-def take_room(path, size):
+def take_room(path: Path, size: int) -> None:
     """OSError where the disk has no room for a file of `size` bytes; the path is free again afterwards.
 
     A library that ends the process where a disk is full must not get so far.

@@ -6,20 +6,46 @@ import io
 import json
 import os
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, Protocol
 
 import numpy as np
 
 from fenics_contact.output.files import complete
+from fenics_contact.output.units import Units
+from fenics_contact.types import Floats
 
 AXES = "xyz"
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
 SOME = ("augmentations", "limit_point")  # columns that only some runs have
 
+HistoryRow = dict[str, float | int]  # names carry units
+Summary = dict[str, Any]  # what JSON can hold
 
-def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
+
+class Report(Protocol):
+    """Of a step: solves it took, and out-of-balance forces from the first to the last [force]."""
+
+    @property
+    def iterations(self) -> int: ...
+
+    @property
+    def residuals(self) -> Sequence[float]: ...
+
+
+def history_row(
+    step: int,
+    t: float,
+    report: Report,
+    seconds: float,
+    smallest_J: float,
+    travel: Mapping[str, Floats],
+    measures: Mapping[str, Mapping[str, Any]],
+    units: Units,
+) -> HistoryRow:
     """One step's numbers under names that carry their units.
 
     travel: {tool name: (3,)} ; measures: {contact name: measures of its term}.
@@ -38,19 +64,20 @@ def history_row(step, t, report, seconds, smallest_J, travel, measures, units):
     return row
 
 
-def column_names(tools, contacts, units):
+def column_names(tools: Sequence[str], contacts: Sequence[str], units: Units) -> list[str]:
     """Names of the columns of a run with these tools and contacts, given by name."""
     report, nothing = SimpleNamespace(iterations=0, residuals=[0.0]), np.zeros(3)
-    travel, measures = dict.fromkeys(tools, nothing), dict.fromkeys(contacts, defaultdict(lambda: nothing))
+    travel = dict.fromkeys(tools, nothing)
+    measures: dict[str, defaultdict[str, Floats]] = dict.fromkeys(contacts, defaultdict(lambda: nothing))
     return [*history_row(0, 0.0, report, 0.0, 0.0, travel, measures, units), *SOME, damping_column(units)]
 
 
-def damping_column(units):
+def damping_column(units: Units) -> str:
     """Name of the column of what damping took in a step."""
     return f"damping_work_{units.force}{units.length}"
 
 
-def penalty_summary(error, tools, units):
+def penalty_summary(error: dict[str, Any] | None, tools: Sequence[str], units: Units) -> Summary:
     """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known.
 
     Changes of a contact's force, a resultant, and of its load, the pressure integrated over its surface, are shares of the
@@ -76,7 +103,7 @@ def penalty_summary(error, tools, units):
     return {"contacts": out, "travel_change": travel}
 
 
-def penalty_lines(summary, units):
+def penalty_lines(summary: Summary, units: Units) -> list[str]:
     """The same in a line per contact."""
     lines = []
     for name, e in summary.get("contacts", {}).items():
@@ -94,7 +121,7 @@ def penalty_lines(summary, units):
     return lines
 
 
-def penalty_notes(summary, travel, units):
+def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units) -> list[str]:
     """A note per contact whose penalties cost more than COSTLY of its load, and per tool whose travel {name: (3,)} is so far
     off by them."""
     notes = []
@@ -113,15 +140,15 @@ def penalty_notes(summary, travel, units):
 class HistoryFile:
     """Appends rows to history.csv, each written at once or not at all, so that a killed run keeps its accepted steps."""
 
-    def __init__(self, folder, rows=()):
+    def __init__(self, folder: Path, rows: Sequence[HistoryRow] = ()) -> None:
         """rows: those of the steps before, where a run is resumed; they replace what a killed run left of the file."""
-        self._columns = None
+        self._columns: list[str] | None = None
         with complete(Path(folder) / "history.csv") as draft:
             self._file = open(draft, "wb", buffering=0)  # noqa: SIM115 - lives as long as the run
             for row in rows:
                 self.write(row)
 
-    def write(self, row):
+    def write(self, row: HistoryRow) -> None:
         text = io.StringIO()
         writer = csv.DictWriter(text, self._columns or list(row))
         if self._columns is None:
@@ -137,17 +164,17 @@ class HistoryFile:
             raise
         self._columns = list(row)
 
-    def close(self):
+    def close(self) -> None:
         self._file.close()
 
 
-def write_summary(folder, content):
+def write_summary(folder: Path, content: Summary) -> None:
     """summary.json, replaced in one move so that readers never see half of it."""
     with complete(Path(folder) / "summary.json") as draft:
         draft.write_text(json.dumps(content, indent=2, default=plain) + "\n")
 
 
-def plain(value):
+def plain(value: object) -> Any:
     """What JSON takes in place of a NumPy value."""
     if isinstance(value, np.generic):
         return value.item()

@@ -1,6 +1,7 @@
 """PNG pictures: the deformed body coloured by a field, and curves."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -8,10 +9,18 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from fenics_contact.types import Floats
+
 COLOURS = "viridis"
 
 
-def draw_body(axes, corners, values, limits=None, view=(28, 40)):
+def draw_body(
+    axes: Any,
+    corners: Floats,
+    values: Floats,
+    limits: tuple[float, float] | None = None,
+    view: tuple[float, float] = (28, 40),
+) -> Any:
     """Draw facets (n, 3 or 4, 3) coloured by their mean value into 3-D axes; returns the colour map for a colour bar."""
     colour = values.mean(axis=1)
     low, high = limits or (colour.min(), colour.max())
@@ -29,7 +38,7 @@ def draw_body(axes, corners, values, limits=None, view=(28, 40)):
     return scale
 
 
-def draw_slice(axes, corners, values, across="z"):
+def draw_slice(axes: Any, corners: Floats, values: Floats, across: str = "z") -> Any:
     """Draw the facets (n, 3 or 4, 3) normal to an axis, coloured by their mean value, into plane axes; returns the colours.
 
     For plane strain: both ends of the slice lie on top of each other.
@@ -45,7 +54,9 @@ def draw_slice(axes, corners, values, across="z"):
     return facets
 
 
-def body_picture(path, corners, values, label, title="", view=(28, 40)):
+def body_picture(
+    path: str | Path, corners: Floats, values: Floats, label: str, title: str = "", view: tuple[float, float] = (28, 40)
+) -> None:
     """One PNG of a deformed body with a colour bar named `label`."""
     figure = Figure(figsize=(8, 5))  # a constrained layout collapses 3-D axes on Matplotlib 3.6
     axes = figure.add_subplot(projection="3d")

@@ -1,10 +1,12 @@
 """Fields over the steps for ParaView: a file per step, which is whole or not there, and a table of contents."""
 
 import xml.etree.ElementTree as ET
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from fenics_contact import compat
 from fenics_contact.output.files import FIELDS, IN_FIELDS, STEPS, complete, take_room, writing
+from fenics_contact.types import Function, Mesh
 
 INCLUDE = "{*}include"  # of XInclude, whose address has had http and https
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n<Xdmf Version="3.0"><Domain>\n'
@@ -20,16 +22,17 @@ class Series:
     last: number of the step a resumed run goes on from, 0 for none; later ones are dropped.
     """
 
-    def __init__(self, folder, mesh, last=0):
+    def __init__(self, folder: Path, mesh: Mesh, last: int = 0) -> None:
         self._folder, self._mesh = folder, mesh
-        self._whole, self._grids = "", {}  # XML of the undeformed mesh, and of every field's grids by step
+        self._whole = ""  # XML of the undeformed mesh
+        self._grids: dict[str, dict[int, str]] = {}  # of every field, by step
         with writing(mesh.comm, folder, f"{STEPS}/"):
             if mesh.comm.rank == 0:
                 (folder / STEPS).mkdir(exist_ok=True)
                 if last and (folder / FIELDS).exists():
                     self._take_up(last)
 
-    def write(self, step, fields, t):
+    def write(self, step: int, fields: list[Function], t: float) -> None:
         """Write the fields of accepted step number `step`, 0 for the start. Collective."""
         comm, part = self._mesh.comm, self._folder / STEPS / "part.xdmf"
         with writing(comm, self._folder, f"the fields of step {step}"):
@@ -54,28 +57,28 @@ class Series:
                 part.unlink(missing_ok=True)
                 part.with_suffix(".h5").unlink(missing_ok=True)
 
-    def _size(self, fields):
+    def _size(self, fields: list[Function]) -> int:
         """Bytes that a step's file takes at most."""
         cells = self._mesh.topology.index_map(3).size_global * compat.geometry_dofmap(self._mesh).shape[1]
         nodes = 3 * self._mesh.geometry.index_map().size_global
         values = sum(compat.petsc_vector(field).getSize() for field in fields)
         return 8 * (cells + nodes + values) + METADATA
 
-    def _enter(self, step, text):
+    def _enter(self, step: int, text: str) -> None:
         """Add one step's grids to the table of contents, each with its own mesh."""
-        domain = ET.fromstring(text).find("Domain")
-        mesh = domain.find("Grid[@GridType='Uniform']")
+        domain = _part(ET.fromstring(text), "Domain")
+        mesh = _part(domain, "Grid[@GridType='Uniform']")
         self._whole = self._whole or ET.tostring(mesh, encoding="unicode")
         for collection in domain.findall("Grid[@GridType='Collection']"):
             for grid in collection:
-                grid.remove(grid.find(INCLUDE))
+                grid.remove(_part(grid, INCLUDE))
                 grid[:0] = list(mesh)
-                self._put(collection.get("Name"), step, grid)
+                self._put(collection.attrib["Name"], step, grid)
 
-    def _put(self, name, step, grid):
+    def _put(self, name: str, step: int, grid: ET.Element) -> None:
         self._grids.setdefault(name, {})[step] = " ".join(ET.tostring(grid, encoding="unicode").split())
 
-    def _publish(self):
+    def _publish(self) -> None:
         with complete(self._folder / FIELDS) as draft, open(draft, "w", encoding="utf-8") as file:
             file.writelines([HEAD, self._whole, "\n"])
             for name, grids in self._grids.items():
@@ -84,17 +87,25 @@ class Series:
                 file.write("</Grid>\n")
             file.write(TAIL)
 
-    def _take_up(self, last):
+    def _take_up(self, last: int) -> None:
         """The table of contents that a run has left, without the steps after `last`, whose files go."""
-        domain, late = ET.parse(self._folder / FIELDS).getroot().find("Domain"), set()
-        self._whole = ET.tostring(domain.find("Grid[@GridType='Uniform']"), encoding="unicode")
+        domain, late = _part(ET.parse(self._folder / FIELDS).getroot(), "Domain"), set()
+        self._whole = ET.tostring(_part(domain, "Grid[@GridType='Uniform']"), encoding="unicode")
         for collection in domain.findall("Grid[@GridType='Collection']"):
             for grid in collection:
-                number = IN_FIELDS.search(grid.find("Attribute/DataItem").text)[1]
+                number = IN_FIELDS.findall(_part(grid, "Attribute/DataItem").text or "")[0]
                 if int(number) <= last:
-                    self._put(collection.get("Name"), int(number), grid)
+                    self._put(collection.attrib["Name"], int(number), grid)
                 else:
                     late.add(number)
         self._publish()
         for number in late:
             (self._folder / STEPS / f"{number}.h5").unlink(missing_ok=True)
+
+
+def _part(whole: ET.Element, path: str) -> ET.Element:
+    """The first part of an XML element at a path; ValueError where there is none."""
+    part = whole.find(path)
+    if part is None:
+        raise ValueError(f"it has no {path}")
+    return part

@@ -13,6 +13,6 @@ class Units:
     force: str = "N"
     pressure: str = "MPa"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for unit in fields(self):
             text(getattr(self, unit.name), f"Units: {unit.name}")

@@ -1,10 +1,15 @@
 """The results folder of a run: history, XDMF for ParaView, summary and a picture, written as the run goes."""
 
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from fenics_contact.assembly.system import System
 from fenics_contact.output.fields import Fields, exterior_surface
 from fenics_contact.output.files import complete, writing
-from fenics_contact.output.history import HistoryFile, write_summary
+from fenics_contact.output.history import HistoryFile, HistoryRow, Summary, write_summary
 from fenics_contact.output.pictures import body_picture
 from fenics_contact.output.series import Series
+from fenics_contact.output.solved import Solved
 
 
 class Writer:
@@ -15,11 +20,13 @@ class Writer:
     not; rows: history rows of the steps before, where a run is resumed.
     """
 
-    def __init__(self, folder, scene, system, clock, rows=()):
+    def __init__(
+        self, folder: Path, scene: Solved, system: System, clock: Callable[[], float], rows: Sequence[HistoryRow] = ()
+    ) -> None:
         self.comm, self._clock = system.comm, clock
         self.folder, self.scene, self.system = folder, scene, system
         self.fields = Fields(scene, system)
-        self._history = None
+        self._history: HistoryFile | None = None
         with writing(self.comm, folder, "history.csv"):
             if self.comm.rank == 0:
                 self._history = HistoryFile(folder, rows)
@@ -27,23 +34,23 @@ class Writer:
         if not rows:
             self.write_fields(0)
 
-    def write_fields(self, step):
+    def write_fields(self, step: int) -> None:
         """Fields of accepted step number `step`, 0 for the start. Collective."""
         self.fields.update()
         self._series.write(step, self.fields.all, self._clock())
 
-    def write_row(self, row):
+    def write_row(self, row: HistoryRow) -> None:
         """Append a row to history.csv. Collective."""
         with writing(self.comm, self.folder, "history.csv"):
             if self._history:
                 self._history.write(row)
 
-    def finish(self, summary):
+    def finish(self, summary: Summary) -> None:
         """summary.json and body.png. Collective."""
         u = self.system.state.u
         corners, values = exterior_surface(self.scene, u, u.x.array[2::3])
         with writing(self.comm, self.folder, "summary.json and body.png"):
-            if self._history:
+            if self._history is not None and corners is not None and values is not None:
                 self._history.close()
                 write_summary(self.folder, summary)
                 label = f"vertical displacement [{self.scene.units.length}]"
