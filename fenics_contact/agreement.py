@@ -4,7 +4,9 @@ import functools
 import gc
 import sys
 import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -14,8 +16,22 @@ from mpi4py import MPI
 PATIENCE = 30.0
 ALIKE = 1e-9  # of its size: what a sum over ranks may differ by from rank to rank is round-off
 
+Value = TypeVar("Value")
+S = TypeVar("S", bound="OnRanks")
+P = ParamSpec("P")
 
-def collect_together(comm):
+
+class OnRanks(Protocol):
+    @property
+    def mesh(self) -> "Distributed": ...
+
+
+class Distributed(Protocol):
+    @property
+    def comm(self) -> MPI.Comm: ...
+
+
+def collect_together(comm: MPI.Comm) -> None:
     """Free what Python has dropped, on all ranks at once; from then on its collector comes by nowhere else. Collective.
 
     Left alone it comes by at another time on each rank. But freeing a mesh or a space frees its communicator, for which
@@ -32,7 +48,7 @@ class Lost(RuntimeError):
 
 
 @contextmanager
-def agreed(comm, what, kind):
+def agreed(comm: MPI.Comm, what: str, kind: type[Exception]) -> Iterator[None]:
     """A block that may fail on any rank: then `kind` is raised on all, naming `what`, the rank and the error. Collective.
 
     A block that raises `kind` itself has said it all: its words are kept.
@@ -50,14 +66,14 @@ def agreed(comm, what, kind):
         raise kind(text.replace("{where}", where)) from failure
 
 
-def _words(failure, what, kind):
+def _words(failure: Exception, what: str, kind: type[Exception]) -> tuple[str, bool]:
     """What to say of a failure, and whether it is said in the failure's own words."""
     if isinstance(failure, kind):
         return str(failure), True
     return f"{what} failed{{where}}: {type(failure).__name__}: {failure}", False
 
 
-def alike(comm, what, call, kind):
+def alike(comm: MPI.Comm, what: str, call: Callable[[], Value], kind: type[Exception]) -> Value:
     """call() made on every rank, a number or an array that must be the same on all: rank 0's. Collective."""
     with agreed(comm, what, kind):
         here = call()
@@ -74,11 +90,11 @@ def alike(comm, what, call, kind):
     return first
 
 
-def ends_together(function):
+def ends_together(function: Callable[Concatenate[S, P], Value]) -> Callable[Concatenate[S, P], Value]:
     """Of a function of a scene: an exception on one rank alone ends the others too, wherever they are. Collective."""
 
     @functools.wraps(function)
-    def together(scene, *arguments, **options):
+    def together(scene: S, *arguments: P.args, **options: P.kwargs) -> Value:
         comm = scene.mesh.comm
         try:
             result = function(scene, *arguments, **options)
@@ -92,7 +108,7 @@ def ends_together(function):
     return together
 
 
-def _anyone(comm, failure, what):
+def _anyone(comm: MPI.Comm, failure: BaseException | None, what: str) -> bool:
     """Whether any rank has a failure, once all have come here. Collective.
 
     A non-blocking sum, which no sum of the user's own can be taken for. A rank that has failed ends the run where the

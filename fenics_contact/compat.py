@@ -3,7 +3,9 @@
 import inspect
 import logging
 import platform
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any, TypeAlias
 
 import basix
 import dolfinx
@@ -14,13 +16,17 @@ import numpy as np
 import petsc4py
 from dolfinx import fem
 from dolfinx.io import XDMFFile  # noqa: F401 - the one door to dolfinx
+from mpi4py import MPI
+
+from fenics_contact.types import Array, Bools, Expr, Floats, Form, Ints, Ints64, Mat, Mesh, Space, Tags, Vec
 
 try:
     from dolfinx.io import gmsh as gmsh_reader  # 0.10 and newer
 except ImportError:
     from dolfinx.io import gmshio as gmsh_reader
 
-Function, Constant = fem.Function, fem.Constant
+Function: TypeAlias = fem.Function
+Constant: TypeAlias = fem.Constant
 
 # A NaN must survive as NaN: solvers recognise an inverted element by it.
 _C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
@@ -31,22 +37,22 @@ _ADD = (dolfinx.la.InsertMode if hasattr(dolfinx.la, "InsertMode") else dolfinx.
 _HAS_DOFMAPS = hasattr(getattr(dolfinx_mesh, "Geometry", None), "dofmaps")
 
 
-def lagrange_space(mesh, degree, shape=()):
+def lagrange_space(mesh: Mesh, degree: int, shape: tuple[int, ...] = ()) -> Space:
     """Continuous Lagrange space of scalars or, with shape (3,), of vectors."""
     return _space(mesh, "Lagrange", degree, shape)
 
 
-def constant_space(mesh, shape=()):
+def constant_space(mesh: Mesh, shape: tuple[int, ...] = ()) -> Space:
     """One value (scalar, vector or tensor of `shape`) per cell."""
     return _space(mesh, "DG", 0, shape)
 
 
-def _space(mesh, family, degree, shape):
+def _space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) -> Space:
     with _quiet():
         return _make_space(mesh, family, degree, shape)
 
 
-def _make_space(mesh, family, degree, shape):
+def _make_space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) -> Space:
     if _HAS_FUNCTIONSPACE:
         return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
     if len(shape) == 1:
@@ -55,13 +61,13 @@ def _make_space(mesh, family, degree, shape):
     return make(mesh, (family, degree))
 
 
-def compile_form(form):
+def compile_form(form: Form) -> Form:
     """UFL form -> compiled form, with flags that let the C compiler vectorise."""
     with _quiet():
         return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": _C_FLAGS}})
 
 
-def parts_of_form(form, inside):
+def parts_of_form(form: Form, inside: Bools) -> list[Form] | None:
     """A UFL form as two, on the cells where inside (owned cells,) is true and on the others; None unless on tagged cells."""
     integrals = form.integrals()
     tags = integrals[0].subdomain_data()
@@ -78,7 +84,7 @@ def parts_of_form(form, inside):
 
 
 @contextmanager
-def _quiet():
+def _quiet() -> Iterator[None]:
     """Keep the compiler's command lines out of the user's terminal."""
     before = logging.root.manager.disable
     logging.disable(logging.INFO)
@@ -88,12 +94,12 @@ def _quiet():
         logging.disable(before)
 
 
-def create_matrix(compiled_form):
+def create_matrix(compiled_form: Form) -> Mat:
     """PETSc matrix with the pattern of a form alone."""
     return fem_petsc.create_matrix(compiled_form)
 
 
-def block_pattern(compiled_form, space):
+def block_pattern(compiled_form: Form, space: Space) -> tuple[Ints64, Ints64]:
     """Pattern of a bilinear form on a space of blocks of three: offsets of the owned rows, global block columns, int64."""
     matrix = create_matrix(compiled_form)
     assemble_matrix(matrix, compiled_form)
@@ -106,37 +112,37 @@ def block_pattern(compiled_form, space):
     return np.concatenate([[0], np.cumsum(lengths[::3] // 3)]).astype(np.int64), of_rows.astype(np.int64)
 
 
-def original_cells(mesh):
+def original_cells(mesh: Mesh) -> Ints64:
     """Number in the gmsh model's order of every local cell: the same on any number of ranks."""
     return np.asarray(mesh.topology.original_cell_index)
 
 
-def assemble_matrix(matrix, compiled_form):
+def assemble_matrix(matrix: Mat, compiled_form: Form) -> None:
     """Add the form to a PETSc matrix; the caller finalises it."""
     fem_petsc.assemble_matrix(matrix, compiled_form)
 
 
-def assemble_vector(array, compiled_form):
+def assemble_vector(array: Floats, compiled_form: Form) -> None:
     """Add the form to a local array (owned and ghost dofs), without exchange between ranks."""
     fem.assemble_vector(array, compiled_form)
 
 
-def sum_to_owners(function):
+def sum_to_owners(function: Function) -> None:
     """Add what ranks wrote into a Function's ghosts to the owners' values. Collective."""
     function.x.scatter_reverse(_ADD)
 
 
-def copy_to_ghosts(function):
+def copy_to_ghosts(function: Function) -> None:
     """Give every ghost of a Function its owner's value. Collective."""
     function.x.scatter_forward()
 
 
-def petsc_vector(function):
+def petsc_vector(function: Function) -> Vec:
     """Ghosted PETSc vector that shares memory with a Function; it lives on the communicator of the Function's space."""
     return function.x.petsc_vec if _HAS_PETSC_VEC else function.vector
 
 
-def mesh_from_gmsh(model, comm, rank, owners=None):
+def mesh_from_gmsh(model: Any, comm: MPI.Comm, rank: int, owners: Ints64 | None = None) -> tuple[Mesh, Tags, Tags]:
     """gmsh model on one rank -> (mesh, cell tags, facet tags) on all.
 
     owners (cells,) on that rank: the rank of each cell, in the order of the volume groups' tags, where dolfinx is not to
@@ -160,13 +166,13 @@ def mesh_from_gmsh(model, comm, rank, owners=None):
     return mesh, cell_tags, facet_tags
 
 
-def _partitioner(owners):
+def _partitioner(owners: Array) -> Callable[..., Any]:
     """What dolfinx calls, with arguments that differ by version, for the ranks of the cells that it read on this rank."""
     destinations = np.ascontiguousarray(owners, dtype=np.int32).reshape(-1, 1)
     return lambda *_: dolfinx.cpp.graph.AdjacencyList_int32(destinations)
 
 
-def geometry_dofmap(mesh):
+def geometry_dofmap(mesh: Mesh) -> Ints:
     """(cells, nodes per cell) array of geometry nodes."""
     dofmap = mesh.geometry.dofmaps[0] if _HAS_DOFMAPS else mesh.geometry.dofmap
     if isinstance(dofmap, np.ndarray):
@@ -174,67 +180,67 @@ def geometry_dofmap(mesh):
     return dofmap.array.reshape(-1, mesh.geometry.cmap.create_dof_layout().num_dofs)  # a rank may have no cells
 
 
-def cell_dofs(space):
+def cell_dofs(space: Space) -> Ints:
     """(cells, block dofs per cell) array of a space's local block numbers."""
     dofs = space.dofmap.list
     return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, space.dofmap.dof_layout.num_dofs)
 
 
-def facet_closure_dofs(space, facet):
+def facet_closure_dofs(space: Space, facet: int) -> Ints:
     """Cell-local block dofs on the closure of the cell's facet number `facet`."""
     return np.asarray(space.dofmap.dof_layout.entity_closure_dofs(2, facet), dtype=np.int32)
 
 
-def cell_name(mesh):
+def cell_name(mesh: Mesh) -> str:
     """'hexahedron', 'tetrahedron', ..."""
     return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(".")[
         -1
     ]
 
 
-def basix_element(cell, degree):
+def basix_element(cell: str, degree: int) -> Any:
     """The scalar Lagrange element whose dofs dolfinx numbers."""
     return basix.create_element(
         basix.ElementFamily.P, getattr(basix.CellType, cell), degree, basix.LagrangeVariant.gll_warped
     )
 
 
-def tabulate(element, derivatives, points):
+def tabulate(element: Any, derivatives: int, points: Floats) -> Floats:
     """Values of the basis (and derivatives) at points: (1 + 3 d, points, dofs)."""
     return element.tabulate(derivatives, points)[..., 0]
 
 
-def global_blocks(space):
+def global_blocks(space: Space) -> Ints64:
     """Global block number of every local (owned, then ghost) block dof."""
     index_map = space.dofmap.index_map
     return index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
 
 
-def locate_blocks(space, facets):
+def locate_blocks(space: Space, facets: Array) -> Ints:
     """Local block dofs on facets, ghosts included on every rank that sees them."""
     return fem.locate_dofs_topological(space, 2, np.asarray(facets, dtype=np.int32))
 
 
-def cell_evaluator(mesh, ufl_expression, points):
+def cell_evaluator(mesh: Mesh, ufl_expression: Expr, points: Floats | list[float]) -> Callable[[], Floats]:
     """Function () -> (owned cells, points * size) of a UFL expression at reference points, on the current state."""
     with _quiet():
         expression = fem.Expression(ufl_expression, np.atleast_2d(points))
     cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
     with_mesh = "mesh" in inspect.signature(expression.eval).parameters
 
-    def evaluate():
+    def evaluate() -> Floats:
         values = expression.eval(mesh, cells) if with_mesh else expression.eval(cells)
         return values.reshape(len(cells), int(np.prod(values.shape[1:])))  # newer ones keep points and components apart
 
     return evaluate
 
 
-def exterior_facets(mesh):
+def exterior_facets(mesh: Mesh) -> Ints:
     """Owned facets with a cell on one side only, on any rank."""
     return np.asarray(dolfinx_mesh.exterior_facet_indices(mesh.topology))
 
 
-def cells_of_exterior_facets(mesh, facets=None):
+def cells_of_exterior_facets(mesh: Mesh, facets: Ints | None = None) -> tuple[Ints, Ints64]:
     """Owned cells behind exterior facets (all, or those among `facets`), and each facet's number in its cell."""
     facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
     if facets is None:
@@ -248,13 +254,13 @@ def cells_of_exterior_facets(mesh, facets=None):
     return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)
 
 
-def degree(space):
+def degree(space: Space) -> int:
     """Polynomial degree of a Lagrange space."""
     element = space.ufl_element()
     return element.degree() if callable(element.degree) else element.degree
 
 
-def versions():
+def versions() -> dict[str, str]:
     """Versions of what a result depends on, for summaries."""
     modules = {"dolfinx": dolfinx, "petsc4py": petsc4py, "numba": numba, "numpy": np}
     return {name: module.__version__ for name, module in modules.items()} | {"python": platform.python_version()}

@@ -1,11 +1,15 @@
 """A gmsh session: the script's model, what must hold of it, and the plain copy of it that dolfinx reads."""
 
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import gmsh
 import numpy as np
+
+from fenics_contact.types import Array, Floats, Ints64
 
 # gmsh's numbering of a cell's faces by its corners, and the facet's corners
 _FACES = {
@@ -15,6 +19,8 @@ _FACES = {
 _CELLS = ("Hexahedron 8", "Hexahedron 27", "Tetrahedron 4", "Tetrahedron 10")  # what dolfinx reads, order 1 and 2
 _SAME_PLACE = 1e-8  # of the model's size: gmsh's own measure in removeDuplicateNodes, so that this remedy helps
 _LONGEST_LOG = 5  # lines
+
+Source = Callable[..., Any] | str  # a script that draws and meshes the current model, or a path
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class Groups:
 
 
 # -- session ----------------------------------------------------------------------------------------------------------
-def draw(source, parameters):
+def draw(source: Source, parameters: dict[str, Any]) -> None:
     """Run a script in a new gmsh session, or open a file."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
@@ -56,25 +62,25 @@ def draw(source, parameters):
         gmsh.open(str(source))
 
 
-def close():
+def close() -> None:
     """End the session."""
     gmsh.logger.stop()  # the next session starts a log of its own
     gmsh.finalize()
 
 
-def log(known=""):
+def log(known: str = "") -> str:
     """The errors that gmsh has written, but for those that `known` says already."""
     return "; ".join([line for line in _errors() if line not in known][-_LONGEST_LOG:])
 
 
-def _errors(since=0):
+def _errors(since: int = 0) -> list[str]:
     """The errors in gmsh's log after its first `since` lines, each once."""
     lines = [line.removeprefix("Error: ").strip() for line in gmsh.logger.get()[since:] if line.startswith("Error")]
     return list(dict.fromkeys(lines))
 
 
 @contextmanager
-def _errors_gathered():
+def _errors_gathered() -> Iterator[None]:
     """gmsh throws its errors even out of a parallel region, which ends the process: let it note them, and raise after."""
     before, as_set = len(gmsh.logger.get()), gmsh.option.getNumber("General.AbortOnError")
     gmsh.option.setNumber("General.AbortOnError", 1)
@@ -87,11 +93,11 @@ def _errors_gathered():
 
 
 @contextmanager
-def _script_in_our_session():
+def _script_in_our_session() -> Iterator[None]:
     """A script's own gmsh.finalize() does not end the session, and its generate() raises the errors it has gathered."""
     generate, finalize = gmsh.model.mesh.generate, gmsh.finalize
 
-    def gathered(*arguments, **named):
+    def gathered(*arguments: Any, **named: Any) -> None:
         with _errors_gathered():
             generate(*arguments, **named)
 
@@ -103,16 +109,16 @@ def _script_in_our_session():
 
 
 # -- reading ----------------------------------------------------------------------------------------------------------
-def known_group(name, groups, kind):
+def known_group(name: str, groups: Mapping[str, object], kind: str) -> str:
     if name not in groups:
         known = ", ".join(sorted(groups)) or "none"
         raise ValueError(f"there is no {kind} group '{name}' in the mesh; its {kind} groups are: {known}")
     return name
 
 
-def group_entities(dim):
+def group_entities(dim: int) -> dict[str, tuple[int, list[int]]]:
     """{name: (lowest tag, entities)} of the physical groups of a dimension; groups of one name are one."""
-    groups = {}
+    groups: dict[str, tuple[int, list[int]]] = {}
     for _, tag in gmsh.model.getPhysicalGroups(dim):
         name = gmsh.model.getPhysicalName(dim, tag)
         if not name:
@@ -125,21 +131,21 @@ def group_entities(dim):
     return groups
 
 
-def elements(dim, entity):
+def elements(dim: int, entity: int) -> Iterator[tuple[int, str, Array, Ints64]]:
     """(type's number, name, element tags, nodes (n, k)) of every element type of an entity, nodes as gmsh numbers them."""
     for kind, tags, nodes in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
         name = gmsh.model.mesh.getElementProperties(kind)[0]
         yield kind, name, tags, np.asarray(nodes, dtype=np.int64).reshape(len(tags), -1)
 
 
-def places(tags):
+def places(tags: Ints64) -> Floats:
     """Coordinates (n, 3) of nodes."""
     known, X, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(known)
     return np.asarray(X).reshape(-1, 3)[order[np.searchsorted(known, tags, sorter=order)]]
 
 
-def key(nodes):
+def key(nodes: Ints64) -> Array:
     """A number per row of nodes (n, k), the same for the same nodes in any order.
 
     The sum of their hashes (splitmix64): of a million rows two are alike by chance once in ten million meshes, and rows
@@ -152,7 +158,7 @@ def key(nodes):
 
 
 # -- handing over -----------------------------------------------------------------------------------------------------
-def hand_over():
+def hand_over() -> Groups:
     """Check the model and put in its place what dolfinx is sure to read: cells of one type in disjoint volume groups, facets
     in disjoint surface groups, no other node or element. Returns its Groups."""
     volumes, surfaces = group_entities(3), group_entities(2)
@@ -166,7 +172,7 @@ def hand_over():
     X = places(used)
     names = list(volumes)
 
-    def groups_of(face):
+    def groups_of(face: int) -> tuple[str, tuple[str, ...]]:
         return names[owner_of_face[face]], facets.names_of(face_keys[face])
 
     doubled = _doubled(faces, face_keys, used, X, groups_of)
@@ -176,11 +182,13 @@ def hand_over():
     return Groups(volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled)
 
 
-def _cells(volumes):
+def _cells(volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
     """Type's number, its shape, nodes (n, k) and index of the volume (n,) of all cells, in the order of the groups' tags."""
     if not volumes:
         raise ValueError("it has no physical volume; add one with gmsh.model.addPhysicalGroup(3, ...) and name it")
-    group_of, kinds, rows, owner = {}, {}, [], []
+    group_of: dict[int, str] = {}
+    kinds: dict[int, str] = {}
+    rows, owner = [], []
     for index, (name, (_, entities)) in enumerate(volumes.items()):
         for entity in entities:
             if group_of.setdefault(entity, name) != name:
@@ -208,14 +216,14 @@ def _cells(volumes):
     if len(kinds) > 1:
         raise ValueError(f"it mixes cells of types {' and '.join(kinds.values())}; mesh all volumes with one of them")
     cells = np.concatenate(rows)
-    _, count = np.unique(key(cells), return_counts=True)
-    if twice := int((count > 1).sum()):
+    _, copies = np.unique(key(cells), return_counts=True)
+    if twice := int((copies > 1).sum()):
         raise ValueError(f"{twice} cells are there twice, with the same nodes; draw and mesh each volume once")
     ((kind, label),) = kinds.items()
     return kind, label.split()[0], cells, np.concatenate(owner)
 
 
-def _check_jacobians(kind, entity, tags):
+def _check_jacobians(kind: int, entity: int, tags: Array) -> None:
     points, _ = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss2")
     _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points, entity)
     worst = np.asarray(determinants).reshape(len(tags), -1).min(axis=1)
@@ -238,7 +246,7 @@ class _Facets:
     tag: np.ndarray
     tags: dict
 
-    def names_of(self, face_key):
+    def names_of(self, face_key: int) -> tuple[str, ...]:
         """Surface groups of the facet with this key, sorted."""
         at = np.searchsorted(self.keys, face_key)
         if at == len(self.keys) or self.keys[at] != face_key:
@@ -246,12 +254,12 @@ class _Facets:
         return tuple(sorted(name for name, tags in self.tags.items() if self.tag[at] in tags))
 
 
-def _facets(surfaces, face_keys):
+def _facets(surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Facets:
     """_Facets of the groups that are faces of cells; a group that lies on no cell, such as a tool drawn beside, has none."""
     corners = {"Triangle": 3, "Quadrilateral": 4}
     kinds, rows, keys, of_cells = {}, [], {}, np.unique(face_keys)
     for name, (_, entities) in surfaces.items():
-        found, keys[name] = 0, [np.empty(0, dtype=np.uint64)]
+        found, on_cells = 0, [np.empty(0, dtype=np.uint64)]
         for kind, label, _, nodes in (one for entity in entities for one in elements(2, entity)):
             own = key(nodes[:, : corners[label.split()[0]]])
             on_cell = of_cells[np.minimum(np.searchsorted(of_cells, own), len(of_cells) - 1)] == own
@@ -259,10 +267,10 @@ def _facets(surfaces, face_keys):
             if on_cell.any():
                 kinds[kind] = label
                 rows.append((own[on_cell], nodes[on_cell]))
-                keys[name].append(own[on_cell])
+                on_cells.append(own[on_cell])
         if not found:
             raise ValueError(f"surface group '{name}' has no facets; give it surfaces of a meshed volume or remove it")
-        keys[name] = np.concatenate(keys[name])
+        keys[name] = np.concatenate(on_cells)
         if 0 < len(keys[name]) < found:
             raise ValueError(
                 f"surface group '{name}': {found - len(keys[name])} of its {found} facets are on no cell of a volume; "
@@ -283,20 +291,22 @@ def _facets(surfaces, face_keys):
     return _Facets(next(iter(kinds)), np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
 
 
-def _doubled(faces, face_keys, used, X, groups_of):
+def _doubled(
+    faces: Ints64, face_keys: Array, used: Ints64, X: Floats, groups_of: Callable[[int], tuple[str, tuple[str, ...]]]
+) -> tuple[Doubled, ...]:
     """Doubled faces by the groups of their sides. used: node tags in rising order, X (n, 3) their places;
     groups_of(face): its volume and its surface groups."""
     _, first, count = np.unique(face_keys, return_index=True, return_counts=True)
     outer = np.sort(first[count == 1])  # faces with a cell on one side only
     known = np.unique(faces[outer])
     points = X[np.searchsorted(used, known)]
-    place = _same_place(points, _SAME_PLACE * np.linalg.norm(np.ptp(X, axis=0)))
+    place = _same_place(points, _SAME_PLACE * float(np.linalg.norm(np.ptp(X, axis=0))))
     nodes = place[np.searchsorted(known, faces[outer])]
     shared = (np.bincount(place, minlength=len(place)) > 1)[nodes].all(axis=1)
     outer, nodes = outer[shared], nodes[shared]
     keys = key(nodes + 1)
     order = np.argsort(keys, kind="stable")
-    found = {}
+    found: dict[tuple[tuple[str, tuple[str, ...]], ...], list[Floats]] = {}
     twins = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
     for i in twins[np.argsort(order[twins])]:  # by the cells' order
         sides = tuple(sorted(groups_of(outer[order[j]]) for j in (i, i + 1)))
@@ -306,7 +316,7 @@ def _doubled(faces, face_keys, used, X, groups_of):
     )
 
 
-def _same_place(X, tolerance):
+def _same_place(X: Floats, tolerance: float) -> Ints64:
     """For every point (n, 3) the lowest number of those in its place."""
     along = X @ [0.5377, 0.6180, 0.5734]  # a direction in which points of a lattice rarely lie side by side
     order, label = np.argsort(along), np.arange(len(X))
@@ -321,7 +331,7 @@ def _same_place(X, tolerance):
     return label
 
 
-def _replace(used, X, kind, volumes, facets):
+def _replace(used: Ints64, X: Floats, kind: int, volumes: list[tuple[str, int, Ints64]], facets: _Facets) -> None:
     """Put a model in the place of the current one that holds these nodes, cells and facets, each once, and nothing else."""
     gmsh.model.remove()
     gmsh.model.add("for dolfinx")
@@ -337,6 +347,6 @@ def _replace(used, X, kind, volumes, facets):
         _add(2, entity, f"combination {entity}", facets.kind, np.searchsorted(used, rows) + 1)
 
 
-def _add(dim, entity, name, kind, nodes):
+def _add(dim: int, entity: int, name: str, kind: int, nodes: Ints64) -> None:
     gmsh.model.mesh.addElementsByType(entity, kind, [], nodes.ravel())
     gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [entity], entity), name)

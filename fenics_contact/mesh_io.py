@@ -1,6 +1,7 @@
 """gmsh script or .msh file -> distributed mesh whose volumes and surfaces are known by name, or the facets of a tool."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -8,7 +9,8 @@ from mpi4py import MPI
 
 from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
-from fenics_contact.gmsh_model import known_group
+from fenics_contact.gmsh_model import Source, known_group
+from fenics_contact.types import Floats, Ints, Ints64, Mesh, Tags
 
 
 @dataclass
@@ -19,31 +21,33 @@ class NamedMesh:
     that groups may overlap; doubled: faces of cells that lie on one another with nodes of their own, see gmsh_model.
     """
 
-    domain: object
-    cell_tags: object
-    facet_tags: object
-    volumes: dict
-    surfaces: dict
-    doubled: tuple = ()
+    domain: Mesh
+    cell_tags: Tags
+    facet_tags: Tags
+    volumes: dict[str, int]
+    surfaces: dict[str, tuple[int, ...]]
+    doubled: tuple[gmsh_model.Doubled, ...] = ()
 
     @property
-    def comm(self):
+    def comm(self) -> MPI.Comm:
         return self.domain.comm
 
-    def facets(self, *names):
+    def facets(self, *names: str) -> Ints:
         """Local facets of the named surfaces (int32, sorted, possibly empty on this rank)."""
         tags = self.surface_tags(*names)
         return np.sort(self.facet_tags.indices[np.isin(self.facet_tags.values, tags)])
 
-    def surface_tags(self, *names):
+    def surface_tags(self, *names: str) -> tuple[int, ...]:
         """Tags in facet_tags of all facets in any of the named surfaces, each once."""
         return tuple(sorted({tag for name in names for tag in self.surfaces[known_group(name, self.surfaces, "surface")]}))
 
-    def volume_tag(self, name):
+    def volume_tag(self, name: str) -> int:
         return self.volumes[known_group(name, self.volumes, "volume")]
 
 
-def read_gmsh(source, comm=MPI.COMM_WORLD, ranks=None, **parameters):
+def read_gmsh(
+    source: Source, comm: MPI.Comm = MPI.COMM_WORLD, ranks: dict[str, int] | None = None, **parameters: Any
+) -> NamedMesh:
     """Mesh from a script or a file, the same on any number of ranks.
 
     source: a function that draws and meshes the current gmsh model (called with `parameters`), or a .msh path. Volume and
@@ -51,7 +55,8 @@ def read_gmsh(source, comm=MPI.COMM_WORLD, ranks=None, **parameters):
     no node, where dolfinx is not to choose. Raises ValueError, on all ranks, for what gmsh or the script fails at, unnamed
     groups, cells that are not hexahedra or tetrahedra, of two types, in two groups or in none, and inverted cells.
     """
-    groups, owners, failure = None, None if ranks is None else [], None
+    groups, failure = None, None
+    owners: Ints64 | None = None if ranks is None else np.empty(0, dtype=np.int64)
     collect_together(comm)
     if comm.rank == 0:
         try:
@@ -74,7 +79,9 @@ def read_gmsh(source, comm=MPI.COMM_WORLD, ranks=None, **parameters):
     return NamedMesh(domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.doubled)
 
 
-def read_surface(source, group=None, comm=MPI.COMM_WORLD, **parameters):
+def read_surface(
+    source: Source, group: str | None = None, comm: MPI.Comm = MPI.COMM_WORLD, **parameters: Any
+) -> tuple[Ints64, Ints64, Floats]:
     """Facets of a surface group, or of all surfaces, in full on every rank: nodes (nf, 4), size (nf,) and X (nm, 3).
 
     source as for read_gmsh, no volume is needed; a triangle repeats its third node. Raises ValueError, on all ranks, for a
@@ -95,7 +102,7 @@ def read_surface(source, group=None, comm=MPI.COMM_WORLD, **parameters):
     return found
 
 
-def _refusal(source, error):
+def _refusal(source: Source, error: BaseException) -> str:
     """Why there is no mesh, with what gmsh wrote in its log."""
     reason = str(error) or type(error).__name__
     said = gmsh_model.log(reason)
@@ -103,7 +110,7 @@ def _refusal(source, error):
     return f"the gmsh mesh '{getattr(source, '__module__', source)}' cannot be made: {reason}{said}"
 
 
-def _facets(group):
+def _facets(group: str | None) -> tuple[Ints64, Ints64, Floats]:
     entities = [tag for _, tag in gmsh.model.getEntities(2)]
     if group is not None:
         groups = gmsh_model.group_entities(2)
@@ -114,18 +121,17 @@ def _facets(group):
         if name not in corners:
             raise ValueError(f"facets of type '{name}' are not supported for a tool; mesh its surface with order 1")
         rows.append(nodes if corners[name] == 4 else nodes[:, [0, 1, 2, 2]])
-    rows = np.concatenate(rows)
-    _, first = np.unique(gmsh_model.key(rows), return_index=True)  # a file may hold a facet once for each of its groups
-    rows = rows[np.sort(first)]
-    tags, nodes = np.unique(rows, return_inverse=True)
+    facets = np.concatenate(rows)
+    _, first = np.unique(gmsh_model.key(facets), return_index=True)  # a file may hold a facet once for each of its groups
+    tags, places = np.unique(facets[np.sort(first)], return_inverse=True)
     if not len(tags):
         what = f"surface group '{group}'" if group else "it"
         raise ValueError(f"{what} has no facets; mesh a surface with gmsh.model.mesh.generate(2)")
-    nodes = np.ascontiguousarray(nodes.reshape(-1, 4), dtype=np.int64)
+    nodes = np.ascontiguousarray(places.reshape(-1, 4), dtype=np.int64)
     return nodes, np.where(nodes[:, 2] == nodes[:, 3], 3, 4).astype(np.int64), np.ascontiguousarray(gmsh_model.places(tags))
 
 
-def _owners(cells, ranks, size):
+def _owners(cells: dict[str, int], ranks: dict[str, int], size: int) -> Ints64:
     """Rank of each cell in the order in which dolfinx reads them, from {volume: number of cells}."""
     if set(ranks) != set(cells) or not all(0 <= rank < size for rank in ranks.values()):
         raise ValueError(f"ranks = {ranks}: give each of the volumes {', '.join(sorted(cells))} a rank below {size}")

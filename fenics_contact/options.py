@@ -1,12 +1,17 @@
 """The options of a run: steps, shares, checkpoints, and what only a continuation takes; checked, or a SceneError."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, count, finite, is_number, positive, shown
 
+Steps = int | float | Sequence[float] | Floats | ArcSteps
 
-def refuse_shares(method, tolerance, smallest_step):
+
+def refuse_shares(method: str, tolerance: float | None, smallest_step: float | None) -> None:
     """Both are shares where they are given, and the first goes with steps that iterate."""
     if smallest_step is not None:
         positive(smallest_step, "smallest_step", most=1.0, more=", a share of the load")
@@ -16,7 +21,7 @@ def refuse_shares(method, tolerance, smallest_step):
             raise SceneError('tolerance= is not for method="incremental", which takes one solve per step; take more steps')
 
 
-def checkpoint_steps(checkpoint, resume, out):
+def checkpoint_steps(checkpoint: bool | int, resume: bool, out: object) -> int:
     """After how many accepted steps a checkpoint is due, 0 for never."""
     if isinstance(checkpoint, bool):
         checkpoint = int(checkpoint or resume)
@@ -26,7 +31,7 @@ def checkpoint_steps(checkpoint, resume, out):
     return checkpoint
 
 
-def arc_steps(steps, until, back, continuation):
+def arc_steps(steps: Steps, until: object, back: object, continuation: bool) -> ArcSteps | None:
     """ArcSteps of a continuation, checked; None for the other methods."""
     if not continuation:
         if until is not None or back is not None or isinstance(steps, ArcSteps):
@@ -50,7 +55,7 @@ def arc_steps(steps, until, back, continuation):
     return steps
 
 
-def load_times(steps):
+def load_times(steps: int | float | Sequence[float] | Floats) -> Floats:
     """Load parameters (n,) at which the steps end."""
     if not isinstance(steps, list | tuple | np.ndarray) or is_number(steps):
         steps = count(steps, "steps", remedy=", or the increasing list of t")

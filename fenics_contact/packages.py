@@ -8,7 +8,7 @@ PACKAGES = {
 }
 
 
-def require(*names):
+def require(*names: str) -> None:
     """Import modules of PACKAGES. Raises ImportError that names the first missing one, or the one that it needs itself."""
     for name in names:
         try:
@@ -23,7 +23,7 @@ def require(*names):
             ) from error
 
 
-def _missing_under(name):
+def _missing_under(name: str) -> str:
     """What a module needs that cannot be imported, where its error names none: that of Debian 13's dolfinx does not."""
     for needed in ("numpy", "mpi4py", "petsc4py", "ufl", "basix"):
         try:

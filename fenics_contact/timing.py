@@ -2,6 +2,7 @@
 
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 STAGES = ("compile", "search", "projection", "contact kernel", "insertion", "bulk tangent", "residual", "factorisation",
@@ -11,13 +12,13 @@ STAGES = ("compile", "search", "projection", "contact kernel", "insertion", "bul
 class Timers:
     """`with timers("stage"):` adds the wall time of the block, less that of stages inside it, to `seconds["stage"]`."""
 
-    def __init__(self):
-        self.seconds = defaultdict(float)
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
         self._start = time.perf_counter()
-        self._inner = []  # of every open stage: what stages inside it took
+        self._inner: list[float] = []  # of every open stage: what stages inside it took
 
     @contextmanager
-    def __call__(self, stage):
+    def __call__(self, stage: str) -> Iterator[None]:
         start = time.perf_counter()
         self._inner.append(0.0)
         try:
@@ -28,7 +29,7 @@ class Timers:
             if self._inner:
                 self._inner[-1] += spent
 
-    def table(self):
+    def table(self) -> dict[str, float]:
         """Seconds of all stages since the timers were made; "other" is what no stage claims, "total" the sum."""
         total = time.perf_counter() - self._start
         stages = {stage: self.seconds[stage] for stage in STAGES} | self.seconds

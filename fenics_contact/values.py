@@ -3,48 +3,53 @@
 import inspect
 import math
 import re
+from collections.abc import Callable
 from numbers import Real
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 
+from fenics_contact.types import Floats
+
 LONGEST = 80  # characters of a wrong value that an error shows
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class SceneError(ValueError):
     """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
 
 
-def shown(value):
+def shown(value: object) -> str:
     """A value as an error shows it: short, and without addresses, which differ from rank to rank."""
     words = re.sub(" at 0x[0-9a-f]+", "", repr(value))
     return words if len(words) <= LONGEST else f"{words[:LONGEST]}..."
 
 
-def is_number(value):
+def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a real number: no text, no truth value, no array but of no dimension."""
     if isinstance(value, np.ndarray):
         return value.ndim == 0 and value.dtype.kind in "iuf"
     return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
 
 
-def positive(value, what, zero=False, most=math.inf, more=""):
+def positive(value: object, what: str, zero: bool = False, most: float = math.inf, more: str = "") -> float:
     """The number itself, finite, above zero (or zero where that is allowed) and up to `most`."""
-    right = is_number(value) and math.isfinite(value) and (value > 0.0 or (zero and value == 0.0)) and value <= most
-    if not right:
-        wanted = "zero or a positive number" if zero else "a positive number"
-        wanted += f" up to {most:g}" if math.isfinite(most) else ""
-        raise SceneError(f"{what} = {shown(value)} must be {wanted}{more}")
-    return value
+    if is_number(value) and math.isfinite(value) and (value > 0.0 or (zero and value == 0.0)) and value <= most:
+        return value
+    wanted = "zero or a positive number" if zero else "a positive number"
+    wanted += f" up to {most:g}" if math.isfinite(most) else ""
+    raise SceneError(f"{what} = {shown(value)} must be {wanted}{more}")
 
 
-def count(value, what, least=1, remedy=""):
+def count(value: object, what: str, least: int = 1, remedy: str = "") -> int:
     """The value as an int, where it is a whole number of at least `least`."""
     if not (is_number(value) and math.isfinite(value) and value == int(value) and value >= least):
         raise SceneError(f"{what} = {shown(value)} must be a whole number of at least {least}{remedy}")
     return int(value)
 
 
-def finite(value, what, shape=()):
+def finite(value: object, what: str, shape: tuple[int, ...] = ()) -> Floats:
     """The value as an array of finite numbers: one, with shape (), or as many as shape (n,) says."""
     try:
         array = np.asarray(value)
@@ -56,7 +61,7 @@ def finite(value, what, shape=()):
     return array.astype(float)
 
 
-def function(value, what, form):
+def function(value: F, what: str, form: str) -> F:
     """The value itself, a function that can be called as `form` says, e.g. "value(X, t)"."""
     if not callable(value):
         raise SceneError(f"{what} must be a function {form}, not {shown(value)}")
@@ -71,14 +76,14 @@ def function(value, what, form):
     return value
 
 
-def text(value, what):
+def text(value: object, what: str) -> str:
     """The value itself, a text that is not empty."""
     if not isinstance(value, str) or not value:
         raise SceneError(f"{what} = {shown(value)} must be a name, as text")
     return value
 
 
-def group_names(group, what="surface"):
+def group_names(group: object, what: str = "surface") -> tuple[str, ...]:
     """Names of a group: a name, or several, each once."""
     several = (group,) if isinstance(group, str) else group
     if not isinstance(several, list | tuple) or not several or not all(isinstance(name, str) for name in several):
@@ -86,7 +91,7 @@ def group_names(group, what="surface"):
     return tuple(dict.fromkeys(several))
 
 
-def axis_letters(letters, what, most=3):
+def axis_letters(letters: object, what: str, most: int = 3) -> str:
     """The value itself: one of x, y, z, or up to `most` of them."""
     if not isinstance(letters, str) or not 1 <= len(letters) <= most or set(letters) - set("xyz"):
         wanted = "one of x, y, z" if most == 1 else "x, y, z or several of these, as text"

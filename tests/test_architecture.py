@@ -18,7 +18,7 @@ LONGEST_MODULE = 400
 TABLE = {
     "packages": set(),
     "types": {"numpy"},
-    "compat": {"dolfinx", "basix", "numpy", "numba", "petsc4py"},  # the last two for their versions
+    "compat": {"dolfinx", "basix", "numpy", "mpi4py", "numba", "petsc4py"},  # numba for its version
     "values": {"numpy"},
     "timing": set(),
     "agreement": {"numpy", "mpi4py"},
@@ -33,8 +33,8 @@ TABLE = {
               "values"},
     "output": {"numpy", "mpi4py", "matplotlib", "mpl_toolkits", "ufl", "agreement", "compat", "assembly", "kernels", "solid",
                "values"},
-    "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "compat", "solid", "mesh_io",
-                "contact", "packages", "solvers", "scene", "run"},
+    "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "assembly", "compat", "solid",
+                "mesh_io", "contact", "packages", "solvers", "scene", "run"},
     "options": {"numpy", "solvers", "values"},
     "restart": {"agreement", "assembly", "solvers", "output", "scene", "values"},
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "solvers", "output", "scene", "options", "restart",
@@ -44,6 +44,7 @@ TABLE = {
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one
 ONLY = {
+    ("studies", "assembly"): {"system", "term"},  # their names
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"exchange", "system"},
     ("output", "kernels"): {"status"},

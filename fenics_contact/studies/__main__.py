@@ -12,7 +12,9 @@ NAMES = ("sphere", "tubes", "punch", "cylinder", "hertz", "maps", "economy")
 HERE = Path(__file__).parent
 
 
-def run(name, data, charts, quick=False, draw_only=False, progress=True):
+def run(
+    name: str, data: Path, charts: Path, quick: bool = False, draw_only: bool = False, progress: bool = True
+) -> list[str]:
     """Run what a study's CSV files in `data` lack, draw into `charts`, return the sentences; StudyError where theory is
     contradicted. quick: a small version, all in this process."""
     module = importlib.import_module(f"fenics_contact.studies.{name}")
@@ -24,7 +26,7 @@ def run(name, data, charts, quick=False, draw_only=False, progress=True):
     return module.report(rows, charts, quick)
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(prog="python3 -m fenics_contact.studies", description=__doc__)
     parser.add_argument("names", nargs="+", choices=[*NAMES, "all"], metavar="NAME", help=", ".join([*NAMES, "all"]))
     parser.add_argument("--quick", action="store_true", help="a small version, seconds each, into results/studies")

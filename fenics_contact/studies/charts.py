@@ -1,13 +1,17 @@
 """Charts drawn from a study's rows: error against time with its Pareto front, and what economies buy."""
 
 import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from fenics_contact.studies.runner import of_curve
+from fenics_contact.studies.runner import Panels, Row, Run, Values, of_curve
 from fenics_contact.studies.stability import short
 
 # Okabe & Ito's colours, told apart with any colour vision and in grey with the markers
@@ -15,26 +19,29 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MARKERS = "os^Dv<>P"
 AIMS = (0.01, 0.001)  # relative errors a user may want
 
+End = tuple[str, tuple[float, float] | None, str]  # of a curve: its label, its last point if it has one, its colour
+
 
 class StudyError(RuntimeError):
     """A study contradicts theory, or has nothing to draw."""
 
 
-def medians(rows, parameters):
+def medians(rows: list[Row], parameters: Sequence[str]) -> list[Row]:
     """One row per set of parameters: the median of seconds over its repeats, all else from the first."""
-    groups = {}
+    groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row.get(p, "") for p in parameters), []).append(row)
     return [same[0] | {"seconds": median(_seconds(r) for r in same), "busy": 1.0} for same in groups.values()]
 
 
-def _seconds(row):
+def _seconds(row: Row) -> float:
     """Seconds on the processor, which other users of the machine disturb less than wall time; NaN where unknown."""
-    busy = row.get("busy") if isinstance(row.get("busy"), float | int) else 1.0
-    return row["seconds"] * min(1.0, busy) if isinstance(row.get("seconds"), float | int) else float("nan")
+    busy = row.get("busy")
+    share = min(1.0, busy) if isinstance(busy, float | int) else 1.0
+    return row["seconds"] * share if isinstance(row.get("seconds"), float | int) else float("nan")
 
 
-def pareto(points):
+def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     """Indices of the (time, error) pairs that no other one beats in both, by rising time."""
     front, best = [], np.inf
     for i in sorted(range(len(points)), key=lambda i: points[i]):
@@ -44,13 +51,13 @@ def pareto(points):
     return front
 
 
-def cheapest(rows, tolerance):
+def cheapest(rows: list[Row], tolerance: float) -> Row | None:
     """The fastest converged row with an error of at most `tolerance`, or None."""
     good = [row for row in rows if row["converged"] is True and row["error"] <= tolerance]
     return min(good, key=_seconds, default=None)
 
 
-def lasting(rows, base, panels, tolerance):
+def lasting(rows: list[Row], base: Run, panels: Panels, tolerance: float) -> list[Row]:
     """The rows from which on every curve that holds them stays within `tolerance`: not those where errors just cancel."""
     curves = [of_curve(rows, base, values) for panel in panels.values() for values in panel.values()]
     lost = [
@@ -62,12 +69,12 @@ def lasting(rows, base, panels, tolerance):
     return [row for row in rows if not any(row is other for other in lost)]
 
 
-def slope(sizes, errors):
+def slope(sizes: Sequence[float], errors: Sequence[float]) -> float:
     """Observed order: the slope of log error over log size by least squares."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 
 
-def hold_slope(what, sizes, errors, expected, within):
+def hold_slope(what: str, sizes: Sequence[float], errors: Sequence[float], expected: float, within: float) -> str:
     """A sentence with the observed order; StudyError where it is not `expected` within a tolerance."""
     found = slope(sizes, errors)
     if not abs(found - expected) <= within:
@@ -75,7 +82,7 @@ def hold_slope(what, sizes, errors, expected, within):
     return f"{what}: observed order {found:.2f}, theory {expected:g}"
 
 
-def _unit(rows, base):
+def _unit(rows: list[Row], base: Run) -> float:
     """Seconds of the baseline run, whose time is 1."""
     found = of_curve(rows, base, {})
     if not found or found[0]["converged"] is not True:
@@ -83,7 +90,7 @@ def _unit(rows, base):
     return _seconds(found[0])
 
 
-def answer(rows, base, panels, parameters):
+def answer(rows: list[Row], base: Run, panels: Panels, parameters: Sequence[str]) -> str:
     """In one sentence, what to choose for each of AIMS: of the lasting runs within a tenth of the fastest one's time the
     one nearest to the baseline."""
     rows = medians(rows, parameters)
@@ -107,13 +114,21 @@ def answer(rows, base, panels, parameters):
     return "; ".join(parts)
 
 
-def _words(row, base):
+def _words(row: Row, base: Run) -> str:
     """What sets a run apart from the baseline."""
     changed = [f"{key.replace('_', ' ')} {short(row[key])}" for key in base if row[key] != base[key]]
     return ", ".join(changed) or "the baseline"
 
 
-def work_precision(path, rows, base, panels, title="", parameters=(), quantity="relative error"):
+def work_precision(
+    path: str | Path,
+    rows: list[Row],
+    base: Run,
+    panels: Panels,
+    title: str = "",
+    parameters: Sequence[str] = (),
+    quantity: str = "relative error",
+) -> list[Row]:
     """Draw log error against log time over the baseline's time, a panel for each question; returns the Pareto front's rows.
 
     path: picture; rows: of a study; base, panels: as given to `expand`; parameters: the study's, for medians over repeats.
@@ -142,8 +157,8 @@ def work_precision(path, rows, base, panels, title="", parameters=(), quantity="
     return [good[i] for i in front]
 
 
-def _curves(axis, good, base, curves, unit):
-    ends = []
+def _curves(axis: Axes, good: list[Row], base: Run, curves: Mapping[str, Values], unit: float) -> None:
+    ends: list[End] = []
     for number, (label, values) in enumerate(curves.items()):
         mine = of_curve(good, base, values)
         if not mine:
@@ -169,7 +184,7 @@ def _curves(axis, good, base, curves, unit):
     _label_ends(axis, ends)
 
 
-def _label_ends(axis, ends):
+def _label_ends(axis: Axes, ends: list[End]) -> None:
     """Names of the curves in a column at the right, in the order of their ends and apart from one another."""
     low, high = np.log(axis.get_ylim())
     heights = [(np.log(end[1]) - low) / (high - low) if end else 0.0 for _, end, _ in ends]
@@ -187,7 +202,9 @@ def _label_ends(axis, ends):
                       textcoords="axes fraction", color=colour, fontsize=8, va="center", arrowprops=line)  # fmt: skip
 
 
-def savings(path, rows, pairs, parameters=(), title=""):
+def savings(
+    path: str | Path, rows: list[Row], pairs: Mapping[str, tuple[Run, ...]], parameters: Sequence[str] = (), title: str = ""
+) -> list[str]:
     """Draw what economies buy: for each the time of the frugal run over the full one's, and the error it adds.
 
     pairs: {words: (parameters of the full run, parameters of the frugal one)}. Returns a sentence for each.
@@ -195,7 +212,7 @@ def savings(path, rows, pairs, parameters=(), title=""):
     rows = medians(rows, parameters)
     figure = Figure(figsize=(8.2, 0.9 + 0.5 * len(pairs)), layout="constrained")
     axis, sentences = figure.add_subplot(), []
-    for place, (words, runs) in enumerate(reversed(pairs.items())):
+    for place, (words, runs) in enumerate(reversed(list(pairs.items()))):
         full, frugal = (of_curve(rows, run, {})[0] for run in runs)
         if not (full["converged"] is True and frugal["converged"] is True):
             raise StudyError(f"{words}: a run did not converge")
@@ -205,7 +222,7 @@ def savings(path, rows, pairs, parameters=(), title=""):
         axis.annotate(f" {ratio:.2f} × the time, force differs by {share}", (ratio, place), va="center", fontsize=8,
                       bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
         sentences.append(f"{words}: {ratio:.2f} of the time, force differs by {share}")
-    axis.set_yticks(range(len(pairs)), reversed(pairs), fontsize=8)
+    axis.set_yticks(range(len(pairs)), reversed(list(pairs)), fontsize=8)
     axis.axvline(1.0, color="black", linewidth=0.8, zorder=0)
     axis.set_xlim(0.0, 1.9 * max(1.0, axis.get_xlim()[1]))
     axis.set_xlabel("time of the frugal run / time of the full one (1: nothing gained)")

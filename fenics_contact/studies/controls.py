@@ -1,15 +1,19 @@
 """Newton's method with its safeguards taken away one by one, for maps of what each of them cures."""
 
+from typing import Any
+
 import numpy as np
 
+from fenics_contact.assembly.system import System
 from fenics_contact.run import STEPPERS
 from fenics_contact.solvers.newton import Newton, StepFailed
+from fenics_contact.types import Floats, Vec
 
 
 class FullSteps(Newton):
     """Newton's method without a line search."""
 
-    def _shorten(self, system, du, dq, before, size, strict):
+    def _shorten(self, system: System, du: Vec, dq: Floats, before: float, size: float, strict: bool) -> float:
         if not np.isfinite(size):
             raise StepFailed("an element turned inside out")
         return size
@@ -19,7 +23,7 @@ STEPPERS["full steps"] = FullSteps
 
 MULTIPLIERS = "and augmented to 1e-3 mm"
 # name: options of `solve`; where no step is small enough to be cut, the first failure ends the run
-CONTROLS = {
+CONTROLS: dict[str, dict[str, Any]] = {
     "full steps": {"method": "full steps", "smallest_step": 1.0},
     "line search": {"smallest_step": 1.0},
     "and step control": {},

@@ -1,5 +1,7 @@
 """Rubber cylinder squeezed between frictionless plates, plane strain: force per depth against independent references."""
 
+from pathlib import Path
+
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
@@ -8,16 +10,16 @@ from fenics_contact.scene.scene import Body, Scene
 from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.runner import Study, expand, metrics
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
 from meshes import disc
 
 # (radius mm, a1, a2, K MPa, squeeze in all mm, force N/mm): classical Mooney-Rivlin, references of other codes
 RUBBERS = {"soft": (20.0, 0.1863, 0.0098, 5.0, 6.4, 4.5622), "stiff": (200.0, 0.293, 0.177, 1423.93, 40.0, 60.15)}
 
-BASE = {"cells": 8, "degree": 1, "element": "displacement", "rubber": "soft", "points": "nodes", "factor": 100.0,
+BASE: Run = {"cells": 8, "degree": 1, "element": "displacement", "rubber": "soft", "points": "nodes", "factor": 100.0,
         "penetration": 0.0, "method": "newton", "steps": 8, "linear": "direct", "processes": 1}  # fmt: skip
 STIFF = {"rubber": ["stiff"]}
-PANELS = {
+PANELS: Panels = {
     "mesh (cells per block), degree and element": {
         "degree 1": {"cells": [4, 8, 16, 32]},
         "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"]},
@@ -42,14 +44,26 @@ PANELS = {
         "nodes, augmented to 1e-4 mm": {"factor": [1.0, 10.0, 100.0], "penetration": [1e-4], "cells": [16]},
     },
 }
-QUICK = {"all": {"mesh": {"cells": [4, 8, 16], "points": [3]}, "penalty": {"factor": [10.0, 100.0, 1000.0]}}}
-PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+QUICK: Panels = {"all": {"mesh": {"cells": [4, 8, 16], "points": [3]}, "penalty": {"factor": [10.0, 100.0, 1000.0]}}}
+PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Rubber cylinder between plates; baseline: 3 blocks of 8 × 8 cells, nodes, penalty 100 E/h, 8 Newton steps"
 
 
 def cylinder(
-    cells, degree, element, rubber, points, factor, penetration, method, steps, linear, layers=1, length=1.0, free_end=False
-):
+    cells: int,
+    degree: int,
+    element: str,
+    rubber: str,
+    points: int | str,
+    factor: float,
+    penetration: float,
+    method: str,
+    steps: int,
+    linear: str,
+    layers: int = 1,
+    length: float = 1.0,
+    free_end: bool = False,
+) -> Row:
     """Error of the force per depth on a quarter of the cylinder. element "locking": plain displacement, though it locks.
 
     layers, length, free_end: a 3-D cylinder of that length [mm] between symmetry planes, or with one end free.
@@ -78,12 +92,12 @@ def cylinder(
     return metrics(result, error=abs(force / reference - 1), value=force)
 
 
-def studies(quick):
+def studies(quick: bool) -> list[Study]:
     return [Study("cylinder", cylinder, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
 
 
-def report(rows, charts, quick):
+def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    rows, keys, (base, panels) = rows["cylinder"], list(BASE), PLANS[quick]
-    work_precision(charts / "cylinder.png", rows, base, panels, TITLE, keys, "error of the force")
-    return [answer(rows, base, panels, keys)]
+    mine, keys, (base, panels) = rows["cylinder"], list(BASE), PLANS[quick]
+    work_precision(charts / "cylinder.png", mine, base, panels, TITLE, keys, "error of the force")
+    return [answer(mine, base, panels, keys)]

@@ -1,8 +1,12 @@
 """Exact solutions that studies compare with: radial problems of rubber, half-spaces under point, line and Hertz loads."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from fenics_contact.packages import require
+from fenics_contact.types import Floats
 
 require("scipy")
 from scipy.integrate import solve_ivp  # noqa: E402 - after its package has been asked for
@@ -11,6 +15,8 @@ from scipy.optimize import brentq  # noqa: E402
 A1, A2 = 0.1863, 0.0098  # Mooney's constants of the paper [MPa]
 TINY = 1e-30  # derivatives by a complex step this small are exact
 
+Field = Callable[[Floats], Floats]  # displacements (n, 3) at places (n, 3) [mm]
+
 
 class Radial:
     """Spheres and, in plane strain, tubes of the paper's Mooney energy (22) that deform radially.
@@ -18,10 +24,10 @@ class Radial:
     kind: "sphere" or "tube"; K: bulk modulus [MPa]. Lengths in mm, stresses in MPa.
     """
 
-    def __init__(self, kind, K):
+    def __init__(self, kind: str, K: float) -> None:
         self.hoops, self.K = {"sphere": 2, "tube": 1}[kind], K
 
-    def nominal(self, radial, hoop):
+    def nominal(self, radial: complex, hoop: complex) -> tuple[Any, Any]:
         """Nominal stresses (radial, hoop) at principal stretches."""
         other = hoop if self.hoops == 2 else 1.0
         J = radial * hoop * other
@@ -29,11 +35,11 @@ class Radial:
         tau = 2 * A1 * (B - B.sum() / 3) + 4 * A2 * (B**2 - (B**2).sum() / 3) + self.K * J * (J - 1)
         return tau[0] / radial, tau[1] / hoop
 
-    def through(self, wall, inside, radial):
+    def through(self, wall: tuple[float, float], inside: float, radial: float) -> tuple[float, float, float]:
         """Integrate dP/dR = hoops (Q - P) / R over the wall (inner, outer radius) from the deformed inner radius and the
         radial stretch there: deformed outer radius and the Cauchy radial stress at both surfaces."""
 
-        def slope(R, y):
+        def slope(R: float, y: Floats) -> tuple[float, float]:
             hoop = y[0] / R
             P, Q = self.nominal(y[1], hoop)
             by_radial = self.nominal(y[1] + 1j * TINY, hoop)[0].imag / TINY
@@ -44,10 +50,12 @@ class Radial:
         cauchy = [self.nominal(s, r / R)[0] * (R / r) ** self.hoops for R, (r, s) in zip(wall, ends.T, strict=True)]
         return ends[0, 1], *cauchy
 
-    def solve(self, wall, inside, outer_pressure=lambda outside: 0.0):
+    def solve(
+        self, wall: tuple[float, float], inside: float, outer_pressure: Callable[[float], float] = lambda outside: 0.0
+    ) -> tuple[float, float]:
         """(pressure inside, deformed outer radius) at a deformed inner radius; outer_pressure: function of outer radius."""
 
-        def unbalanced(radial):
+        def unbalanced(radial: float) -> float:
             outside, _, stress = self.through(wall, inside, radial)
             return stress + outer_pressure(outside)
 
@@ -56,11 +64,11 @@ class Radial:
         return -stress, outside
 
 
-def boussinesq(P, E, nu):
+def boussinesq(P: float, E: float, nu: float) -> Field:
     """Displacement (n, 3) of a half-space z < 0 under a point load P pressing down at the origin (Johnson 1985, 3.18)."""
     G = E / (2 * (1 + nu))
 
-    def field(X):
+    def field(X: Floats) -> Floats:
         x, y, z = X[:, 0], X[:, 1], -X[:, 2]
         rho = np.sqrt(x**2 + y**2 + z**2)
         radial = z / rho**3 - (1 - 2 * nu) / (rho * (rho + z))
@@ -70,11 +78,11 @@ def boussinesq(P, E, nu):
     return field
 
 
-def flamant(P, E, nu):
+def flamant(P: float, E: float, nu: float) -> Field:
     """Displacement of a half-space z < 0 under a line load P per length along y (Johnson 1985, 2.19, C1 = C2 = C3 = 0)."""
     big, small = P * (1 - nu**2) / (np.pi * E), P * (1 + nu) / (np.pi * E)
 
-    def field(X):
+    def field(X: Floats) -> Floats:
         x, z = X[:, 0], -X[:, 2]
         rho, angle = np.hypot(x, z), np.arctan2(x, z)
         ur = -2 * big * np.cos(angle) * np.log(rho) - small * (1 - 2 * nu) * angle * np.sin(angle)
@@ -88,7 +96,7 @@ def flamant(P, E, nu):
     return field
 
 
-def under_hertz(field, a, line=False):
+def under_hertz(field: Field, a: float, line: bool = False) -> Field:
     """Displacement of a half-space under Hertz's pressure, p0 sqrt(1 - (r/a)^2), from `field`, that under its resultant.
 
     line: along y, as under a cylinder, else over a disc. Away from the contact the sums converge as (a/distance)^8.

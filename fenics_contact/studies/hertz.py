@@ -4,17 +4,19 @@ The half-space is a block whose far faces are led along the displacement under t
 (point load) or Flamant's (line load) folded with it.
 """
 
+from pathlib import Path
+
 import numpy as np
 
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_sphere
-from fenics_contact.mesh_io import read_gmsh
-from fenics_contact.run import solve
+from fenics_contact.contact.tools import RigidTool, rigid_cone, rigid_cylinder, rigid_sphere
+from fenics_contact.mesh_io import NamedMesh, read_gmsh
+from fenics_contact.run import Result, solve
 from fenics_contact.scene.scene import Body, Scene
 from fenics_contact.solid.materials import from_elastic
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.exact import boussinesq, flamant, under_cone, under_hertz
-from fenics_contact.studies.runner import Study, expand, metrics
+from fenics_contact.studies.exact import Field, boussinesq, flamant, under_cone, under_hertz
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
 from meshes import graded_block
 
 E, NU = 1000.0, 0.3  # MPa
@@ -22,11 +24,11 @@ STAR = E / (1 - NU**2)
 R, A = 300.0, 1.0  # tool radius and half-width of the contact [mm]: strains of A / R = 0.3 %
 FAR, DEPTH = 8.0, 0.1  # [mm]: far faces, thickness of the slice under the cylinder
 
-BASE = {"tool": "cylinder", "cells": 12, "degree": 1, "points": "nodes", "factor": 100.0, "method": "newton", "steps": 2,
-        "linear": "direct", "processes": 1}  # fmt: skip
+BASE: Run = {"tool": "cylinder", "cells": 12, "degree": 1, "points": "nodes", "factor": 100.0, "method": "newton",
+        "steps": 2, "linear": "direct", "processes": 1}  # fmt: skip
 MESHES = [4, 6, 8, 12, 24]
 SPHERE = {"tool": ["sphere"]}
-PANELS = {
+PANELS: Panels = {
     "cylinder: mesh (cells per 1.5 contact widths)": {
         "nodes": {"cells": MESHES},
         "2 × 2 Gauss points": {"cells": [4, 8, 12], "points": [2]},
@@ -51,19 +53,30 @@ PANELS = {
         "24 cells": {"factor": [10.0, 100.0, 1000.0], "cells": [24]},
     },
 }
-QUICK = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}}}
-PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+QUICK: Panels = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}}}
+PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Hertz; baseline: cylinder, 12 cells of degree 1, nodes, penalty 100 E/h, 2 Newton steps"
 
+Problem = tuple[RigidTool, float, Field, float, NamedMesh]  # what `sphere` and `cylinder` return
 
-def hertz(tool, cells, degree, points, factor, method, steps, linear):
+
+def hertz(tool: str, cells: int, degree: int, points: int | str, factor: float, method: str, steps: int, linear: str) -> Row:
     """Relative error of the force of the tool."""
     result, exact = indented(tool, cells, degree, points, factor, method, steps, linear)
     force = -result.history[-1]["top_force_z_N"] if result.history else float("nan")
     return metrics(result, error=abs(force / exact - 1), value=force)
 
 
-def indented(tool, cells, degree=1, points="nodes", factor=100.0, method="newton", steps=2, linear="direct"):
+def indented(
+    tool: str,
+    cells: int,
+    degree: int = 1,
+    points: int | str = "nodes",
+    factor: float = 100.0,
+    method: str = "newton",
+    steps: int = 2,
+    linear: str = "direct",
+) -> tuple[Result, float]:
     """Result of pressing a tool, "sphere", "cone" or "cylinder", into the block, and the exact force [N]."""
     shape, depth, field, exact, mesh = {"sphere": sphere, "cone": cone, "cylinder": cylinder}[tool](cells)
     scene = Scene(Body(mesh, "block", from_elastic(E, NU)), degree=degree)
@@ -79,14 +92,14 @@ def indented(tool, cells, degree=1, points="nodes", factor=100.0, method="newton
     return solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False), exact
 
 
-def sphere(cells):
+def sphere(cells: int) -> Problem:
     """Tool, its travel [mm], the far field, the exact force [N] on a quarter, and the mesh."""
     depth = A**2 / R
     force = 4 / 3 * STAR * np.sqrt(R) * depth**1.5
     return rigid_sphere(R, (0, 0, R)), depth, under_hertz(boussinesq(force, E, NU), A), force / 4, quarter(cells)
 
 
-def cone(cells):
+def cone(cells: int) -> Problem:
     """The same of a cone whose contact has the radius A: F = 2/pi E* d^2 tan(half-angle), A = 2/pi d tan(half-angle)."""
     half_angle = np.arctan2(R, A)
     depth = np.pi / 2 * A / np.tan(half_angle)
@@ -95,11 +108,11 @@ def cone(cells):
     return rigid_cone(half_angle, (0, 0, 0)), depth, field, force / 4, quarter(cells)
 
 
-def quarter(cells):
+def quarter(cells: int) -> NamedMesh:
     return read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.35 ** (8 / cells))
 
 
-def cylinder(cells):
+def cylinder(cells: int) -> Problem:
     """The same for half of a slice under a cylinder."""
     P = np.pi * STAR * A**2 / (4 * R)  # a = 2 sqrt(P R / (pi E*))
     # the travel against the same far field: Hertz's pressure folded with Flamant's surface displacement
@@ -108,15 +121,15 @@ def cylinder(cells):
     return rigid_cylinder(R, (0, 0, R)), depth, under_hertz(flamant(P, E, NU), A, line=True), DEPTH * P / 2, mesh
 
 
-def studies(quick):
+def studies(quick: bool) -> list[Study]:
     return [Study("hertz", hertz, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
 
 
-def report(rows, charts, quick):
+def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    rows, keys, (base, panels) = rows["hertz"], list(BASE), PLANS[quick]
-    work_precision(charts / "hertz.png", rows, base, panels, TITLE, keys, "error of the force")
+    mine, keys, (base, panels) = rows["hertz"], list(BASE), PLANS[quick]
+    work_precision(charts / "hertz.png", mine, base, panels, TITLE, keys, "error of the force")
     bases = {"cylinder": base} | ({} if quick else {"sphere": base | {"tool": "sphere", "cells": 8}})
     return [
-        f"{tool}: {answer([row for row in rows if row['tool'] == tool], star, panels, keys)}" for tool, star in bases.items()
+        f"{tool}: {answer([row for row in mine if row['tool'] == tool], star, panels, keys)}" for tool, star in bases.items()
     ]

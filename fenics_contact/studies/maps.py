@@ -1,5 +1,9 @@
 """Where methods fail: maps of convergence over penalty, friction, step, compressibility, meshes, edges and load."""
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
 from fenics_contact.contact.tools import rigid_plane
@@ -10,14 +14,14 @@ from fenics_contact.solid.materials import mooney_paper, mooney_rivlin
 from fenics_contact.studies.controls import CONTROLS, MULTIPLIERS
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate
-from fenics_contact.studies.runner import Study, grid, metrics
+from fenics_contact.studies.runner import Row, Run, Study, grid, metrics
 from fenics_contact.studies.sphere import RADIUS, WALL, inner_radial
 from fenics_contact.studies.stability import iterations, stability_map
 from meshes import disc, sphere_shell, two_blocks
 
-RUBBER = {"a1": A1, "a2": A2, "K": 5.0}  # MPa
+RUBBER: dict[str, Any] = {"a1": A1, "a2": A2, "K": 5.0}  # MPa
 SHEAR = 2 * A1 + 2 * A2  # MPa, classical reading at rest
-ELEMENTS = {
+ELEMENTS: dict[str, dict[str, Any]] = {
     "degree 1": {"degree": 1, "accept_locking": True},
     "degree 1, mixed": {"degree": 1, "element": "mixed"},
     "degree 2": {"degree": 2},
@@ -27,14 +31,14 @@ PENALTIES, FRICTIONS = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5], [0.0, 0.1, 0.3, 0.6, 1
 LOADS = ("load, plain Newton", "load, line search", "load, step control", "arc length")
 
 
-def press(penalty_factor, steps, friction, control, cells=6):
+def press(penalty_factor: float, steps: int, friction: float, control: str, cells: int = 6) -> Row:
     """Sharp punch pressed into a rubber plate by 40 % of its thickness."""
     allowed = 1e-3 if control == MULTIPLIERS else 0.0  # mm
     scene, tool = punched_plate(cells, friction, factor=penalty_factor, penetration=allowed)
     return metrics(solve(scene, move={tool: (0, 0, -4.0)}, steps=steps, progress=False, **CONTROLS[control]))
 
 
-def fillets(fillet, cell, points):
+def fillets(fillet: float, cell: float, points: int | str) -> Row:
     """Filleted punch at 2 mm in 20 steps; error: largest jump of the force's increments over the last force."""
     scene, tool = punched_plate(round(20.0 / cell), 0.0, points=points, fillet=fillet)
     result = solve(scene, move={tool: (0, 0, -2.0)}, steps=20, progress=False)
@@ -43,7 +47,7 @@ def fillets(fillet, cell, points):
     return metrics(result, error=jump, value=forces[-1])
 
 
-def compressibility(ratio, element, cells=6):
+def compressibility(ratio: float, element: str, cells: int = 6) -> Row:
     """Rubber cylinder squeezed by a tenth of its diameter; value: force per depth over the shear modulus [mm]."""
     mesh = read_gmsh(disc.build, radius=20.0, depth=1.0, cells=cells)
     scene = Scene(Body(mesh, "disc", mooney_rivlin(A1, A2, ratio * SHEAR)), **ELEMENTS[element])
@@ -56,7 +60,7 @@ def compressibility(ratio, element, cells=6):
     return metrics(result, value=-2 * result.history[-1]["rim_force_z_N"] / SHEAR if result.history else 0.0)
 
 
-def blocks(upper_cells, lower_cells, friction, points, drag, per_step):
+def blocks(upper_cells: int, lower_cells: int, friction: float, points: int | str, drag: float, per_step: float) -> Row:
     """A small block pressed 1 mm into a longer one, then dragged; error: ripple of the pressing force while dragged."""
     lower, upper = (24.0, 8.0, 4.0), (8.0, 4.0, 4.0)
     cells = [
@@ -79,7 +83,7 @@ def blocks(upper_cells, lower_cells, friction, points, drag, per_step):
     return metrics(result, error=ripple, value=force[-1] if len(force) else 0.0)
 
 
-def patch(slave_over_master, points, stretch=0.9, cells=12):
+def patch(slave_over_master: float, points: int | str, stretch: float = 0.9, cells: int = 12) -> Row:
     """Two stacked blocks of non-matching cells squeezed between frictionless ends: force against the homogeneous state."""
     mine, other = (cells, max(2, round(cells * slave_over_master))) if slave_over_master < 1 else (
         max(2, round(cells / slave_over_master)), cells)  # fmt: skip
@@ -100,7 +104,7 @@ def patch(slave_over_master, points, stretch=0.9, cells=12):
 UNIAXIAL = {0.9: 0.1288051}  # MPa, nominal stress of the classical reading with K = 5 MPa
 
 
-def limit(reach, way, cells=4, steps=8):
+def limit(reach: float, way: str, cells: int = 4, steps: int = 8) -> Row:
     """Sphere inflated towards a displacement [mm of 95]: to its load or, beyond the limit point, 3 % more than it bears."""
     mesh = read_gmsh(sphere_shell.build, inner=RADIUS, thickness=WALL, cells=cells, layers=1)
     scene = Scene(Body(mesh, "shell", mooney_paper(**RUBBER)))
@@ -126,16 +130,16 @@ def limit(reach, way, cells=4, steps=8):
 PEAK = 40.3126  # mm, displacement at the limit pressure for K = 5 MPa
 
 
-def studies(quick):
+def studies(quick: bool) -> list[Study]:
     """One study per map."""
     few = slice(None, None, 3) if quick else slice(None)
     controls = list(CONTROLS)[::2] if quick else list(CONTROLS)
     steps = {"steps": [1, 2, 4, 8, 16][few], "control": controls}
 
-    def coarser(cells):
+    def coarser(cells: int) -> dict[str, list[Any]]:
         return {"cells": [cells]} if quick else {}
 
-    plans = {
+    plans: dict[str, tuple[Callable[..., Row], Run, Run]] = {
         "map_penalty": (press, {"penalty_factor": PENALTIES[few], "friction": [0.3], **coarser(4)}, steps),
         "map_friction": (press, {"friction": FRICTIONS[few], "penalty_factor": [100.0], **coarser(4)}, steps),
         "map_compressibility": (
@@ -167,18 +171,18 @@ def studies(quick):
     return [Study(name, case, grid(**across, **up), limit=60.0, shared=True) for name, (case, across, up) in plans.items()]
 
 
-def report(rows, charts, quick):
+def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """The maps of the rows {study: rows}, and what they say."""
     axis = {"penalty_factor": "penalty over E/h", "steps": "number of steps", "ratio": "K/μ", "reach": "aim [mm of 95]",
             "per_step": "sliding per step [mm]", "lower_cells": "master cells per 8 mm", "fillet": "fillet radius [mm]",
             "slave_over_master": "slave cell / master cell", "points": "slave points", "cell": "cell under the punch [mm]",
             "friction": "friction μ", "control": "Newton", "element": "element", "way": ""}  # fmt: skip
 
-    def share(row):
+    def share(row: Row) -> str:
         return f"{iterations(row)}\n{row['error']:.2g}"
 
-    def draw(name, *what, **how):
-        stability_map(charts / f"{name}.png", rows[name], *what, names=axis, **how)
+    def draw(name: str, x: str, y: str, panel: str | None = None, **how: Any) -> None:
+        stability_map(charts / f"{name}.png", rows[name], x, y, panel, names=axis, **how)
 
     rows["map_compressibility"] = _against_finest(rows["map_compressibility"])
     draw("map_penalty", "penalty_factor", "steps", "control", title="Sharp punch, 4 of 10 mm, friction 0.3")
@@ -207,13 +211,13 @@ def report(rows, charts, quick):
     return [_failures(name, mine) for name, mine in rows.items()]
 
 
-def _against_finest(rows):
+def _against_finest(rows: list[Row]) -> list[Row]:
     """Forces over that of the last element of the list at the same K/μ."""
     last = {row["ratio"]: row["value"] for row in rows if row["element"] == rows[-1]["element"]}
     return [row | {"value": row["value"] / last[row["ratio"]]} for row in rows]
 
 
-def _failures(name, rows):
+def _failures(name: str, rows: list[Row]) -> str:
     """In one sentence, how many runs converge with each safeguard, contact points, element or way."""
     panel = next(key for key in ("control", "points", "element", "way") if key in rows[0])
     parts = []

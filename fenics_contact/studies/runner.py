@@ -11,12 +11,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from fenics_contact import compat
+from fenics_contact.run import Result
 
 # What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
 METRICS = (
@@ -24,13 +27,18 @@ METRICS = (
     "busy", "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
 )  # fmt: skip
 
+Run = dict[str, Any]  # parameters of a run, as JSON knows them
+Row = dict[str, Any]  # these and METRICS
+Values = Mapping[str, Sequence[Any]]  # of each parameter that a curve varies
+Panels = Mapping[str, Mapping[str, Values]]  # {title: {label of a curve: its values}}
 
-def grid(**values):
+
+def grid(**values: Sequence[Any]) -> list[Run]:
     """All combinations of the parameters' values, as a list of dicts."""
     return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
 
 
-def expand(base, panels):
+def expand(base: Run, panels: Panels) -> list[Run]:
     """The runs of a work-precision chart, each once: `base` and, from it, what its curves vary.
 
     panels: {title: {label of a curve: {parameter: values}}}; several parameters of a curve make a grid.
@@ -39,13 +47,13 @@ def expand(base, panels):
     return list({json.dumps(run): run for run in [base, *varied]}.values())
 
 
-def of_curve(rows, base, values):
+def of_curve(rows: list[Row], base: Run, values: Values) -> list[Row]:
     """The rows of a curve: equal to `base` in all that the curve does not vary, in the order of its values."""
     wanted = [base | run for run in grid(**values)]
     return [row for run in wanted for row in rows if all(row.get(key) == run[key] for key in run)]
 
 
-def metrics(result, error=float("nan"), value=float("nan")):
+def metrics(result: Result, error: float = float("nan"), value: float = float("nan")) -> Row:
     """The metrics of a Result. error: relative, against what the case compares with; value: the figure compared. Collective.
 
     A failed run has its verdict and the t it reached; its error means nothing.
@@ -86,20 +94,20 @@ class Study:
     """
 
     name: str
-    case: object
-    runs: list
+    case: Callable[..., Row]
+    runs: list[Run]
     repeats: int = 1
     limit: float = 600.0
     shared: bool = False
-    parameters: list = field(init=False)
-    _worker: object = field(init=False, default=None)
+    parameters: list[str] = field(init=False)
+    _worker: "_Worker | None" = field(init=False, default=None)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.parameters = list(dict.fromkeys(key for run in self.runs for key in run))
         if clash := set(self.parameters) & set(METRICS) - {"processes"}:
             raise ValueError(f"study '{self.name}': parameter '{clash.pop()}' has the name of a metric; rename it")
 
-    def run(self, folder, progress=True, isolated=True):
+    def run(self, folder: str | Path, progress: bool = True, isolated: bool = True) -> Path:
         """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
 
         isolated: each run and its repeats in a process of their own; else all in this one, which saves seconds per run but
@@ -122,7 +130,7 @@ class Study:
         self._worker = self._worker and self._worker.end()
         return path
 
-    def _write(self, path, rows, numbers):
+    def _write(self, path: Path, rows: list[Row], numbers: list[int]) -> None:
         columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
         new = not path.exists()
         if not new:  # an older file keeps its columns
@@ -135,15 +143,15 @@ class Study:
             for row, number in zip(rows, numbers, strict=False):
                 writer.writerow(row | {"repeat": number} | _here())
 
-    def mine(self, rows):
+    def mine(self, rows: list[Row]) -> list[Row]:
         """The rows that belong to this study's runs as they are stated now."""
         wanted = {self._key(run | {"repeat": i}) for run in self.runs for i in range(self.repeats)}
         return [row for row in rows if self._key(row) in wanted]
 
-    def _key(self, row, with_repeat=True):
+    def _key(self, row: Row, with_repeat: bool = True) -> tuple[str, ...]:
         return tuple(str(row.get(name, "")) for name in [*self.parameters, *["repeat"] * with_repeat])
 
-    def _measure(self, run, repeats):
+    def _measure(self, run: Run, repeats: int) -> list[Row]:
         """Metrics of a run's repeats in another process; one that dies or takes too long is a row with its reason."""
         processes = int(run.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
@@ -159,14 +167,14 @@ class Study:
                 return [{"converged": False, "verdict": f"stopped: {reason}", "processes": processes}]
             return json.loads(answer.read_text())
 
-    def _measure_here(self, run, repeats):
+    def _measure_here(self, run: Run, repeats: int) -> list[Row]:
         return [self.case(**_arguments(run)) for _ in range(repeats)]
 
 
 class _Worker:
     """A process that does tasks given as lines, or several processes that do one task: mpirun feeds lines to the first."""
 
-    def __init__(self, processes, task):
+    def __init__(self, processes: int, task: str) -> None:
         command = [sys.executable, "-m", "fenics_contact.studies.worker", "-"]
         self.single = processes > 1
         if self.single:
@@ -177,9 +185,9 @@ class _Worker:
             command, env=os.environ.copy(), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self.errors, text=True
         )
 
-    def do(self, task, answer, limit):
+    def do(self, task: str, answer: Path, limit: float) -> str | None:
         """Wait for the answer's file; returns why there is none."""
-        if not self.single:
+        if not self.single and self.process.stdin is not None:
             self.process.stdin.write(task + "\n")
             self.process.stdin.flush()
         end = time.monotonic() + limit
@@ -192,38 +200,39 @@ class _Worker:
             time.sleep(0.02)
         return None
 
-    def end(self):
+    def end(self) -> None:
         if self.process.poll() is None:
             self.process.terminate()
             self.process.wait()
-        self.process.stdin.close()
+        if self.process.stdin is not None:
+            self.process.stdin.close()
         self.errors.close()
 
 
-def _arguments(run):
+def _arguments(run: Run) -> Run:
     return {key: value for key, value in run.items() if key != "processes"}
 
 
-def _here():
+def _here() -> dict[str, str]:
     return {"machine": _machine(), "versions": " ".join(f"{k} {v}" for k, v in compat.versions().items())}
 
 
-def _machine():
+def _machine() -> str:
     cpu = next((line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")), "")
     return f"{cpu or platform.processor() or platform.machine()}, {os.cpu_count()} cores"
 
 
-def _lines(path):
+def _lines(path: str) -> list[str]:
     return Path(path).read_text().splitlines() if Path(path).exists() else []
 
 
-def read(path):
+def read(path: str | Path) -> list[Row]:
     """Rows of a study's CSV file; numbers as floats, True and False as such."""
     with open(path, newline="") as file:
         return [{k: _value(v) for k, v in row.items()} for row in csv.DictReader(file)]
 
 
-def _value(text):
+def _value(text: str) -> bool | int | float | str:
     if text in ("True", "False"):
         return text == "True"
     try:

@@ -1,6 +1,10 @@
 """Inflated rubber sphere against its exact radial solution: the paper's first example, at 19 mm of displacement."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 from fenics_contact import compat
+from fenics_contact.assembly.term import State
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Body, Scene
@@ -8,13 +12,13 @@ from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, medians, work_precision
 from fenics_contact.studies.exact import A1, A2, Radial
-from fenics_contact.studies.runner import Study, expand, metrics, of_curve
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
 from meshes import sphere_shell
 
 RADIUS, WALL, K = 95.0, 1.0, 5.0  # mm, mm, MPa
 REACH = 19.0  # mm, at 87 % of the limit pressure
 
-BASE = {
+BASE: Run = {
     "cells": 9,
     "degree": 1,
     "element": "displacement",
@@ -23,7 +27,7 @@ BASE = {
     "linear": "direct",
     "processes": 1,
 }
-PANELS = {
+PANELS: Panels = {
     "mesh (cells per patch edge), degree and element": {
         "degree 1": {"cells": [3, 6, 9, 12, 15]},
         "degree 1, mixed": {"cells": [3, 6, 9, 12], "element": ["mixed"]},
@@ -37,12 +41,14 @@ PANELS = {
         "arc length": {"steps": [2, 4, 8], "method": ["arc_length"]},
     },
 }
-QUICK = {"all": {"degree 1": {"cells": [3, 6, 12]}, "incremental": {"steps": [16, 32, 64], "method": ["incremental"]}}}
-PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+QUICK: Panels = {
+    "all": {"degree 1": {"cells": [3, 6, 12]}, "incremental": {"steps": [16, 32, 64], "method": ["incremental"]}}
+}
+PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Inflated sphere, exact solution; baseline: Newton, 4 steps, 9 × 9 × 3 cells of degree 1 in each of 3 patches"
 
 
-def sphere(cells, degree, element, method, steps, linear, reach=REACH):
+def sphere(cells: int, degree: int, element: str, method: str, steps: int, linear: str, reach: float = REACH) -> Row:
     """Error of the mean radial displacement of the inner points under the pressure that belongs to `reach` [mm]."""
     mesh = read_gmsh(sphere_shell.build, inner=RADIUS, thickness=WALL, cells=cells, layers=max(1, cells // 3))
     scene = Scene(Body(mesh, "shell", mooney_paper(A1, A2, K)), degree=degree, element=element)
@@ -55,7 +61,7 @@ def sphere(cells, degree, element, method, steps, linear, reach=REACH):
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 
 
-def inner_radial(scene):
+def inner_radial(scene: Scene) -> Callable[[State], float]:
     """Function of the state: mean radial displacement [mm] of the inner points."""
     nodes = compat.locate_blocks(scene.space, scene.mesh.facets("inner"))
     nodes = nodes[nodes < scene.space.dofmap.index_map.size_local]
@@ -65,17 +71,17 @@ def inner_radial(scene):
     return lambda state: comm.allreduce(float((state.u.x.array.reshape(-1, 3)[nodes] * outward).sum())) / count
 
 
-def studies(quick):
+def studies(quick: bool) -> list[Study]:
     return [Study("sphere", sphere, expand(*PLANS[quick]), repeats=1 if quick else 3)]
 
 
-def report(rows, charts, quick):
+def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    rows, keys, (base, panels) = rows["sphere"], list(BASE), PLANS[quick]
-    work_precision(charts / "sphere.png", rows, base, panels, TITLE, keys, "error of the displacement")
-    meshes = medians(of_curve(rows, base, {"cells": [3, 6, 12]}), keys)
-    exact = of_curve(rows, base, {})[0]["value"]
-    paths = medians(of_curve(rows, base, {"steps": [16, 32, 64], "method": ["incremental"]}), keys)
+    mine, keys, (base, panels) = rows["sphere"], list(BASE), PLANS[quick]
+    work_precision(charts / "sphere.png", mine, base, panels, TITLE, keys, "error of the displacement")
+    meshes = medians(of_curve(mine, base, {"cells": [3, 6, 12]}), keys)
+    exact = of_curve(mine, base, {})[0]["value"]
+    paths = medians(of_curve(mine, base, {"steps": [16, 32, 64], "method": ["incremental"]}), keys)
     return [
         # an integral of a smooth field on hexahedra of degree 1
         hold_slope("displacement over cell size", [1 / r["cells"] for r in meshes], [r["error"] for r in meshes], 2, 0.25),
@@ -87,5 +93,5 @@ def report(rows, charts, quick):
             2,
             0.35,
         ),
-        answer(rows, base, panels, keys),
+        answer(mine, base, panels, keys),
     ]

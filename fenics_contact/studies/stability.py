@@ -1,11 +1,17 @@
 """Maps of where a method converges, with how many iterations, and where and how it fails."""
 
 import textwrap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+
+from fenics_contact.studies.runner import Row
 
 # What a failed run's field says, by a part of its verdict; the first that fits
 FAILURES = {
@@ -26,18 +32,28 @@ FAILURES = {
 WRONG = "#D55E00"
 
 
-def failure(row):
+def failure(row: Row) -> str:
     """One or two words for how a run failed."""
     verdict = str(row["verdict"])
     return next((words for part, words in FAILURES.items() if part in verdict), " ".join(verdict.split()[:2])[:14])
 
 
-def iterations(row):
+def iterations(row: Row) -> str:
     """The text of a converged run's field."""
     return f"{row['iterations']:g}" + (f"\n{row['cut_backs']:g} cuts" if row["cut_backs"] else "")
 
 
-def stability_map(path, rows, x, y, panel=None, title="", text=iterations, wrong=lambda row: False, names=None):
+def stability_map(
+    path: str | Path,
+    rows: list[Row],
+    x: str,
+    y: str,
+    panel: str | None = None,
+    title: str = "",
+    text: Callable[[Row], str] = iterations,
+    wrong: Callable[[Row], bool] = lambda row: False,
+    names: Mapping[str, str] | None = None,
+) -> None:
     """Draw where a method converges, and with how many iterations, over two parameters; a panel per value of a third.
 
     Failed runs are grey with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
@@ -73,7 +89,9 @@ def stability_map(path, rows, x, y, panel=None, title="", text=iterations, wrong
     figure.savefig(path, dpi=120)
 
 
-def _field(axes, i, j, row, norm, text, wrong):
+def _field(
+    axes: Axes, i: int, j: int, row: Row, norm: LogNorm, text: Callable[[Row], str], wrong: Callable[[Row], bool]
+) -> None:
     if row["converged"] is True:
         words, colour = text(row), "white" if norm(row["iterations"]) > 0.6 else "black"
         if wrong(row):
@@ -84,9 +102,9 @@ def _field(axes, i, j, row, norm, text, wrong):
     axes.text(j, i, words, ha="center", va="center", fontsize=6, color=colour)
 
 
-def _frame(i, j):
+def _frame(i: int, j: int) -> Rectangle:
     return Rectangle((j - 0.45, i - 0.42), 0.9, 0.84, fill=False, edgecolor=WRONG, linewidth=2)
 
 
-def short(value):
+def short(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float | int) and not isinstance(value, bool) else str(value)

@@ -1,5 +1,7 @@
 """Nested rubber tubes, two deformable bodies in contact, against the exact solution: at an inner radius of 120 mm."""
 
+from pathlib import Path
+
 import numpy as np
 
 from fenics_contact import compat
@@ -11,15 +13,16 @@ from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, work_precision
 from fenics_contact.studies.exact import A1, A2, Radial
-from fenics_contact.studies.runner import Study, expand, metrics, of_curve
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
+from fenics_contact.types import Function
 from meshes import tubes as tube_mesh
 
 INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
 REACH = 120.0  # mm, inner radius under the largest pressure
 
-BASE = {"cells": 24, "points": 3, "factor": 100.0, "penetration": 0.0, "element": "displacement", "method": "newton",
+BASE: Run = {"cells": 24, "points": 3, "factor": 100.0, "penetration": 0.0, "element": "displacement", "method": "newton",
         "steps": 6, "linear": "direct", "processes": 1}  # fmt: skip
-PANELS = {
+PANELS: Panels = {
     "mesh (cells around a quarter)": {
         "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
         "2 × 2 Gauss points": {"cells": [12, 24, 48], "points": [2]},
@@ -40,19 +43,21 @@ PANELS = {
     },
 }
 HARD = 1e4  # factor whose penetration no longer counts
-QUICK = {"all": {"penalty": {"factor": [10.0, 100.0, 1000.0, HARD]}, "mesh": {"cells": [12, 24]}}}
-PLANS = {False: (BASE, PANELS), True: (BASE | {"cells": 24}, QUICK)}  # by quick
+QUICK: Panels = {"all": {"penalty": {"factor": [10.0, 100.0, 1000.0, HARD]}, "mesh": {"cells": [12, 24]}}}
+PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 24}, QUICK)}  # by quick
 TITLE = "Nested tubes, exact solution; baseline: 24 and 18 cells around, 3 × 3 Gauss points, penalty 100 E/h, 6 Newton steps"
 
 
-def tubes(cells, points, factor, penetration, element, method, steps, linear):
+def tubes(
+    cells: int, points: int | str, factor: float, penetration: float, element: str, method: str, steps: int, linear: str
+) -> Row:
     """The larger of the errors of contact pressure and inner displacement, under the pressure that belongs to REACH.
 
     penetration: largest one [mm] left by multipliers, 0 for the plain penalty; value: contact pressure [MPa].
     """
     exact = Radial("tube", K)
 
-    def outer(radius):
+    def outer(radius: float) -> float:
         return exact.solve(OUTER, radius)[0] if radius > OUTER[0] else 0.0
 
     pressure, interface = exact.solve(INNER, REACH, outer)
@@ -79,7 +84,7 @@ def tubes(cells, points, factor, penetration, element, method, steps, linear):
     return row
 
 
-def mean_radius(scene, group, u):
+def mean_radius(scene: Scene, group: str, u: Function) -> float:
     """Mean distance of a surface's nodes from the axis [mm]. Collective."""
     space, comm = scene.space, scene.mesh.comm
     nodes = compat.locate_blocks(space, scene.mesh.facets(group))
@@ -89,16 +94,16 @@ def mean_radius(scene, group, u):
     return total / count
 
 
-def studies(quick):
+def studies(quick: bool) -> list[Study]:
     return [Study("tubes", tubes, expand(*PLANS[quick]), repeats=1 if quick else 3, shared=True)]
 
 
-def report(rows, charts, quick):
+def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
-    rows, keys, (base, panels) = rows["tubes"], list(BASE), PLANS[quick]
-    work_precision(charts / "tubes.png", rows, base, panels, TITLE, keys, "error of contact pressure or displacement")
-    hard = of_curve(rows, base | {"factor": HARD}, {})[0]["value"]
-    softer = [of_curve(rows, base | {"factor": f}, {})[0] for f in (10.0, 100.0, 1000.0)]
+    mine, keys, (base, panels) = rows["tubes"], list(BASE), PLANS[quick]
+    work_precision(charts / "tubes.png", mine, base, panels, TITLE, keys, "error of contact pressure or displacement")
+    hard = of_curve(mine, base | {"factor": HARD}, {})[0]["value"]
+    softer = [of_curve(mine, base | {"factor": f}, {})[0] for f in (10.0, 100.0, 1000.0)]
     slope = hold_slope(
         "pressure lost to penetration, over 1 / penalty",
         [1 / row["factor"] for row in softer],
@@ -106,4 +111,4 @@ def report(rows, charts, quick):
         1,
         0.1,
     )
-    return [slope, answer(rows, base, panels, keys)]
+    return [slope, answer(mine, base, panels, keys)]

@@ -8,16 +8,19 @@ import json
 import os
 import sys
 import time
+from typing import Any
 
 from mpi4py import MPI
 
 
-def run(file, name, arguments, repeats, answer):
+def run(file: str, name: str, arguments: dict[str, Any], repeats: int, answer: str) -> None:
     spec = importlib.util.spec_from_file_location("study_case", file)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{file} is no Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules["study_case"] = module
     spec.loader.exec_module(module)
-    found = []
+    found: list[dict[str, Any]] = []
     try:
         while len(found) < repeats and all(one["converged"] for one in found):
             wall, busy = time.perf_counter(), time.process_time()
