@@ -327,7 +327,7 @@ def cured(run, depth=2):
             found = wrongs(again)
             return ("wrong" if found else "cured"), words, "; ".join(found)
         ends.append(f"{words}: {again.verdict.reason}")
-        if again.verdict.kind != verdict.kind and depth > 1:
+        if again.verdict.remedy != verdict.remedy and depth > 1:
             kind, done, left = cured(again, depth - 1)
             if kind in ("cured", "impossible", "wrong"):
                 return kind, f"{words}, {done}", left

@@ -199,6 +199,15 @@ def between_plates():
     return scene, {"move": {lid: lambda t: (2.0 * max(t - 0.2, 0.0), 0, -0.5 * min(t, 0.2))}}
 
 
+def on_a_node(points="nodes", smallest=0.05):
+    """A ball pushed down and a little aside, on a surface that it touches at one node alone."""
+    scene = cube(cells=(4, 4, 2), size=(4.0, 4.0, 2.0), origin=(-2.0, -2.0, -2.0))
+    scene.fix("zmin")
+    ball = rigid_sphere(1.5, (0, 0, 1.5), name="ball")
+    scene.contact("zmax", ball, points=points, name="c")
+    return scene, {"push": {ball: (0.001, 0, -0.03)}, "stabilise": True, "smallest_step": smallest}
+
+
 def two_in_one_group():
     """Two blocks that nothing joins, as one volume group."""
     two_blocks.build(lower_cells=(4, 4, 1), upper_cells=(3, 3, 1), upper_origin=(5.0, 10.0, 1.0))
@@ -266,6 +275,7 @@ CATALOGUE = {
         "contact 'floor'",
         "raise friction=, fix a surface, or prescribe",
     ),
+    "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
     "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
@@ -313,6 +323,7 @@ CURES = {
     "long steps": [lambda: tall_block(None)],
     "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
     "loose half": [lambda: with_options(loose_half, stabilise=True)],
+    "on a node": [lambda: on_a_node(3, None)],
     "pushed over a limit": [lambda: pushed_through("move")],
 }
 

@@ -9,6 +9,7 @@ from fenics_contact.solvers.softness import damping, soft_motion
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
 LONG = 1e-2  # of the load: a step above that may still be too long for Newton's method where nothing ails the scene
+FEW = 4  # points: the corners of one facet; between them a tool finds nothing that holds it
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 
 
@@ -31,7 +32,8 @@ def diagnose(system, failure, goal=None):
         return lifted
     if known.kind == RIGID_MOTION and not _touched(system):
         return known
-    found = sliding(system) or rigid_motion(system) or next(iter(troubles), None)
+    found = sliding(system) or rigid_motion(system) or (_on_few_points(system) if system.stabilised else None)
+    found = found or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
     if found is None and inverted and _inverts_ahead(system, goal):
@@ -79,6 +81,20 @@ def _lifted(system, goal):
             text = f"the force on it draws tool '{name}' off the body, and contact cannot hold it back: there is no balance"
             remedy = "end the path where the force vanishes, or move the tool away in place of pushing it (move=)"
             return Finding(RIGID_MOTION, text, f"tool '{name}'", remedy)
+    return None
+
+
+def _on_few_points(system):
+    """A finding if a pushed tool rests on so few points that it slides off them, with springs and all. Collective."""
+    for contact in system.contacts:
+        if contact.master_name not in system.tools.names:
+            continue
+        free = system.tools.free[system.tools.names.index(contact.master_name)]
+        points = system.comm.allreduce(int(np.count_nonzero(contact.statuses())))
+        if free.any() and 0 < points <= FEW:
+            text = f"tool '{contact.master_name}' rests on {points} of the slave surface's points alone, and slides off them"
+            remedy = "take more of them, points=3 (Gauss points), or mesh the place more finely"
+            return Finding(RIGID_MOTION, text, f"contact '{contact.name}'", remedy)
     return None
 
 
