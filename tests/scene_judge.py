@@ -12,11 +12,12 @@ import numpy as np
 from mpi4py import MPI
 from random_scenes import BREAKS, GOOD, build, draw, make_tool, times
 
-from fenics_contact import Load, SceneError, solve
+from fenics_contact import Load, SceneError, run, solve
 from fenics_contact.assembly.exchange import ghosted_vector, sum_to_owners
 from fenics_contact.contact import findings
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels import rigid_shapes
+from fenics_contact.scene.build import build
 
 COMM = MPI.COMM_WORLD
 TOLERANCE = 1e-8  # of the force: where steps end
@@ -35,14 +36,15 @@ COSTS = 0.03  # of the force: what penalties may change it where a note says tha
 class Probe:
     """Looks at every accepted state of a run: forces, balance, friction. Given to solve as a column of the history."""
 
-    def __init__(self, scene, young):
-        self.rows, self.system, self.young, stated = [], None, young, scene.system
+    def __init__(self, young):
+        self.rows, self.system, self.young = [], None, young
 
-        def system(*given, **named):
-            self.system = stated(*given, **named)
-            return self.system
+        def watched(*stated):
+            built = build(*stated)
+            self.system = built.system
+            return built
 
-        scene.system = system
+        run.build = watched
 
     def __call__(self, state):
         system = self.system
@@ -93,7 +95,7 @@ class Run:
 
     def __init__(self, s, finer=1):
         scene, self.tool, options = build(s)
-        self.s, self.scene, self.probe = replace(s, steps=finer * s.steps), scene, Probe(scene, s.young * s.pressure)
+        self.s, self.scene, self.probe = replace(s, steps=finer * s.steps), scene, Probe(s.young * s.pressure)
         if finer != 1:
             options["steps"] = times(s, finer)
         if s.options.get("method") == "arc_length":
