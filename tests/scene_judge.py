@@ -17,7 +17,7 @@ from fenics_contact.assembly.exchange import ghosted_vector, sum_to_owners
 from fenics_contact.contact import findings
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels import rigid_shapes
-from fenics_contact.scene.build import build
+from fenics_contact.scene import build as building
 
 COMM = MPI.COMM_WORLD
 TOLERANCE = 1e-8  # of the force: where steps end
@@ -40,7 +40,7 @@ class Probe:
         self.rows, self.system, self.young = [], None, young
 
         def watched(*stated):
-            built = build(*stated)
+            built = building.build(*stated)
             self.system = built.system
             return built
 
