@@ -24,10 +24,12 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.solvers.arc_length import ArcLength
 from fenics_contact.solvers.augmented import Augmented
+from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import StepFailed, Verdict
 from meshes import box, punch_plate, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -282,6 +284,23 @@ def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
     assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
     system.commit()
+
+
+def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
+    """Steps are taken in the balanced state with the smallest error, and the last one lands on its target all the same."""
+    system = overheld()
+    contact, reports, verdict = system.contacts[0], [], Verdict()
+    leg = {"the load": lambda: system.state.t - 1.0}
+    path = Path(system, ArcLength(LinearSolver(system, afresh=True)), ArcSteps(first=0.5), [leg])
+    path.stepper.stepper.limit = 8
+    path.follow(lambda report, *_: reports.append(report), verdict)
+    assert verdict.converged and abs(system.state.t - 1.0) <= 1e-6, verdict.reason
+    report = reports[-1]
+    left = max(COMM.allgather(contact.misfit(system.state))) * 1e-9
+    assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
+    (note,) = report.notes
+    assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
+    assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
 
 
 class Stumbling(Newton):
