@@ -282,6 +282,46 @@ def test_a_target_out_of_reach_ends_with_its_reason():
     assert "12 steps" in result.verdict.reason and "load t = 3" in result.verdict.reason
 
 
+def loose_block(force, floor=0.0):
+    """A block on a rough floor under a body force along z, a function of t; nothing else holds it."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(0.4, 2.0)))
+    scene.contact("zmin", rigid_plane((0, 0, floor)), 0.3, name="c")
+    scene.body_force(lambda t: (0.0, 0.0, force(t)))
+    return scene
+
+
+def fades(t):
+    """Presses most at t = 0.25, and from t = 0.5 on lifts."""
+    return -0.2 * (t - 2.0 * t**2)
+
+
+@pytest.mark.parallel
+def test_a_body_that_its_contacts_let_go_is_named():
+    failed = solve(loose_block(fades), **FOLLOW, steps=10, until=Load(1.0))
+    assert failed.verdict.kind == "rigid-body motion" and "body 'box'" in failed.verdict.place, failed.verdict.reason
+    assert "about to let go" in failed.verdict.reason and 0.49 < failed.verdict.t < 0.5
+    assert "end the path before" in failed.verdict.remedy
+    solve(loose_block(fades), **FOLLOW, steps=10, until=Load(0.45)).require()
+
+
+@pytest.mark.parallel
+def test_a_remedy_that_does_not_go_with_arcs_is_one_for_load_steps():
+    failed = solve(loose_block(lambda t: -0.02 * t, floor=-0.1), **FOLLOW, steps=10, until=Load(1.0))
+    assert 'solve(..., method="newton", stabilise=True)' in failed.verdict.remedy, failed.verdict.reason
+    scene = loose_block(lambda t: -0.02 * t, floor=-0.1)
+    result = solve(scene, method="newton", stabilise=True, steps=2, progress=False).require()
+    np.testing.assert_allclose(result.history[-1]["c_force_z_N"], 8.0 * 0.02, rtol=1e-6)
+
+
+@pytest.mark.parallel
+def test_a_path_that_does_not_start_in_balance_is_named():
+    failed = solve(
+        loose_block(lambda t: -0.02 * (1.0 + t)), **FOLLOW, steps=ArcSteps(first=0.01, largest=1e-4), until=Load(1.0)
+    )
+    assert "let the functions of the loads start from 0" in failed.verdict.remedy, failed.verdict.reason
+    solve(loose_block(lambda t: -0.04 * t), **FOLLOW, steps=10, until=Load(1.0)).require()
+
+
 def refused(action, *words):
     """The action raises SceneError with all words in its message, the same on every rank."""
     with pytest.raises(SceneError) as caught:

@@ -75,7 +75,8 @@ class Path:
             found, t = diagnose(self.system, failure), self.system.state.t
             if found.kind == LIMIT_POINT:  # no news to a continuation: the arc was too long for the turn of its path
                 found = found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
-            verdict.stop(found, t)
+            # neither springs nor damping go with arcs: where a remedy is one of them it is to be taken in load steps
+            verdict.stop(found._replace(remedy=found.remedy.replace("solve(...", 'solve(..., method="newton"')), t)
         else:
             verdict.converged, verdict.reason = True, "reached " + ", then ".join(self.reached)
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import CYCLING, LOST, MEMORY, OUT_OF_STEPS, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.system import TOLERANCE
 from fenics_contact.solvers.holding import closed, rigid_motion, sliding
 from fenics_contact.solvers.softness import damping, soft_motion
 
@@ -10,6 +11,8 @@ CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evide
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
 LONG = 1e-2  # of the load: a step above that may still be too long for Newton's method where nothing ails the scene
 FEW = 4  # points: the corners of one facet; between them a tool finds nothing that holds it
+# Of the largest force of the run: a contact that presses less is about to let go; steps are cut to 1e-4 of their first size
+FADED = 1e-3
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 
 
@@ -39,7 +42,7 @@ def diagnose(system, failure, goal=None):
     if found is None and inverted and _inverts_ahead(system, goal):
         return inverted
     if found is None and known.kind == UNKNOWN:
-        return _unexplained(system, known, inverted, goal)
+        return _restless(system, goal) or _letting_go(system) or _unexplained(system, known, inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
         return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
     return found or known
@@ -55,6 +58,27 @@ def _unexplained(system, known, inverted, goal):
     else:
         remedy = "".join(damping(system))
     return Finding(UNKNOWN, reason, inverted.place if inverted else known.place, known.remedy or remedy)
+
+
+def _restless(system, goal):
+    """A finding if an arc was to start where loads are out of balance: what they do at once is no part of it. Collective."""
+    if goal is not None or len(system.accepted) > 1 or not system.assemble_residual() > TOLERANCE * system.scale:
+        return None
+    text = "at the start loads act on bodies at rest: the path begins where they have given way, and no short arc meets it"
+    return Finding(UNKNOWN, text, remedy="let the functions of the loads start from 0")
+
+
+def _letting_go(system):
+    """A finding if hardly anything holds a body any more in the accepted state, where something did before. Collective."""
+    if len(system.accepted) < 2 or not system.holds.reliant:
+        return None
+    loose = system.holds.loose(lambda contact: contact.holding(system.state, FADED * system.force_scale))
+    if not loose:
+        return None
+    names = ", ".join(system.bodies[i][0] for i in sorted(loose))
+    text = f"the contacts that hold it press with less than {FADED:g} of the largest force so far: they are about to let go"
+    remedy = "fix a surface, end the path before, or solve(..., stabilise=True)"
+    return Finding(RIGID_MOTION, text, f"body '{names}'", remedy)
 
 
 def _inverts_ahead(system, goal):
