@@ -355,7 +355,7 @@ def limit_points(history):
 
 def _stabilisation(system, units):
     """Largest energy left in the springs at the end of a step, also over the strain energy; {} where none were needed."""
-    if system.grounding is None or not system.grounding.used:
+    if system.grounding is None or not system.grounding.most["steps"]:
         return {}
     most = system.grounding.most
     return {f"energy_{units.force}{units.length}": most["energy"], "energy_share": most["energy_share"]}
@@ -386,4 +386,4 @@ def _damping(system, units):
         return {}
     most = system.damping.most
     work = {f"work_{units.force}{units.length}": most["work"], "work_share": most["work_share"]}
-    return {"jumps": most["jumps"]} | work
+    return {"jumps": int(most["jumps"])} | work

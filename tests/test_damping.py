@@ -18,9 +18,9 @@ COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 
 
-def loaded_dome():
+def loaded_dome(element="displacement"):
     """A dome under a dead load of eight times what it bears."""
-    scene = Scene(Body(read_gmsh(dome.build, thickness=2.0, boss=0.0, cells=3), "dome", RUBBER))
+    scene = Scene(Body(read_gmsh(dome.build, thickness=2.0, boss=0.0, cells=3), "dome", RUBBER), element=element)
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
     scene.fix("rim")
@@ -72,10 +72,38 @@ def test_a_ball_goes_past_the_end_of_a_cantilever():
     assert solve(scene, move=move, steps=4, progress=False).converged  # a path that ends before needs none
 
 
-def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point():
-    """Past the jump a dead load has one stable state: that of any other steps, at all its loads."""
-    forces = [solve(loaded_dome(), steps=n, damping=True, progress=False).require().u.x.array for n in (4, 10)]
-    np.testing.assert_allclose(*forces, atol=1e-6 * np.abs(forces[0]).max())  # steps end at 1e-8 of the force
+@pytest.mark.parametrize(("element", "method"), [("displacement", "newton"), ("displacement", "snes"), ("mixed", "newton")])
+def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point(element, method):
+    """Past the jump a dead load has one stable state: that of any other steps, at all its loads, by any method."""
+    ends = []
+    for steps, way in ((4, method), (10, "newton")):
+        result = solve(loaded_dome(element), steps=steps, damping=True, method=way, progress=False).require()
+        assert result.summary["damping"]["jumps"] == 1
+        ends.append(result.u.x.array)
+    np.testing.assert_allclose(*ends, atol=1e-6 * np.abs(ends[0]).max())  # steps end at 1e-8 of the force
+
+
+@pytest.mark.parametrize(
+    ("scene", "times", "stated", "method"),
+    [
+        (loaded_dome, [0.25, 0.5], {}, "newton"),
+        (loaded_dome, [0.25, 0.5], {"element": "mixed"}, "snes"),
+        (blade, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], {"penetration": 1e-4}, "newton"),
+    ],
+)
+def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated, method, tmp_path):
+    """Its history, what its jumps took, and the notes; stopped before the last time, after the jump."""
+    folder = COMM.bcast(tmp_path)
+    kept = {"damping": True, "method": method, "checkpoint": True, "progress": False, "tolerance": 1e-11}
+    whole = solve(scene(**stated), steps=times, out=folder / "whole", **kept).require()
+    begun = solve(scene(**stated), steps=times[:-1], out=folder / "parts", **kept).require()
+    assert begun.summary["damping"]["jumps"] > 0
+    parts = solve(scene(**stated), steps=times, out=folder / "parts", resume=True, **kept).require()
+    for name in ("t", "damping_work_Nmm", "iterations"):
+        np.testing.assert_allclose(parts.column(name), whole.column(name), rtol=1e-9)  # steps end at 1e-11 of the force
+    assert parts.system.vector.norm() == pytest.approx(whole.system.vector.norm(), rel=1e-9)
+    assert parts.summary["damping"] == pytest.approx(whole.summary["damping"], rel=1e-9)
+    assert parts.verdict.notes == whole.verdict.notes
 
 
 def test_the_blade_slides_on_as_with_other_steps():

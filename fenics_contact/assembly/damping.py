@@ -11,7 +11,7 @@ class Damping(SpringTerm):
 
     def __init__(self, springs: Springs, free: Bools) -> None:
         super().__init__("damping", *springs, free)
-        self.most = {"jumps": 0, "work": 0.0, "work_share": 0.0}
+        self.most = {"jumps": 0.0, "work": 0.0, "work_share": 0.0}
 
     def commit(self, state: State) -> None:
         self.begin(state.u.x.array, state.travel)

@@ -33,8 +33,9 @@ class Grounding(SpringTerm):
         self._pull: float | None = None  # at the state evaluated last, and before
         self._before: float | None = None
         self._left, self._engaged, self._softest = 0.0, False, LEAST * SHARE
-        self.always, self.used = always, False
-        self.most = {"energy": 0.0, "energy_share": 0.0}  # largest of all accepted steps, [force length]
+        self.always = always
+        # accepted steps with springs in, and the largest of all they held then [force length]
+        self.most = {"steps": 0.0, "energy": 0.0, "energy_share": 0.0}
 
     def bind(self, system: "System") -> None:
         """Forces are compared with the largest of this System; the committed state is where its springs begin."""
@@ -48,7 +49,7 @@ class Grounding(SpringTerm):
     @engaged.setter
     def engaged(self, wanted: bool) -> None:
         """Put the springs in, from the last accepted state on, or take them out. Collective."""
-        self._engaged, self._left, self.used = wanted, 0.0, self.used or wanted
+        self._engaged, self._left = wanted, 0.0
         self.rollback()
 
     def rollback(self) -> None:
@@ -98,7 +99,8 @@ class Grounding(SpringTerm):
             return
         energy, elastic = 0.5 * self.spent(state)[1], self.strain_energy(state)
         share = energy / elastic if elastic > 0.0 else 0.0
-        self.most = {"energy": max(energy, self.most["energy"]), "energy_share": max(share, self.most["energy_share"])}
+        energy, share = max(energy, self.most["energy"]), max(share, self.most["energy_share"])
+        self.most = {"steps": self.most["steps"] + 1.0, "energy": energy, "energy_share": share}
         self._pull, self.share, self._softest = None, SHARE, LEAST * SHARE
         self.begin(state.u.x.array, state.travel)
 

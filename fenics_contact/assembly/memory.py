@@ -45,6 +45,7 @@ class Memory:
             "before/t": np.array([t for _, _, t in before]),
         }
         out |= {"force_scale": system.force_scale, "stiffness": system.stiffness}
+        out |= {f"most/{term.name}": np.array(list(term.most.values())) for term in system.springs}
         return out if comm.rank == 0 else None
 
     def restore(self, arrays: Arrays) -> dict[str, Floats]:
@@ -65,6 +66,8 @@ class Memory:
         ]
         names = ("travel", "t", "force_scale", "stiffness", "before/travel", "before/t")
         travel, t, system.force_scale, system.stiffness, *before = comm.bcast(arrays and [arrays[name] for name in names])
+        for term in system.springs:
+            term.recall(comm.bcast(arrays and arrays[f"most/{term.name}"].tolist()))
         places = [self._nodal(arrays, f"before/{i}/u").ravel() for i in range(len(before[1]))]
         system.resume(travel, float(t), kept, list(zip(places, *before, strict=True)))
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])

@@ -22,6 +22,8 @@ class SpringTerm(FormTerm):
     on_tools [force/length]: stiffness at share 1 of free (tools, 3) components of the tools' travel.
     """
 
+    most: dict[str, float]  # the largest values of all accepted steps
+
     def __init__(
         self,
         name: str,
@@ -35,6 +37,10 @@ class SpringTerm(FormTerm):
         super().__init__(name, None, None)
         self._constant, self._reference, self._forms, self._cells = constant, reference, forms, energies
         self._on_tools, self._free, self._travel, self._energy = on_tools, free, np.zeros(free.shape), None
+
+    def recall(self, most: list[float]) -> None:
+        """Go on from the values of `most`, in its order, that a checkpoint held."""
+        self.most = dict(zip(self.most, most, strict=True))
 
     @property
     def share(self) -> float:

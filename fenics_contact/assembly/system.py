@@ -15,6 +15,7 @@ from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED, Holds
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
+from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
@@ -246,6 +247,11 @@ class System:
         for term in self.terms:
             found = found or term.objection(self.state)
         return found or self.adrift()
+
+    @property
+    def springs(self) -> list[SpringTerm]:
+        """The terms of springs that the scene has: stabilisation, damping."""
+        return [term for term in (self.grounding, self.damping) if term is not None]
 
     @property
     def stabilised(self) -> bool:
