@@ -80,7 +80,7 @@ def alike(comm: MPI.Comm, what: str, call: Callable[[], Value], kind: type[Excep
     if comm.size == 1:
         return here
     first, *others = comm.allgather(here)
-    bound = ALIKE * np.max(np.abs(first))
+    bound = ALIKE * np.max(np.abs(np.nan_to_num(first, posinf=0.0, neginf=0.0)), initial=0.0)
     for rank, there in enumerate(others, start=1):
         if not np.allclose(there, first, rtol=0.0, atol=bound, equal_nan=True):
             raise kind(

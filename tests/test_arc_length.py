@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from by_node import displacements
 from mpi4py import MPI
 from scipy.optimize import brentq, minimize_scalar
 from test_steppers import on_ranks
@@ -211,7 +212,7 @@ def test_a_dropped_trial_leaves_no_trace():
     for trials in ((0.2,), (0.6, 0.2)):
         scene, way = pressed("push")
         system = scene.system(**way)
-        arc = ArcLength(LinearSolver(system), tolerance=1e-12)
+        arc = ArcLength(LinearSolver(system), tolerance=1e-11)  # rounding leaves 2e-12 on some partitions
         rate = arc.start(system)
         arc.step(system, Arc(0.1, rate))
         system.commit()
@@ -221,7 +222,7 @@ def test_a_dropped_trial_leaves_no_trace():
             if length != trials[-1]:
                 system.rollback()
         system.commit()
-        states.append((system.state.u.x.array.copy(), system.state.travel.copy(), system.state.t, dt))
+        states.append((displacements(system.state.u), system.state.travel.copy(), system.state.t, dt))
     for one, other in zip(*states, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
 

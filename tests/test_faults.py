@@ -13,6 +13,7 @@ from mpi4py import MPI
 from test_restart import alone, mpirun
 
 from fenics_contact import Body, Load, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.agreement import alike
 from meshes import box
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -101,6 +102,15 @@ def test_a_record_must_be_a_number_and_the_same_on_all_ranks():
         refused(lambda: solve(scene, steps=1, record=local, progress=False), "record 'size'", "on rank 0", "allreduce")
         arc = {"method": "arc_length", "until": [Load(1.0), local["size"]], "progress": False}
         refused(lambda: solve(scene, **arc), "target 2", "on rank 0", "allreduce")
+
+
+@pytest.mark.parallel
+def test_what_is_no_number_is_alike_where_it_is_on_all_ranks():
+    """Beside it numbers are compared as ever."""
+    of_rank = lambda size: alike(COMM, "it", lambda: np.array([np.nan, np.inf, 1.0 + size * COMM.rank]), SceneError)  # noqa: E731
+    np.testing.assert_equal(of_rank(1e-12), [np.nan, np.inf, 1.0])
+    if COMM.size > 1:
+        refused(lambda: of_rank(1.0), "it must not depend")
 
 
 @pytest.mark.parallel

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from by_node import displacements, of_all
 
 from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.solvers.control import run
@@ -142,7 +143,8 @@ def final_state(scene, times, stumble=None):
     verdict = run(system, Newton(linear) if stumble is None else Stumbling(linear, stumble), times, lambda *_: None)
     assert verdict.converged and verdict.cuts == (stumble is not None)
     contact = system.contacts[0]
-    return system.state.u.x.array.copy(), contact.response(system.state).traction, contact.accepted.history.slip_path
+    traction, path = contact.response(system.state).traction, contact.accepted.history.slip_path
+    return displacements(system.state.u), of_all(contact.key, traction), of_all(contact.key, path)
 
 
 @pytest.mark.parallel

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from by_node import displacements, of_all
 from mpi4py import MPI
 
 from fenics_contact import (
@@ -186,7 +187,8 @@ def final(times, fails=None, lost=None):
         report = stepper.step(system, t)
         Verdict().accept(report, system)
         system.commit()
-    return system.state.u.x.array.copy(), system.contacts[0].trial.law.eps_n, report, system
+    contact = system.contacts[0]
+    return displacements(system.state.u), of_all(contact.key, contact.trial.law.eps_n), report, system
 
 
 def raise_factor(system):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from by_node import displacements, of_all
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_sphere, solve
@@ -80,17 +81,22 @@ def final(softened, stumbles=False):
 def test_the_solution_is_that_of_the_penalties():
     (plain, _), (eased, report) = final(False), final(True)
     assert report.raises == 1  # it was solved so
-    scale = np.abs(plain.state.u.x.array).max()
-    np.testing.assert_allclose(eased.state.u.x.array, plain.state.u.x.array, rtol=0, atol=1e-9 * scale)
-    for a, b in zip(eased.contacts, plain.contacts, strict=True):
-        assert np.array_equal(a.trial.law.eps_n, b.trial.law.eps_n)
-        assert np.array_equal(a.trial.law.eps_t, b.trial.law.eps_t)
-        assert np.array_equal(a.statuses(), b.statuses())
+    u, eased_u = displacements(plain.state.u), displacements(eased.state.u)
+    np.testing.assert_allclose(eased_u, u, rtol=0, atol=1e-9 * np.abs(u).max())
+
+    def left(system, contact):
+        law, status = contact.trial.law, contact.response(system.state).status
+        return [of_all(contact.key, values) for values in (law.eps_n, law.eps_t, status)]
+
+    for one, other in zip(eased.contacts, plain.contacts, strict=True):
+        for a, b in zip(left(eased, one), left(plain, other), strict=True):
+            # the mesh of each is its own: geometry may be rounded in another order
+            np.testing.assert_allclose(a, b, rtol=1e-14)
 
 
 def test_a_dropped_step_leaves_no_trace():
     (direct, _), (cut, _) = final(True), final(True, stumbles=True)
-    np.testing.assert_allclose(cut.state.u.x.array, direct.state.u.x.array, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(displacements(cut.state.u), displacements(direct.state.u), rtol=0, atol=1e-10)
 
 
 def test_a_failure_on_the_way_puts_penalties_back():
