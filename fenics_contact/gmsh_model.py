@@ -9,6 +9,7 @@ from typing import Any
 import gmsh
 import numpy as np
 
+from fenics_contact.meetings import key, meetings
 from fenics_contact.types import Array, Floats, Ints64
 
 # gmsh's numbering of a cell's faces by its corners, and the facet's corners
@@ -17,25 +18,15 @@ _FACES = {
     "Tetrahedron": np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
 }
 _CELLS = ("Hexahedron 8", "Hexahedron 27", "Tetrahedron 4", "Tetrahedron 10")  # what dolfinx reads, order 1 and 2
-_SAME_PLACE = 1e-8  # of the model's size: gmsh's own measure in removeDuplicateNodes, so that this remedy helps
 _LONGEST_LOG = 5  # lines
 
 Source = Callable[..., Any] | str  # a script that draws and meshes the current model, or a path
 
 
 @dataclass(frozen=True)
-class Doubled:
-    """Faces of cells that lie on faces with other nodes: how many, where the first is, and the groups of either side."""
-
-    count: int
-    place: tuple
-    volumes: tuple
-    surfaces: tuple
-
-
-@dataclass(frozen=True)
 class Groups:
-    """`volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; `cells`: name -> how many; `doubled`.
+    """`volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; `cells`: name -> how many; `doubled` and
+    `touching`: Meetings of faces with other cells' faces, and of parts with each other, that share no nodes.
 
     A facet has one tag: every combination of surface groups that meet in a facet has a tag of its own.
     """
@@ -44,6 +35,7 @@ class Groups:
     surfaces: dict
     cells: dict
     doubled: tuple
+    touching: tuple
 
 
 # -- session ----------------------------------------------------------------------------------------------------------
@@ -145,18 +137,6 @@ def places(tags: Ints64) -> Floats:
     return np.asarray(X).reshape(-1, 3)[order[np.searchsorted(known, tags, sorter=order)]]
 
 
-def key(nodes: Ints64) -> Array:
-    """A number per row of nodes (n, k), the same for the same nodes in any order.
-
-    The sum of their hashes (splitmix64): of a million rows two are alike by chance once in ten million meshes, and rows
-    are compared a hundred times faster than node by node.
-    """
-    x = np.asarray(nodes).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return (x ^ (x >> np.uint64(31))).sum(axis=1, dtype=np.uint64)
-
-
 # -- handing over -----------------------------------------------------------------------------------------------------
 def hand_over() -> Groups:
     """Check the model and put in its place what dolfinx is sure to read: cells of one type in disjoint volume groups, facets
@@ -175,11 +155,12 @@ def hand_over() -> Groups:
     def groups_of(face: int) -> tuple[str, tuple[str, ...]]:
         return names[owner_of_face[face]], facets.names_of(face_keys[face])
 
-    doubled = _doubled(faces, face_keys, used, X, groups_of)
+    corners = np.searchsorted(used, cells[:, : _FACES[shape].max() + 1])
+    doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of)
     volume_tags = {name: tag for name, (tag, _) in volumes.items()}
     counts = np.bincount(owner, minlength=len(names)).tolist()
     _replace(used, X, kind, [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())], facets)
-    return Groups(volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled)
+    return Groups(volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled, touching)
 
 
 def _cells(volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
@@ -289,46 +270,6 @@ def _facets(surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Fa
     tag = combination + 1
     tags = {name: tuple(np.unique(tag[member]).tolist()) for name, member in members.items()}
     return _Facets(next(iter(kinds)), np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
-
-
-def _doubled(
-    faces: Ints64, face_keys: Array, used: Ints64, X: Floats, groups_of: Callable[[int], tuple[str, tuple[str, ...]]]
-) -> tuple[Doubled, ...]:
-    """Doubled faces by the groups of their sides. used: node tags in rising order, X (n, 3) their places;
-    groups_of(face): its volume and its surface groups."""
-    _, first, count = np.unique(face_keys, return_index=True, return_counts=True)
-    outer = np.sort(first[count == 1])  # faces with a cell on one side only
-    known = np.unique(faces[outer])
-    points = X[np.searchsorted(used, known)]
-    place = _same_place(points, _SAME_PLACE * float(np.linalg.norm(np.ptp(X, axis=0))))
-    nodes = place[np.searchsorted(known, faces[outer])]
-    shared = (np.bincount(place, minlength=len(place)) > 1)[nodes].all(axis=1)
-    outer, nodes = outer[shared], nodes[shared]
-    keys = key(nodes + 1)
-    order = np.argsort(keys, kind="stable")
-    found: dict[tuple[tuple[str, tuple[str, ...]], ...], list[Floats]] = {}
-    twins = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-    for i in twins[np.argsort(order[twins])]:  # by the cells' order
-        sides = tuple(sorted(groups_of(outer[order[j]]) for j in (i, i + 1)))
-        found.setdefault(sides, []).append(points[nodes[order[i]]].mean(axis=0))
-    return tuple(
-        Doubled(len(middles), tuple(middles[0].tolist()), *zip(*sides, strict=True)) for sides, middles in found.items()
-    )
-
-
-def _same_place(X: Floats, tolerance: float) -> Ints64:
-    """For every point (n, 3) the lowest number of those in its place."""
-    along = X @ [0.5377, 0.6180, 0.5734]  # a direction in which points of a lattice rarely lie side by side
-    order, label = np.argsort(along), np.arange(len(X))
-    for step in range(1, len(X)):
-        near = np.flatnonzero(along[order[step:]] - along[order[:-step]] <= tolerance)
-        if not len(near):
-            break
-        a, b = order[near], order[near + step]
-        same = np.abs(X[a] - X[b]).max(axis=1) <= tolerance
-        np.minimum.at(label, a[same], b[same])
-        np.minimum.at(label, b[same], a[same])
-    return label
 
 
 def _replace(used: Ints64, X: Floats, kind: int, volumes: list[tuple[str, int, Ints64]], facets: _Facets) -> None:

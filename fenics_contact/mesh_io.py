@@ -10,6 +10,7 @@ from mpi4py import MPI
 from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import Source, known_group
+from fenics_contact.meetings import Meeting
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Tags
 
 
@@ -18,7 +19,8 @@ class NamedMesh:
     """A dolfinx mesh with gmsh's physical groups by name.
 
     volumes: name -> tag in cell_tags; surfaces: name -> tags in facet_tags, one for every combination with other groups, so
-    that groups may overlap; doubled: faces of cells that lie on one another with nodes of their own, see gmsh_model.
+    that groups may overlap; doubled: faces of cells that lie on one another with nodes of their own; touching: parts that
+    touch or overlap otherwise, see meetings.
     """
 
     domain: Mesh
@@ -26,7 +28,8 @@ class NamedMesh:
     facet_tags: Tags
     volumes: dict[str, int]
     surfaces: dict[str, tuple[int, ...]]
-    doubled: tuple[gmsh_model.Doubled, ...] = ()
+    doubled: tuple[Meeting, ...] = ()
+    touching: tuple[Meeting, ...] = ()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -76,7 +79,7 @@ def read_gmsh(
             gmsh_model.close()
     domain.topology.create_connectivity(2, 3)
     domain.topology.create_connectivity(3, 2)
-    return NamedMesh(domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.doubled)
+    return NamedMesh(domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.doubled, groups.touching)
 
 
 def read_surface(

@@ -311,3 +311,33 @@ def test_a_loose_piece_of_a_body_is_refused_by_its_place():
 def test_one_volume_in_two_bodies():
     mesh = read_gmsh(box.build)
     refused(lambda: Scene(Body(mesh, "box", RUBBER), Body(mesh, "box", RUBBER)), "'box'", "2 bodies", "one material")
+
+
+# -- bodies that touch or overlap without a contact --------------------------------------------------------------------
+def unmet(result):
+    return [note for note in result.verdict.notes if "without a contact there" in note]
+
+
+def test_bodies_that_touch_without_a_contact_are_said():
+    """Faces shifted by 0.6 of their length: the middles of half of those of either side lie on the other."""
+    mesh = read_gmsh(halves, shift=0.3)
+    (note,) = unmet(stretched(mesh))
+    assert "body 'lower' touches or overlaps 'upper'" in note and "4 faces" in note and "(0.75, 0.25, 0)" in note
+    assert not unmet(stretched(mesh, ("upper_bottom", "lower_top")))  # what the note advises
+    assert not unmet(stretched(read_gmsh(halves, gap=1e-4, shift=0.3)))
+    assert not unmet(stretched(read_gmsh(halves, merge=True)))
+
+
+def swallowed():
+    """A small block drawn inside a large one, from which it has not been cut."""
+    two_blocks.build((3.0,) * 3, (3, 3, 3), (0.0, 0.0, 0.0), (0.8,) * 3, (1, 1, 1), (1.1, 1.1, 1.1))
+
+
+def test_a_body_inside_another_is_said():
+    mesh = read_gmsh(swallowed)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_bottom")
+    scene.prescribe("upper_top", "z", 0.01)
+    (note,) = unmet(solve(scene, steps=1, progress=False))
+    assert "body 'lower' touches or overlaps 'upper'" in note and "6 faces" in note

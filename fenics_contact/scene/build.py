@@ -29,6 +29,7 @@ from fenics_contact.scene.checks import (
     refuse_held,
     refuse_jumps,
     refuse_loose,
+    unmet_notes,
 )
 from fenics_contact.scene.drives import motion_of, supports_of
 from fenics_contact.solid import virtual_power as vp
@@ -88,7 +89,7 @@ def build(scene, move=None, push=None, timers=None, stabilise=False, damping=Fal
     )  # fmt: skip
     refuse_behind(system)
     refuse_held(scene, system)
-    return Built(system, refuse_deep_start(scene, system) + refuse_jumps(scene, system))
+    return Built(system, unmet_notes(scene) + refuse_deep_start(scene, system) + refuse_jumps(scene, system))
 
 
 # -- solid ------------------------------------------------------------------------------------------------------------

@@ -145,6 +145,25 @@ def refuse_doubled(scene):
         )
 
 
+def unmet_notes(scene):
+    """What is to be said of bodies that touch or overlap at the start where no contact of bodies is stated for them."""
+    stated = {name for one in scene.contacts if isinstance(one.master, tuple) for name in (*one.slave, *one.master)}
+    left = {}
+    for found in scene.mesh.touching:
+        if not stated & set(found.surfaces[0]):
+            left.setdefault(tuple(sorted(found.volumes)), []).append(found)
+    notes = []
+    for (one, other), meetings in left.items():
+        count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
+        names = names if one != other else f"pieces of body '{one}' touch or overlap"
+        notes.append(
+            f"{names} without a contact there: {count} faces of cells, the first at {spot(meetings[0].place)}, lie on or in "
+            "the other's; they pass through each other. State a contact between their surfaces, bond them with "
+            "gmsh.model.occ.fragment before meshing, or draw them with a gap"
+        )
+    return notes
+
+
 def refuse_loose(holds, state, comm):
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
     for i, axes in holds.loose(lambda contact: contact.held_axes(state)).items():
