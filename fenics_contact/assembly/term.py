@@ -1,6 +1,6 @@
 """What a System sums: terms of the virtual power, and the state they depend on."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -79,8 +79,9 @@ class Term(Protocol):
     def trouble(self, state: State) -> Finding | None:
         """None, or the Finding that keeps the step after this accepted state from converging. Collective."""
 
-    def remark(self, state: State) -> str | None:
-        """None, or what is to be said of an accepted state. Collective."""
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
+        ...
 
 
 class ContactTerm(Term, Protocol):
@@ -206,8 +207,9 @@ class FormTerm:
     def trouble(self, state: State) -> Finding | None:
         """None: what forms suffer from is found in the tangent."""
 
-    def remark(self, state: State) -> str | None:
-        """None."""
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        """Nothing."""
+        return {}
 
 
 def _listed(forms: Form | list[Form] | None) -> list[Form]:

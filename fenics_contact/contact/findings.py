@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.trial import DRAWN, Floats, Response
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.contact.trial import DRAWN, Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -18,12 +18,8 @@ SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that dese
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
+LED = 0.01  # of a contact's force: what more of it acts on prescribed points is worth a note
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
-
-
-def deepest(response: Response, gap: Floats) -> Floats:
-    """Depths (ne, nq) [length] of points held by their full penalty, at these gaps; zero for others."""
-    return np.where((response.cover >= 1.0) & (response.status != OPEN), -gap, 0.0)
 
 
 def worst(contact: Contact, comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
@@ -65,8 +61,7 @@ def _sunk(contact, state, share):
 
 def deepest_point(contact, state):
     """(penetration [length], place) of the deepest point. Collective."""
-    response = contact.response(state)
-    return worst(contact, state.u.function_space.mesh.comm, deepest(response, response.gap).ravel())
+    return worst(contact, state.u.function_space.mesh.comm, contact.depths(state).ravel())
 
 
 def never_met(contact: Contact, state: State) -> str | None:
@@ -82,8 +77,30 @@ def never_met(contact: Contact, state: State) -> str | None:
     )
 
 
-def remark(contact: Contact, state: State) -> str | None:
-    """That points or nodes lie deep in the master at an accepted step. Collective."""
+def remarks(contact: Contact, state: State, said: Collection[str]) -> dict[str, str]:
+    """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
+    kinds = {"led": _led_note, "deep": _depth_note}
+    return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
+
+
+def _led_note(contact, state):
+    """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
+    comm = state.u.function_space.mesh.comm
+    force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
+    led = np.where(contact.led(state), force, 0.0)
+    most, place = worst(contact, comm, led.ravel())
+    led, total = comm.allreduce(np.array([led.sum(), force.sum()]))
+    if not led > LED * total:
+        return None
+    return (
+        f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
+        f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out of "
+        "the slave"
+    )
+
+
+def _depth_note(contact, state):
+    """None, or that points or nodes lie deep in the master. Collective."""
     height = contact.surface.cell_height
     depth, place = deepest_point(contact, state)
     remedy = "penetration= keeps it out, or raise penalty="

@@ -33,8 +33,9 @@ class Multipliers:
         return max(np.abs(self._grown(state) - trial.history.shift).max(initial=0.0), slips) / contact.tolerance
 
     def _grown(self, state: State) -> Floats:
-        response = self._contact.response(state)
-        return np.minimum(response.cover * (response.gap + self._contact.trial.history.shift), 0.0)
+        """Multipliers that take over what the penalty carries; a point that supports lead no force can hold out."""
+        response, shift = self._contact.response(state), self._contact.trial.history.shift
+        return np.where(self._contact.led(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
 
     def augmented(self, state: State, share: float = 1.0) -> Trial:
         """Multipliers have taken over what the penalty carries, or a share of its pressure and none of its friction."""

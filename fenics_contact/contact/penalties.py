@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.findings import deepest, worst
+from fenics_contact.contact.findings import worst
 from fenics_contact.contact.friction import Friction
-from fenics_contact.contact.trial import Floats, Law, Response, Trial
+from fenics_contact.contact.trial import Floats, Law, Trial
 from fenics_contact.kernels.status import STICK
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class Penalties:
             return None
         contact, trial = self._contact, self._contact.trial
         comm = state.u.function_space.mesh.comm
-        depth, place = self._depth(contact.response(state), contact.response(state).gap, comm)
+        depth, place = self._depth(contact.depths(state), comm)
         raised = trial.history.raised
         room = min(comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
         if depth <= DEEPEST or room <= 1.0 + 1e-9:  # round-off of a factor that has reached its bound
@@ -103,10 +103,9 @@ class Penalties:
         raised = self._contact.trial.history.raised
         return max(state.u.function_space.mesh.comm.allgather(raised[:, 0].max(initial=1.0)))
 
-    def _depth(self, response: Response, gap: Floats, comm):
+    def _depth(self, depths: Floats, comm):
         """(deepest point [of a cell's height], its place). Collective."""
-        held = deepest(response, gap)
-        return worst(self._contact, comm, (held / self._contact.surface.height[:, None]).ravel())
+        return worst(self._contact, comm, (depths / self._contact.surface.height[:, None]).ravel())
 
     def friction_kept(self, trial: Trial, factor: float) -> Trial:
         """Points feel their accepted friction traction again under tangential penalties greater by a factor."""
@@ -123,9 +122,8 @@ class Penalties:
         """
         if not self._contact.partner.softens:
             return 1.0
-        response = self._contact.response(state)
-        gap = response.gap + self._contact.trial.history.shift
-        depth = self._depth(response, gap, state.u.function_space.mesh.comm)[0]
+        depths = self._contact.depths(state, self._contact.trial.history.shift)
+        depth = self._depth(depths, state.u.function_space.mesh.comm)[0]
         part = max(depth / (AIM * DEEPEST), SOFTEST)
         return part if part < WORTH else 1.0
 

@@ -1,5 +1,6 @@
 """Contact of a slave surface with its master as one term of a System: pure response and tangent, history when accepted."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -20,14 +21,16 @@ from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.timing import Timers
 
+FIXED = 1e-6  # of a point's motion along its normal: what else its free nodes could give is rounding of the normal
+
 
 class Contact:
     """Penalty contact with Coulomb friction between slave points and a master.
 
     surface: SlaveSurface; partner: what the points meet; friction: Friction; eps_n, eps_t: penalties (ne,)
     [pressure/length]; adapts: which of both a run may raise; tolerance: how deep a point may lie in the master and how far
-    one that sticks may slip [length], None: as the penalty alone gives; state: the initial one, in which every point is
-    anchored at its projection. Response and tangent depend on the state and a Trial alone: `accepted` is what the last
+    one that sticks may slip [length], None: as the penalty alone gives; prescribed: local dofs that supports do; state: the
+    initial one, in which every point is anchored at its projection. Response and tangent depend on the state and a Trial alone: `accepted` is what the last
     accepted step left, `trial` what the present one is tried with. All methods that take a state are collective.
     """
 
@@ -42,11 +45,15 @@ class Contact:
         penalties: tuple[Floats, Floats],
         adapts: tuple[bool, bool],
         tolerance: float | None,
+        prescribed: Ints,
         state: State,
         timers: Timers,
     ):
         self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
         self.tolerance = tolerance
+        led = np.isin(3 * surface.nodes[:, :, None] + np.arange(3), prescribed)
+        # (ne, k, 3): components of the slave nodes that supports prescribe; None on all ranks without
+        self._prescribed = led if state.u.function_space.mesh.comm.allreduce(int(led.any())) else None
         law = Law(*penalties, friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, adapts), Multipliers(self)
         ne, nq = surface.area.shape
@@ -239,6 +246,24 @@ class Contact:
         sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
         return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
 
+    def fixed(self, state: State) -> Bools:
+        """Which points (ne, nq) supports prescribe along the contact's normal."""
+        s = self.surface
+        if self._prescribed is None:
+            return np.zeros(s.area.shape, dtype=bool)
+        moved = np.einsum("eqk,eqc,ekc->eqkc", np.abs(s.a), np.abs(self.partner.looks(state)), ~self._prescribed)
+        return moved.max(axis=(2, 3), initial=0.0) <= FIXED
+
+    def led(self, state: State) -> Bools:
+        """Which points (ne, nq) are fixed against a master that gives way no more than they do: a tool."""
+        return self.fixed(state) if self.partner.grounded else np.zeros(self.surface.area.shape, dtype=bool)
+
+    def depths(self, state: State, shift: Floats | float = 0.0) -> Floats:
+        """Penetrations (ne, nq) [length] that the contact has to answer for, multipliers added as lengths if so asked."""
+        response = self.response(state)
+        held = (response.cover >= 1.0) & (response.status != OPEN) & ~self.led(state)
+        return np.where(held, -(response.gap + shift), 0.0)
+
     def held_axes(self, state: State) -> set[str]:
         """Axes along which the contact can hold a body that it touches."""
         return self.partner.held_axes(state, self.response(state).gap, self.rough)
@@ -268,8 +293,8 @@ class Contact:
     def deep(self, state: State) -> Finding | None:
         return findings.deep(self, state)
 
-    def remark(self, state: State) -> str | None:
-        return findings.remark(self, state)
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        return findings.remarks(self, state, said)
 
     def never_met(self, state: State) -> str | None:
         return findings.never_met(self, state)

@@ -66,7 +66,7 @@ def build(scene, move=None, push=None, timers=None, stabilise=False, damping=Fal
         check = scene.volume_ratio(u).check
     modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
-        contacts = [_contact(scene, stated, modulus, state, timers) for stated in scene.contacts]
+        contacts = [_contact(scene, stated, modulus, supports, state, timers) for stated in scene.contacts]
     bodies = bonded_bodies(scene)
     holds = Holds(comm, bodies, supports, contacts)
     refuse_loose(holds, state, comm)
@@ -126,13 +126,15 @@ def _modulus_by_cell(scene):
 
 
 # -- contact ----------------------------------------------------------------------------------------------------------
-def _contact(scene, stated, modulus, state, timers):
+def _contact(scene, stated, modulus, supports, state, timers):
     """The term of a stated contact. Collective."""
     points = stated.points if isinstance(stated.points, str) else int(stated.points)
     surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points)
     partner = _partner(scene, stated, surface, timers)
     values, adapts = stated.penalty.values(surface.stiffness, stated.friction), stated.penalty.adapts(stated.penetration)
-    return Contact(stated.name, surface, partner, stated.friction, values, adapts, stated.penetration, state, timers)
+    return Contact(
+        stated.name, surface, partner, stated.friction, values, adapts, stated.penetration, supports.dofs, state, timers
+    )
 
 
 def _partner(scene, stated, surface, timers):

@@ -25,7 +25,7 @@ class Verdict:
     kind, reason, place, remedy: what stopped it, in words; t: load parameter reached; step: number of the step that failed,
     0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
-    notes: what was resolved on the way; remarked: names of the terms that have said what they had to; smallest: step [t]
+    notes: what was resolved on the way; remarked: kinds of what terms have said, by their names; smallest: step [t]
     below which none is tried; size: largest step [t] to try next, endless while no step failed.
     """
 
@@ -42,7 +42,7 @@ class Verdict:
     augmentations: int = 0
     residuals: list = field(default_factory=list)
     notes: list = field(default_factory=list)
-    remarked: list = field(default_factory=list)
+    remarked: dict = field(default_factory=dict)
     smallest: float = 0.0
     size: float = math.inf
 
@@ -53,10 +53,12 @@ class Verdict:
         self.corrections += report.corrections
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
-        asked = [term for term in system.terms if term.name not in self.remarked]
-        remarks = {term.name: remark for term in asked if (remark := term.remark(system.state))}
-        self.remarked += remarks
-        notes = report.notes + list(remarks.values())
+        notes = list(report.notes)
+        for term in system.terms:
+            said = self.remarked.setdefault(term.name, [])
+            remarks = term.remarks(system.state, said)
+            notes += remarks.values()
+            said += remarks
         self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
 
     def stop(self, finding, t, step=None):
