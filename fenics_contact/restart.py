@@ -1,6 +1,7 @@
 """Checkpoints of a run, and the way back from one: on any number of ranks, refused where the scene is another."""
 
 from dataclasses import asdict
+from functools import lru_cache
 
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
@@ -19,10 +20,11 @@ class Keeper:
     """
 
     def __init__(self, folder, system, path, stated, every, resume):
-        """stated: what `statement` gives of the run, the same in the one that is resumed; every: steps to a checkpoint."""
+        """stated: function of the largest t reached -> `statement` of the run, the same where it is resumed; every: steps
+        from one checkpoint to the next."""
         self.comm, self._path, self.every, self._folder = system.comm, path, every, folder
         self.verdict, self.rows, self.resumed = Verdict(), [], False
-        self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), stated
+        self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
         if resume:
             self._take_up()
 
@@ -34,7 +36,8 @@ class Keeper:
         content = self.comm.bcast(content)
         if content is None:
             return
-        found = first_difference(content.get("scene", {}), self._stated)
+        self.rows = content["rows"]
+        found = first_difference(content.get("scene", {}), self._statement())
         if found:
             what, there, here = found
             raise SceneError(
@@ -69,16 +72,20 @@ class Keeper:
                 f"the checkpoint in '{self._folder}' does not fit: {error}; start anew with overwrite=True in the place of "
                 "resume"
             ) from None
-        self.verdict, self.rows, self.resumed = Verdict(**content["verdict"]), content["rows"], True
+        self.verdict, self.resumed = Verdict(**content["verdict"]), True
+
+    def _statement(self):
+        """What the run states, as far as it has come. Collective."""
+        return self._stated(max([1.0, *(row["t"] for row in self.rows)]))
 
     def keep(self):
         """Call at the start and after every accepted step: writes a checkpoint where one is due. Collective."""
         if len(self.rows) % self.every == 0:
             fields, numbers = self._path.memory() if self._path else (None, None)
-            arrays = self._memory.collect(fields)
+            arrays, stated = self._memory.collect(fields), self._statement()
             with writing(self.comm, self._folder, "a checkpoint"):
                 if arrays:
-                    content = {"scene": self._stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers}
+                    content = {"scene": stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers}
                     self._files.write(len(self.rows), arrays, content)
 
 

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 
 import numpy as np
@@ -149,7 +150,7 @@ def solve(
     solver = LinearSolver(system, linear, afresh=continuation)
     plain, stepper = _stepper(method, solver, tolerance, system)
     path = Path(system, plain, stepper, arcs, legs) if continuation else None
-    stated = statement(scene, system, method, record) if every else None
+    stated = partial(statement, scene, system, method, record)
     keeper = Keeper(folder, system, path, stated, every, resume) if every else None
     record = _Record(scene, system, folder, keeper, record, continuation, progress)
     setup = timers.table()["total"]

@@ -17,7 +17,7 @@ from mpi4py import MPI
 from refusals import refused
 from test_restart import alone, mpirun, times_of_fields
 
-from fenics_contact import Body, Scene, SceneError, neo_hooke, read_gmsh, rigid_sphere, solve
+from fenics_contact import Body, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
 from fenics_contact.output import checkpoint
 from fenics_contact.output.checkpoint import CheckpointFiles
 from fenics_contact.output.files import FolderError
@@ -241,6 +241,29 @@ def test_another_statement_is_refused_and_named(folder):
         assert len(set(COMM.allgather(str(caught.value)))) == 1
     assert contents(folder) == before
     assert press(folder, resume=True, steps=[0.25, 0.5], law=law).converged
+
+
+@pytest.mark.parallel
+def test_paths_are_compared_as_far_as_the_run_has_come(folder):
+    """Beyond t = 1 too; where it has not been yet they may differ, or not be defined at all."""
+
+    def way(t, beyond):
+        assert t <= 2.0 or beyond is not None
+        return (0.0, 0.0, -0.2 * min(t, 1.0) - 0.1 * max(t - 1.0, 0.0) - (beyond or 0.0) * max(t - 2.0, 0.0))
+
+    def go(path, steps, **options):
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", stiffer(1.0)))
+        scene.fix("zmin")
+        plane = rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="plane")
+        scene.contact("zmax", plane, name="c")
+        return solve(scene, move={plane: path}, steps=steps, out=folder, progress=False, **options).require()
+
+    go(lambda t: way(t, None), [0.5, 1.0, 2.0], checkpoint=True)
+    with pytest.raises(SceneError, match="another scene, move of 'plane'"):
+        go(lambda t: (0.0, 0.0, -0.2 * t), [0.5, 1.0, 2.0, 3.0], resume=True)
+    result = go(lambda t: way(t, 0.3), [0.5, 1.0, 2.0, 3.0], resume=True)
+    assert list(result.column("t")) == [0.5, 1.0, 2.0, 3.0]
+    assert result.history[-1]["plane_travel_z_mm"] == pytest.approx(-0.7)
 
 
 @pytest.mark.serial

@@ -94,8 +94,8 @@ def _led_note(contact, state):
         return None
     return (
         f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
-        f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out of "
-        "the slave"
+        f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out "
+        "of the slave"
     )
 
 

@@ -30,8 +30,9 @@ class Contact:
     surface: SlaveSurface; partner: what the points meet; friction: Friction; eps_n, eps_t: penalties (ne,)
     [pressure/length]; adapts: which of both a run may raise; tolerance: how deep a point may lie in the master and how far
     one that sticks may slip [length], None: as the penalty alone gives; prescribed: local dofs that supports do; state: the
-    initial one, in which every point is anchored at its projection. Response and tangent depend on the state and a Trial alone: `accepted` is what the last
-    accepted step left, `trial` what the present one is tried with. All methods that take a state are collective.
+    initial one, in which every point is anchored at its projection. Response and tangent depend on the state and a Trial
+    alone: `accepted` is what the last accepted step left, `trial` what the present one is tried with. All methods that take
+    a state are collective.
     """
 
     condensed = False

@@ -4,14 +4,20 @@ import numpy as np
 
 from fenics_contact.solid.materials import sampled_energy
 
-TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # at which functions of t are sampled
+TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # at which functions of t are sampled, and as many between 1 and the largest t reached
 SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
 LISTED = 16  # a longer array, e.g. a tool's mesh, is known by sums
 
 
-def statement(scene, system, method, recorded):
-    """{name: text, number or list of these}. Collective: the user's functions are asked on all ranks."""
+def statement(scene, system, method, recorded, reached=1.0):
+    """{name: text, number or list of these}; reached: largest t so far. Collective: the user's functions are asked on all
+    ranks, beyond t = 1 nowhere that the run has not been: there they need not be defined."""
     comm = system.comm
+    times = TIMES + tuple(1.0 + t * (reached - 1.0) for t in TIMES[1:] if reached > 1.0)
+
+    def sampled(path):
+        return np.ravel([path(t) for t in times]).astype(float).tolist()
+
     out = {
         "method": method,
         "degree": scene.degree,
@@ -26,16 +32,16 @@ def statement(scene, system, method, recorded):
     for body in scene.bodies:
         out[f"material of '{body.group}'"] = body.material.name
         out[f"energy of '{body.group}'"] = sampled_energy(body.material)
-    for name, samples in system.supports.sampled(TIMES).items():
+    for name, samples in system.supports.sampled(times).items():
         out[f"support of {name}"] = samples
     for i, load in enumerate(scene.loads):
-        out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = _sampled(load.path)
+        out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = sampled(load.path)
     for i, load in enumerate(scene.pressures):
-        out[f"pressure {i + 1} on {'+'.join(load.group)}"] = _sampled(load.path)
+        out[f"pressure {i + 1} on {'+'.join(load.group)}"] = sampled(load.path)
     for i, tool in enumerate(scene.tools):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
-        out[f"move of '{tool.name}'"] = _sampled(lambda t, i=i: system.tools.prescribed(t)[i])
-        out[f"push of '{tool.name}'"] = _sampled(lambda t, i=i: system.tools.forces(t)[i])
+        out[f"move of '{tool.name}'"] = sampled(lambda t, i=i: system.tools.prescribed(t)[i])
+        out[f"push of '{tool.name}'"] = sampled(lambda t, i=i: system.tools.forces(t)[i])
         out[f"free axes of '{tool.name}'"] = plain(system.tools.free[i])
     for stated, term in zip(scene.contacts, system.contacts, strict=True):
         parts = vars(stated) | {f"penalty {key}": value for key, value in vars(stated.penalty).items()}
@@ -76,7 +82,3 @@ def plain(value):
             return [float(len(flat)), float(np.abs(flat).sum()), float(weights @ flat)]
         return flat.tolist()
     return list(value) if isinstance(value, tuple) else value
-
-
-def _sampled(path):
-    return np.ravel([path(t) for t in TIMES]).astype(float).tolist()
