@@ -8,7 +8,7 @@ import pytest
 pytestmark = pytest.mark.serial
 
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
-STANDARD = {"__future__", "argparse", "collections", "contextlib", "csv", "dataclasses", "errno", "functools", "gc",
+STANDARD = {"__future__", "abc", "argparse", "collections", "contextlib", "csv", "dataclasses", "errno", "functools", "gc",
             "importlib", "inspect", "io", "itertools", "json", "logging", "math", "numbers", "os", "pathlib", "platform",
             "re", "resource", "statistics", "subprocess", "sys", "tempfile", "textwrap", "time", "types", "typing",
             "warnings", "xml", "zipfile"}  # fmt: skip
@@ -30,8 +30,8 @@ TABLE = {
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing", "values"},
     "assembly": {"numpy", "mpi4py", "petsc4py", "kernels", "compat", "timing"},
     "solvers": {"numpy", "petsc4py", "assembly", "timing"},
-    "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "mesh_io", "output", "solid", "timing",
-              "values"},
+    "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "output", "solid",
+              "timing", "values"},
     "output": {"numpy", "mpi4py", "matplotlib", "mpl_toolkits", "ufl", "agreement", "compat", "assembly", "kernels", "solid",
                "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "assembly", "compat", "solid",

@@ -37,8 +37,8 @@ class CellBlocks:
 def _dofs(space: Space, blocks: Ints64 | None = None) -> Ints64:
     """(cells, dofs per cell): local numbers, or those of the numbering `blocks`."""
     size = space.dofmap.index_map_bs
-    cells = compat.cell_dofs(space)
-    cells = cells if blocks is None else blocks[cells]
+    own = compat.cell_dofs(space)
+    cells: Array = own if blocks is None else blocks[own]
     return (size * cells[..., None] + np.arange(size)).reshape(len(cells), size * cells.shape[1])  # of no cells too
 
 

@@ -13,7 +13,7 @@ from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import DRAWN, Anchors, Floats, Ints, Response, Trial
-from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.contact_pairs import (
     add_forces,
     augmented_anchors,
@@ -22,8 +22,9 @@ from fenics_contact.kernels.contact_pairs import (
     stiffened_anchors,
 )
 from fenics_contact.kernels.contact_tangent import add_tangents
-from fenics_contact.kernels.deformable_element import slave_points
+from fenics_contact.kernels.deformable_element import Pairs, PointLaws, Slaves, slave_points
 from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Bools, Ints64, Space
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
 FIRST_SEARCH = 3.0
@@ -44,10 +45,10 @@ class FacetFeet(NamedTuple):
     """Where slave points and master facets are, and the projection of kernels/closest_point.py there."""
 
     placed: Placed
-    projection: tuple
+    projection: Projection
 
     @property
-    def coords(self):
+    def coords(self) -> Floats:
         return self.placed.coords
 
 
@@ -69,7 +70,15 @@ class FacetPartner:
     reach = 0.0
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
-    def __init__(self, name: str, surface: SlaveSurface, facets, master: MasterSurface | ToolSurface, space, timers: Timers):
+    def __init__(
+        self,
+        name: str,
+        surface: SlaveSurface,
+        facets: tuple[Ints64, Ints64, Ints64],
+        master: MasterSurface | ToolSurface,
+        space: Space,
+        timers: Timers,
+    ) -> None:
         self.name, self.surface, self.master, self.timers = name, surface, master, timers
         # along the slave's normal even frictionless forces have no potential
         self.smooth = surface.gradients is None
@@ -89,34 +98,35 @@ class FacetPartner:
         seek = seek_along_normals(self._nodes, self._gradients, surface.corners) if along else seek_closest
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._closest = Pairing(self._facets, seek_closest, self.search, 0.0)  # of nodes between Gauss points
-        self._seen = self._feet = None
+        self._seen: tuple[Floats, Floats] | None = None
+        self._feet: FacetFeet | None = None
 
-    def _new_pattern(self, space) -> PairPattern:
+    def _new_pattern(self, space: Space) -> PairPattern:
         blocks = np.concatenate([compat.global_blocks(space)[self._local], self.master.blocks]).astype(np.int64)
         return PairPattern(self._nodes, self._facets[0], blocks, space.dofmap.index_map.size_global)
 
     # -- where the points are -------------------------------------------------------------------------------------
-    def _slaves(self, area: Floats | None = None):
+    def _slaves(self, area: Floats | None = None) -> Slaves:
         """Slaves as kernels/deformable_element.py takes them."""
         s = self.surface
         weights = s.a.reshape(-1, s.a.shape[2])
         return self._nodes, weights, (s.area if area is None else area).reshape(-1), self._gradients
 
-    def _placed(self, state) -> Placed:
+    def _placed(self, state: State) -> Placed:
         u, s = state.u.x.array, self.surface
         coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
         points = np.empty((s.area.size, 3))
         slave_points(coords, self._nodes, s.a.reshape(-1, s.a.shape[2]), points)
         return Placed(coords, points, points if s.gradients is not None else self._point_normals(u))
 
-    def _point_normals(self, u):
+    def _point_normals(self, u: Floats) -> Floats:
         """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""
         s = self.surface
         at_nodes, normals = self._nodal_normals(u)[self._local], np.empty((s.area.size, 3))
         slave_points(at_nodes, self._nodes, s.a.reshape(-1, s.a.shape[2]), normals)
         return unit(normals)
 
-    def _nodal_normals(self, u):
+    def _nodal_normals(self, u: Floats) -> Floats:
         """Sum of the area vectors of the slave facets around each node (nodes, 3), facets of all ranks."""
         values = self._normal.x.array.reshape(-1, 3)
         values[:] = 0.0
@@ -132,31 +142,32 @@ class FacetPartner:
         same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
         moved = np.array([not same], dtype=np.int32)
         self._comm.Allreduce(MPI.IN_PLACE, moved)
-        if moved[0]:
+        feet = self._feet
+        if moved[0] or feet is None:
             with self.timers("projection"):
                 coords, points, normals = placed = self._placed(state)
-                self._feet = FacetFeet(placed, self._pairing.project(points, normals, coords, self.timers))
+                feet = self._feet = FacetFeet(placed, self._pairing.project(points, normals, coords, self.timers))
             self._seen = now
-        return self._feet
+        return feet
 
     def first_feet(self, state: State) -> FacetFeet:
         """The places of the first search, which looks farther. Collective."""
         placed = self._placed(state)
         return FacetFeet(placed, self._far(placed, FIRST_SEARCH * self.search))
 
-    def _far(self, placed, search):
+    def _far(self, placed: Placed, search: float) -> Projection:
         coords, points, normals = placed
         return self._pairing.far(points, normals, coords, search)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
-    def _law(self, trial, touch=None):
+    def _law(self, trial: Trial, touch: float | None = None) -> PointLaws:
         law, nq = trial.law, self.surface.area.shape[1]
         penalties = np.repeat(law.eps_n, nq), np.repeat(law.eps_t, nq)
         return *penalties, law.friction, float(law.touch if touch is None else touch), trial.history.shift.reshape(-1)
 
-    def _pairs(self, feet, trial, area=None):
+    def _pairs(self, feet: FacetFeet, trial: Trial, area: Floats | None = None) -> Pairs:
         """What the kernels take of the pairs of points and facets."""
-        return feet.coords, self._slaves(area), self._facets, feet.projection, trial.history.anchors
+        return feet.coords, self._slaves(area), self._facets, feet.projection, own(trial.history.anchors)
 
     def response(self, feet: FacetFeet, trial: Trial) -> Response:
         forces, (ne, nq) = np.zeros_like(feet.coords), self.surface.area.shape
@@ -178,15 +189,15 @@ class FacetPartner:
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         return Blocks(pairs=self._tangent(feet, trial), at=feet)
 
-    def _tangent(self, feet, trial):
+    def _tangent(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
         pairs = self._pairs(feet, trial, trial.area), self._law(trial), trial.judged
-        *blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
+        rows, columns, blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
         if missing:
             raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
-        return tuple(blocks)
+        return rows, columns, blocks
 
-    def couplings(self, feet: FacetFeet, trial: Trial):
+    def couplings(self, feet: FacetFeet, trial: Trial) -> Ints64 | None:
         """None while all closed pairs lie in the pattern asked for last; else keys row * N + column of a new one.
 
         Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
@@ -209,11 +220,11 @@ class FacetPartner:
         return np.where(np.isfinite(gaps), gaps, feet.projection[4]) + trial.history.shift.reshape(-1)
 
     # -- anchors --------------------------------------------------------------------------------------------------
-    def no_anchors(self) -> Anchors:
+    def no_anchors(self) -> tuple[Ints64, Floats]:
         n = self.surface.area.size
         return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
 
-    def _committed(self, feet, trial, touch):
+    def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = self.no_anchors(), np.empty(self.surface.area.size)
         committed_anchors(self._pairs(feet, trial), self._law(trial, touch), new, sliding)
         return new, sliding.reshape(self.surface.area.shape)
@@ -226,9 +237,9 @@ class FacetPartner:
         """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
         return self._committed(feet, trial, None)
 
-    def _augmented(self, feet, trial):
+    def _augmented(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
         new, slips = self.no_anchors(), np.empty(self.surface.area.size)
-        augmented_anchors(self._pairs(feet, trial), trial.history.rests, self._law(trial), new, slips)
+        augmented_anchors(self._pairs(feet, trial), own(trial.history.rests), self._law(trial), new, slips)
         return new, slips.reshape(self.surface.area.shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
@@ -242,16 +253,16 @@ class FacetPartner:
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         new = self.no_anchors()
-        stiffened_anchors(self._pairs(feet, trial), rests, self._law(trial), factor, new)
+        stiffened_anchors(self._pairs(feet, trial), own(rests), self._law(trial), factor, new)
         return new
 
-    def packed(self, anchors: Anchors, name: str) -> dict[str, np.ndarray]:
+    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""
         shape, (nodes, weights) = (*self.surface.area.shape, 4), anchors
         keys = np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - len(self._local))]
         return {name: keys.reshape(shape), f"{name}_weight": weights.reshape(shape)}
 
-    def unpacked(self, values, name: str) -> Anchors:
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
         keys, order = values[name].reshape(-1, 4), np.argsort(self.master.keys)
         nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
         return np.where(keys < 0, -1, nodes), np.ascontiguousarray(values[f"{name}_weight"].reshape(-1, 4))
@@ -266,19 +277,19 @@ class FacetPartner:
         """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
         return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
 
-    def unpaired(self, feet: FacetFeet):
+    def unpaired(self, feet: FacetFeet) -> Bools:
         """Mask (n,) of the points without a partner."""
         return feet.projection[1] == NONE
 
-    def features(self, feet: FacetFeet) -> np.ndarray:
+    def features(self, feet: FacetFeet) -> Array:
         """Codes (n, ...): where one changes the traction has a kink."""
         return np.column_stack(feet.projection[:3])
 
-    def touches(self, blocks) -> int:
+    def touches(self, blocks: Array) -> int:
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
         return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())
 
-    def gives(self, held) -> bool:
+    def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not."""
         return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()
 
@@ -288,19 +299,19 @@ class FacetPartner:
         largest = np.max(self._comm.allgather(normals), axis=0)
         return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
-    def overlap(self, state: State, X: Floats, slave) -> tuple[float, float]:
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
         """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
         gaps = self.first_feet(state).projection[4]
         return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
 
-    def node_gaps(self, state: State, nodes, X: Floats) -> Floats:
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Gaps (n,) of slave nodes from their closest points on the master, endless without one. Collective."""
         normals, coords = self._nodal_normals(state.u.x.array)[nodes], self.feet(state).coords
         points = coords[np.searchsorted(self._local, nodes)]
         gaps = self._closest.far(points, normals, coords, self.search)[4]
         return np.where(np.any(normals != 0.0, axis=1), gaps, np.inf)  # degree 2: a facet's normal is known at its corners
 
-    def beside(self, state: State):
+    def beside(self, state: State) -> tuple[Ints64, Floats] | None:
         """None: nodes off the slave surface are not looked for."""
 
     def lost_depth(self, state: State, trial: Trial) -> float:
@@ -328,6 +339,12 @@ class FacetPartner:
     def back_share(self, state: State) -> float:
         """Zero: normals of a body's facets point out of it."""
         return 0.0
+
+
+def own(anchors: Anchors) -> tuple[Ints64, Floats]:
+    """Anchors on facets: nodes (np, 4), local numbers, and their weights (np, 4)."""
+    nodes, weights = anchors
+    return nodes, weights
 
 
 def unit(vectors: Floats) -> Floats:

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
 from fenics_contact.assembly.term import State
@@ -22,7 +23,7 @@ LED = 0.01  # of a contact's force: what more of it acts on prescribed points is
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
-def worst(contact: Contact, comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
+def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
     """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3). Collective."""
     here = (-np.inf, "")
     if len(values):
@@ -49,7 +50,7 @@ def deep(contact: Contact, state: State) -> Finding | None:
     return _sunk(contact, state, DEEP)
 
 
-def _sunk(contact, state, share):
+def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
     """None, or the Finding that a point lies deeper than a share of a cell's height. Collective."""
     depth, place = deepest_point(contact, state)
     height = contact.surface.cell_height
@@ -59,7 +60,7 @@ def _sunk(contact, state, share):
     return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
 
 
-def deepest_point(contact, state):
+def deepest_point(contact: Contact, state: State) -> tuple[float, str]:
     """(penetration [length], place) of the deepest point. Collective."""
     return worst(contact, state.u.function_space.mesh.comm, contact.depths(state).ravel())
 
@@ -83,7 +84,7 @@ def remarks(contact: Contact, state: State, said: Collection[str]) -> dict[str, 
     return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
 
-def _led_note(contact, state):
+def _led_note(contact: Contact, state: State) -> str | None:
     """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
     comm = state.u.function_space.mesh.comm
     force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
@@ -99,7 +100,7 @@ def _led_note(contact, state):
     )
 
 
-def _depth_note(contact, state):
+def _depth_note(contact: Contact, state: State) -> str | None:
     """None, or that points or nodes lie deep in the master. Collective."""
     height = contact.surface.cell_height
     depth, place = deepest_point(contact, state)
@@ -115,7 +116,7 @@ def _depth_note(contact, state):
     return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
 
 
-def node_depth(contact, state):
+def node_depth(contact: Contact, state: State) -> tuple[float, str]:
     """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not.
 
     Zero where points are nodes themselves, which the penetration measures. Collective.
@@ -130,7 +131,7 @@ def node_depth(contact, state):
     return max(depth, 0.0), place
 
 
-def _depth_beside(contact, state):
+def _depth_beside(contact: Contact, state: State) -> tuple[float, str]:
     """Depth [length] and place of the deepest node off the slave surface; zero where that is not looked for. Collective."""
     if (beside := contact.partner.beside(state)) is None:
         return 0.0, ""

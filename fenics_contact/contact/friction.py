@@ -27,13 +27,13 @@ def coulomb(mu: float, exponent: float = 0.0, reference: float = 1.0, shear_limi
     return Friction(float(mu), float(reference), float(exponent), float(shear_limit or 0.0))
 
 
-def friction_of(stated: float | Friction) -> Friction:
+def friction_of(stated: object) -> Friction:
     """The Friction of a number, Coulomb's mu, or of what `coulomb` gives. ValueError for anything else."""
     if isinstance(stated, Friction):
         return stated
     if not isinstance(stated, numbers.Real):
         raise ValueError(f"friction = {stated!r} must be a number, Coulomb's mu, or coulomb(...)")
-    return coulomb(stated)
+    return coulomb(float(stated))
 
 
 def allowed(friction: Friction, pressure: np.ndarray) -> np.ndarray:

@@ -5,9 +5,13 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.types import Floats, Ints, Ints64, Space
 
 
-def oriented_facets(space, facets):
+def oriented_facets(space: Space, facets: Ints) -> tuple[Ints64, Ints64, Ints64]:
     """Exterior facets of owned cells as rings of nodes, counter-clockwise seen from outside.
 
     space: vector Lagrange space of degree 1; facets: local facet numbers. Returns nodes (nf, 4) local node numbers (a
@@ -28,7 +32,7 @@ def oriented_facets(space, facets):
     return nodes, size, compat.original_cells(mesh)[cells].astype(np.int64) * 6 + local
 
 
-def area_vectors(corners):
+def area_vectors(corners: Floats) -> Floats:
     """Normal times area (nf, 3) of facets with corners (nf, 4, 3); a triangle repeats its third corner."""
     return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
 
@@ -39,14 +43,14 @@ class _Surface:
     edge, longest: median and largest length of the facets' edges.
     """
 
-    def __init__(self, facets, X):
+    def __init__(self, facets: Surface, X: Floats) -> None:
         self.facets, self.X = facets, X
         corners = X[facets[0]]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         edges = edges[edges > 0.0]
         self.edge, self.longest = (float(f(edges)) if edges.size else 0.0 for f in (np.median, np.max))
 
-    def degenerate(self):
+    def degenerate(self) -> Floats:
         """Reference positions of the centres of facets without area (n, 3)."""
         corners = self.X[self.facets[0]]
         area = np.linalg.norm(area_vectors(corners), axis=1)
@@ -61,7 +65,7 @@ class MasterSurface(_Surface):
     evaluation: a surface is small against its volume.
     """
 
-    def __init__(self, space, facets):
+    def __init__(self, space: Space, facets: Ints) -> None:
         self.comm, self._space = space.mesh.comm, space
         nodes, size, key = oriented_facets(space, facets)
         to_global = compat.global_blocks(space)
@@ -69,25 +73,25 @@ class MasterSurface(_Surface):
         rows = np.concatenate(self.comm.allgather(rows))
         rows = rows[np.argsort(rows[:, 0])]
         self.blocks, numbered = np.unique(rows[:, 2:], return_inverse=True)
-        facets = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
+        everywhere = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
         # blocks of one rank are consecutive, so the sorted blocks are the ranks' parts one after the other
         first, end = space.dofmap.index_map.local_range
         self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
         self.owned = (self.blocks[self.mine] - first).astype(np.int64)
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
         self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
-        super().__init__(facets, self._gather(space.tabulate_dof_coordinates()[self.owned]))
+        super().__init__(everywhere, self._gather(space.tabulate_dof_coordinates()[self.owned]))
 
-    def _gather(self, owned):
+    def _gather(self, owned: Floats) -> Floats:
         everything = np.empty((len(self.blocks), 3))
         self.comm.Allgatherv(np.ascontiguousarray(owned), [everything, self._counts])
         return everything
 
-    def positions(self, state):
+    def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length] on every rank. Collective."""
         return self.X + self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
 
-    def add_forces(self, forces, residual, tool_residual):
+    def add_forces(self, forces: Floats, residual: Floats, tool_residual: Floats) -> None:
         """Add nodal forces (nm, 3), summed over all ranks, to the owned dofs of a local array. Collective."""
         total = np.empty_like(forces)
         self.comm.Allreduce(forces, total, op=MPI.SUM)
@@ -100,17 +104,17 @@ class ToolSurface(_Surface):
     tool: MeshedTool; index: its row in the state's travel.
     """
 
-    def __init__(self, tool, index):
+    def __init__(self, tool: MeshedTool, index: int) -> None:
         super().__init__((tool.nodes, tool.size), tool.X)
         self.index = index
         self.blocks = np.full(len(tool.X), -1, dtype=np.int64)  # no node of the System
         self.keys = np.arange(len(tool.X))
         self.owned = np.empty(0, dtype=np.int64)
 
-    def positions(self, state):
+    def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length]."""
         return self.X + state.travel[self.index]
 
-    def add_forces(self, forces, residual, tool_residual):
+    def add_forces(self, forces: Floats, residual: Floats, tool_residual: Floats) -> None:
         """Add nodal forces (nm, 3) of this rank's slave points to the force on the tool."""
         tool_residual[self.index] += forces.sum(axis=0)

@@ -11,6 +11,7 @@ from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.contact.trial import Trial
 from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Ints64, Space
 
 # A slave point and the facet nearest to it say on which side of the tool the body is if their normals are this parallel.
 DECISIVE = 0.5
@@ -26,11 +27,19 @@ class MeshedToolPartner(FacetPartner):
         "tool itself ends there, make its surface larger"
     )
 
-    def __init__(self, surface: SlaveSurface, facets, tool: MeshedTool, index: int, space, timers: Timers):
+    def __init__(
+        self,
+        surface: SlaveSurface,
+        facets: tuple[Ints64, Ints64, Ints64],
+        tool: MeshedTool,
+        index: int,
+        space: Space,
+        timers: Timers,
+    ) -> None:
         super().__init__(tool.name, surface, facets, ToolSurface(tool, index), space, timers)
         self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
 
-    def _new_pattern(self, space) -> PairPattern:
+    def _new_pattern(self, space: Space) -> PairPattern:
         # the tool's nodes travel as one: behind this rank's slave nodes they are one node of the pattern
         tool = len(self._local)
         blocks = np.concatenate([np.arange(tool), np.full(len(self.master.X), tool)])
@@ -53,10 +62,10 @@ class MeshedToolPartner(FacetPartner):
         travel = TravelBlocks(self.index, nodes, moved, pulled, corner)
         return Blocks(pairs=(at, along, values[inside]), whole=False, travel=travel, at=feet)
 
-    def couplings(self, feet: FacetFeet, trial: Trial):
+    def couplings(self, feet: FacetFeet, trial: Trial) -> None:
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
 
-    def gives(self, held) -> bool:
+    def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not: a tool is held."""
         return False
 

@@ -22,7 +22,7 @@ class Multipliers:
     series with the penalty (cover = its share of eps_N): lambda <- cover (lambda + eps_N g) leaves that spring alone.
     """
 
-    def __init__(self, contact: Contact):
+    def __init__(self, contact: Contact) -> None:
         self._contact = contact
 
     def misfit(self, state: State) -> float:

@@ -1,8 +1,11 @@
 """Which blocks of the matrix contact pairs fill: provided for before they are needed, and filled."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fenics_contact.kernels.couplings import coupled_pairs, lacks, newly_met, unique_pairs
+from fenics_contact.types import Bools, Floats, Ints64
 
 
 class PairPattern:
@@ -12,20 +15,20 @@ class PairPattern:
     block of each local node, of `count` blocks in all.
     """
 
-    def __init__(self, slave_nodes, corners, blocks, count):
+    def __init__(self, slave_nodes: Ints64, corners: Ints64, blocks: Ints64, count: int) -> None:
         self._slave_nodes, self._corners, self._blocks, self._count = slave_nodes, corners, blocks, count
         self._met = np.full(len(slave_nodes), -2), np.full((len(slave_nodes), 4), -2)
         self.set(np.empty(0, dtype=np.int64))
 
-    def set(self, keys):
+    def set(self, keys: Ints64) -> None:
         """Take these keys, each once and rising."""
         self.keys = keys
         self.rows, columns = np.divmod(keys, self._count)
-        ends = (np.searchsorted(keys, (self._blocks + more) * self._count) for more in (0, 1))
-        self.arrays = (self._blocks, *ends, columns)
+        first, end = (np.searchsorted(keys, (self._blocks + more) * self._count) for more in (0, 1))
+        self.arrays = self._blocks, first, end, columns
         self._values, self._used = np.zeros((len(keys), 3, 3)), np.zeros(len(keys), dtype=bool)
 
-    def suffices(self, closed, facet, anchor_nodes):
+    def suffices(self, closed: Bools, facet: Ints64, anchor_nodes: Ints64) -> bool:
         """True while the pattern holds the pairs of all closed points (np,)."""
         new = newly_met(closed, facet, anchor_nodes, *self._met)
         if not new.any():
@@ -35,10 +38,10 @@ class PairPattern:
         self._meet(new, facet, anchor_nodes)
         return True
 
-    def _meet(self, which, facet, anchor_nodes):
+    def _meet(self, which: Bools, facet: Ints64, anchor_nodes: Ints64) -> None:
         self._met[0][which], self._met[1][which] = facet[which], anchor_nodes[which]
 
-    def provide(self, offsets, facets, closed, facet, anchor_nodes):
+    def provide(self, offsets: Ints64, facets: Ints64, closed: Bools, facet: Ints64, anchor_nodes: Ints64) -> None:
         """Renew the pattern: slave points with the facets of CSR lists, and closed ones (np,) with theirs."""
         added = np.cumsum(np.concatenate([[0], closed]))
         facets = np.insert(facets, offsets[:-1][closed], facet[closed])
@@ -54,7 +57,7 @@ class PairPattern:
         self._met[0][:] = -2  # pairs of points that are open now may be in the old pattern only
         self._meet(closed, facet, anchor_nodes)
 
-    def filled(self, add):
+    def filled(self, add: Callable[..., int]) -> tuple[Ints64, Ints64, Floats, int]:
         """(rows (n,), rising, columns (n,), blocks (n, 3, 3), couplings missed) of what add(pattern, values, used) gives."""
         missing = add(self.arrays, self._values, self._used)
         places = np.flatnonzero(self._used)

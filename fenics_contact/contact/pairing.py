@@ -1,15 +1,23 @@
 """Pairing of slave points with the facet of the master surface that is nearest to each."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fenics_contact.kernels.broad_phase import candidates
-from fenics_contact.kernels.closest_point import closest_points
+from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
+from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.slave_ray import slave_rays
+from fenics_contact.timing import Timers
+from fenics_contact.types import Floats, Ints64
 
 FACING = 0.0  # cosine of outward normals above which a facet looks the slave's own way and is no partner
 # Of a facet's radius: by how much a normal from the border of a surface may miss the master. Surfaces that end together part
 # by less, and a point that far outside has left.
 BEYOND = 0.1
+
+# points, their normals, coords, facets, lists, search, projection to fill
+Seek = Callable[[Floats, Floats, Floats, Surface, Lists, float, Projection], None]
 
 
 class Pairing:
@@ -22,48 +30,56 @@ class Pairing:
     moved by more than the margin since; no result depends on when.
     """
 
-    def __init__(self, facets, seek, search, margin):
+    def __init__(self, facets: Surface, seek: Seek, search: float, margin: float) -> None:
         self.facets, self.seek, self.search, self.margin = facets, seek, search, margin
-        self._lists = self._places = None
+        self._lists: Lists | None = None
+        self._places: tuple[Floats, Floats] | None = None
 
-    def project(self, points, normals, coords, timers):
+    def project(self, points: Floats, normals: Floats, coords: Floats, timers: Timers) -> Projection:
         """Projection of points (np, 3) with outward normals (np, 3) on the facets at positions coords (nx, 3)."""
-        if self._lists is None or self._strayed(points, coords):
+        lists = self._lists
+        if lists is None or self._strayed(points, coords):
             with timers("search"):
-                self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
+                lists = self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
             self._places = points, coords
-        return self._sought(points, normals, coords, self._lists, self.search)
+        return self._sought(points, normals, coords, lists, self.search)
 
-    def _strayed(self, points, coords):
-        far = [(np.square(a - b)).sum(axis=1).max(initial=0.0) for a, b in zip((points, coords), self._places, strict=True)]
+    def _strayed(self, points: Floats, coords: Floats) -> bool:
+        before = self._places or (points, coords)
+        far = [(np.square(a - b)).sum(axis=1).max(initial=0.0) for a, b in zip((points, coords), before, strict=True)]
         return not np.sqrt(far).sum() <= self.margin
 
-    def within(self, points, coords, search):
+    def within(self, points: Floats, coords: Floats, search: float) -> Lists:
         """CSR lists (offsets, facets) of the facets whose box, enlarged by `search`, holds the points (np, 3)."""
         return candidates(points, coords, *self.facets, search)
 
-    def far(self, points, normals, coords, search):
+    def far(self, points: Floats, normals: Floats, coords: Floats, search: float) -> Projection:
         """Projection with another search distance, nothing kept."""
         return self._sought(points, normals, coords, self.within(points, coords, search), search)
 
-    def _sought(self, points, normals, coords, lists, search):
+    def _sought(self, points: Floats, normals: Floats, coords: Floats, lists: Lists, search: float) -> Projection:
         n = len(points)
-        out = (*(np.empty(n, dtype=np.int64) for _ in range(3)), np.empty((n, 2)), np.empty(n), np.empty((n, 3)))
+        facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
+        out = facet, kind, feature, np.empty((n, 2)), np.empty(n), np.empty((n, 3))
         self.seek(points, normals, coords, self.facets, lists, search, out)
         return out
 
 
-def seek_closest(points, normals, coords, facets, lists, search, out):
+def seek_closest(
+    points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+) -> None:
     """Closest point on the master, for slave nodes."""
     closest_points(points, normals, coords, facets, lists, search, FACING, out)
 
 
-def seek_along_normals(nodes, gradients, corners):
+def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
     """Seeker for points of facets: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k); corners:
     points may lie on the border of their surface."""
     beyond = BEYOND if corners else 0.0
 
-    def seek(points, normals, coords, facets, lists, search, out):
+    def seek(
+        points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+    ) -> None:
         slave_rays(points, (nodes, gradients), coords, facets, lists, search, beyond, out)
 
     return seek

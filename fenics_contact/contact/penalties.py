@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.findings import worst
@@ -64,7 +65,7 @@ class Penalties:
     law: with those at first; adapts: which of both, normal and tangential, a run may raise.
     """
 
-    def __init__(self, contact: Contact, law: Law, adapts: tuple[bool, bool]):
+    def __init__(self, contact: Contact, law: Law, adapts: tuple[bool, bool]) -> None:
         self._contact, self._first, self._adapts = contact, law, adapts
 
     # -- raised where points lie too deep -------------------------------------------------------------------------
@@ -103,7 +104,7 @@ class Penalties:
         raised = self._contact.trial.history.raised
         return max(state.u.function_space.mesh.comm.allgather(raised[:, 0].max(initial=1.0)))
 
-    def _depth(self, depths: Floats, comm):
+    def _depth(self, depths: Floats, comm: MPI.Comm) -> tuple[float, str]:
         """(deepest point [of a cell's height], its place). Collective."""
         return worst(self._contact, comm, (depths / self._contact.surface.height[:, None]).ravel())
 

@@ -10,9 +10,18 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.contact.trial import Anchors, Floats, Ints, Law, Response, Trial
-from fenics_contact.kernels.rigid_element import committed_anchors, contact_elements, distances, point_normals
+from fenics_contact.kernels.rigid_element import (
+    ElementLaws,
+    Points,
+    ToolPose,
+    committed_anchors,
+    contact_elements,
+    distances,
+    point_normals,
+)
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.types import Array, Bools, Ints64
 
 
 class RigidFeet(NamedTuple):
@@ -34,40 +43,41 @@ class RigidPartner:
     search = np.inf  # gaps from this on are not told apart [length]
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
-    def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int):
+    def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int) -> None:
         self.surface, self.tool, self.index = surface, tool, index
         self.name, self.edge = tool.name, tool.edge
         self.reach = tool.reach
         self.softens = tool.edge != "sharp"
         self.smooth = tool.edge != "sharp"  # have frictionless forces a potential?
         self._feet: RigidFeet | None = None
-        self._beside = None  # (local numbers, reference positions) of the nodes that are no slaves, once asked for
+        # local numbers and reference positions of the nodes that are no slaves, once asked for
+        self._beside: tuple[Ints64, Floats] | None = None
 
     # -- where the points are -------------------------------------------------------------------------------------
     def feet(self, state: State) -> RigidFeet:
         """The places at a state; the same object while these do not change."""
-        s, last = self.surface, self._feet
+        s, feet = self.surface, self._feet
         now = RigidFeet(s.X + state.u.x.array.reshape(-1, 3)[s.nodes], state.travel[self.index].copy())
-        if last is None or not all(np.array_equal(a, b) for a, b in zip(now, last, strict=True)):
-            self._feet = now
-        return self._feet
+        if feet is None or not all(np.array_equal(a, b) for a, b in zip(now, feet, strict=True)):
+            feet = self._feet = now
+        return feet
 
     first_feet = feet
 
-    def _at(self, feet: RigidFeet, area: Floats | None = None):
+    def _at(self, feet: RigidFeet, area: Floats | None = None) -> tuple[Points, ToolPose]:
         """Points and tool as kernels/rigid_element.py takes them."""
         s = self.surface
         return (feet.x, s.a, s.area if area is None else area, s.spacing), self._placed_tool(feet.travel)
 
-    def _placed_tool(self, travel):
+    def _placed_tool(self, travel: Floats) -> ToolPose:
         tool = self.tool
         return tool.kind, tool.shape, tool.origin, tool.axes, travel
 
-    def _law(self, law: Law, touch: float | None = None):
+    def _law(self, law: Law, touch: float | None = None) -> ElementLaws:
         return law.eps_n, law.eps_t, self.surface.stiffness, law.friction, float(law.touch if touch is None else touch)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
-    def _evaluate(self, feet, trial, want_tangent):
+    def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats, Floats]:
         ne, nq, k = self.surface.a.shape
         traction, forces = np.empty((ne, nq, 3)), np.empty((ne, k, 3))
         gap, excess, cover, status = (*(np.empty((ne, nq)) for _ in range(3)), np.empty((ne, nq), dtype=np.int32))
@@ -96,11 +106,15 @@ class RigidPartner:
         )
         return Blocks(cells=(nodes, tangent[active]), travel=travel, at=feet)
 
-    def couplings(self, feet: RigidFeet, trial: Trial):
+    def couplings(self, feet: RigidFeet, trial: Trial) -> None:
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
 
+    def foreseen(self, feet: RigidFeet, before: RigidFeet, trial: Trial) -> Floats:
+        """Gaps (ne nq,) at these places, shifts added: on a tool the tangent foresees no others."""
+        return (self.response(feet, trial).gap + trial.history.shift).ravel()
+
     # -- anchors --------------------------------------------------------------------------------------------------
-    def _committed(self, feet, trial, touch):
+    def _committed(self, feet: RigidFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = np.empty_like(trial.history.anchors[0]), np.empty_like(trial.area)
         history = trial.history.anchors[0], trial.history.shift
         committed_anchors(*self._at(feet), self._law(trial.law, touch), history, new, sliding)
@@ -121,7 +135,7 @@ class RigidPartner:
         """What the penalty gave way in stick (ne, nq) [length]."""
         return np.linalg.norm(self._slip(feet, trial, trial.history.rests, status == STICK), axis=2)
 
-    def _slip(self, feet, trial, rests, which=True):
+    def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
         """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""
         moved, normal = self.places(feet, trial)[0] - rests[0], self.normals(feet) @ self.tool.axes
         along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
@@ -136,11 +150,11 @@ class RigidPartner:
         foot, anchor = self.places(feet, trial)[0], trial.history.anchors[0]
         return (foot - (foot - anchor + (factor - 1.0) * self._slip(feet, trial, rests)) / factor,)
 
-    def packed(self, anchors: Anchors, name: str) -> dict[str, np.ndarray]:
+    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
         """Anchors as arrays (ne, ...) that no partition changes."""
         return {name: anchors[0]}
 
-    def unpacked(self, values, name: str) -> Anchors:
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
         return (np.ascontiguousarray(values[name]),)
 
     # -- what else is asked of a master ---------------------------------------------------------------------------
@@ -154,19 +168,19 @@ class RigidPartner:
         """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
         return self.normals(self.feet(state))
 
-    def unpaired(self, feet: RigidFeet):
+    def unpaired(self, feet: RigidFeet) -> Bools:
         """None of the points (n,): a tool has no end."""
         return np.zeros(self.surface.points, dtype=bool)
 
-    def features(self, feet: RigidFeet) -> np.ndarray:
+    def features(self, feet: RigidFeet) -> Array:
         """Codes (n, ...): where one changes the traction has a kink."""
         return np.empty((self.surface.points, 0), dtype=int)
 
-    def touches(self, blocks) -> int:
+    def touches(self, blocks: Array) -> int:
         """Number of this rank's slave nodes among the local nodes `blocks`."""
         return int(np.isin(self.surface.nodes, blocks).sum())
 
-    def gives(self, held) -> bool:
+    def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not: a tool is held."""
         return False
 
@@ -180,20 +194,21 @@ class RigidPartner:
         normal = np.abs(min(comm.allgather(here), key=lambda pair: pair[0])[1])
         return {axis for axis, part in zip("xyz", normal, strict=True) if rough or part > 1e-6}
 
-    def overlap(self, state: State, X: Floats, slave) -> Floats:
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
         """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
         gap = np.empty(len(X))
         distances(X, self._placed_tool(state.travel[self.index]), gap)
         here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
-        return np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
+        at_surface, behind = np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
+        return float(at_surface), float(behind)
 
-    def node_gaps(self, state: State, nodes, X: Floats) -> Floats:
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
         gap = np.empty(len(nodes))
         distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state.travel[self.index]), gap)
         return gap
 
-    def beside(self, state: State):
+    def beside(self, state: State) -> tuple[Ints64, Floats]:
         """(local numbers, reference positions (n, 3)) of nodes that may meet the tool and are no slaves. Collective."""
         space = state.u.function_space
         if self._beside is None:

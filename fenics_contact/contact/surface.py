@@ -1,5 +1,6 @@
 """Slave points of a boundary group: nodes with tributary areas, corners or Gauss points of its facets."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import basix
@@ -8,6 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space
 
 
 @dataclass
@@ -23,25 +25,25 @@ class SlaveSurface:
     the body; None for points that are nodes. corners: the points are corners of their facets.
     """
 
-    nodes: np.ndarray
-    a: np.ndarray
-    area: np.ndarray
-    X: np.ndarray
-    stiffness: np.ndarray
-    height: np.ndarray
-    spacing: np.ndarray
+    nodes: Ints
+    a: Floats
+    area: Floats
+    X: Floats
+    stiffness: Floats
+    height: Floats
+    spacing: Floats
     cell_height: float
-    key: np.ndarray
-    gradients: np.ndarray | None = None
+    key: Ints64
+    gradients: Floats | None = None
     corners: bool = False
 
     @property
-    def points(self):
+    def points(self) -> int:
         """Number of slave points on this rank."""
         return self.area.size
 
 
-def slave_surface(space, facets, modulus, points="nodes"):
+def slave_surface(space: Space, facets: Ints, modulus: Floats, points: int | str = "nodes") -> SlaveSurface:
     """Slave points on the exterior facets of a group.
 
     space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes"; "corners" of
@@ -53,7 +55,8 @@ def slave_surface(space, facets, modulus, points="nodes"):
     degree = compat.degree(space)
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
     where = mesh, cell, degree, [cells[local == f] for f in range(_facets_per_cell(cell))]
-    a, gradients, area = _facet_points(*where, 2 * degree if points in ("nodes", "corners") else points)
+    order = 2 * degree if isinstance(points, str) else points
+    a, gradients, area = _facet_points(*where, order)
     if points == "corners":
         area = np.einsum("eq,eqk->ek", area, a)
         a, gradients, _ = _facet_points(*where, None)
@@ -66,17 +69,30 @@ def slave_surface(space, facets, modulus, points="nodes"):
     stiffness = modulus[owner] * degree / height  # of the layer that a node moves: an element of degree 2 has two
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     X = space.tabulate_dof_coordinates()
-    spacing = _shortest_sides(mesh, cell, cells, local) / (degree if points in ("nodes", "corners") else points)
-    means = stiffness, height, spacing
+    spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
+    tangents: Floats | None = gradients
     if points == "nodes":
-        gradients = None
-        nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
+        tangents = None
+        nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, (stiffness, height, spacing))
         key = node_keys(space)[nodes[:, 0]]
+        stiffness, height, spacing = means
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
-    return SlaveSurface(nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, gradients, points == "corners")
+    return SlaveSurface(
+        nodes,
+        np.ascontiguousarray(a),
+        area,
+        X[nodes],
+        stiffness,
+        height,
+        spacing,
+        tallest,
+        key,
+        tangents,
+        points == "corners",
+    )
 
 
-def _shortest_sides(mesh, cell, cells, local):
+def _shortest_sides(mesh: Mesh, cell: str, cells: Ints, local: Ints64) -> Floats:
     """Shortest side of each facet, facets in the order of their number in the cell."""
     dofs = compat.geometry_dofmap(mesh)
     sides = []
@@ -88,21 +104,25 @@ def _shortest_sides(mesh, cell, cells, local):
     return np.concatenate(sides)
 
 
-def _facets_per_cell(cell):
+def _facets_per_cell(cell: str) -> int:
     return {"hexahedron": 6, "tetrahedron": 4}[cell]
 
 
-def _facet_points(mesh, cell, degree, cells, order):
+def _facet_points(mesh: Mesh, cell: str, degree: int, cells: list[Ints], order: int | None) -> tuple[Floats, Floats, Floats]:
     """Weights (ne, nq, k) of the facets' nodes in their points, gradients (ne, nq, 2, k), areas (ne, nq) [length^2].
 
     cells: for each number of a facet in its cell, the cells whose facet has it; order as in _facet_quadrature.
     """
     found = [_facet_quadrature(mesh, cell, degree, order, mine, f) for f, mine in enumerate(cells)]
-    tables = (np.concatenate([np.broadcast_to(part[i], (len(part[2]), *part[i].shape)) for part in found]) for i in (0, 1))
-    return *tables, np.concatenate([area for _, _, area in found])
+    a, gradients = (
+        np.concatenate([np.broadcast_to(part[i], (len(part[2]), *part[i].shape)) for part in found]) for i in (0, 1)
+    )
+    return a, gradients, np.concatenate([area for _, _, area in found])
 
 
-def _facet_quadrature(mesh, cell, degree, order, cells, facet):
+def _facet_quadrature(
+    mesh: Mesh, cell: str, degree: int, order: int | None, cells: Ints, facet: int
+) -> tuple[Floats, Floats, Floats]:
     """Weights of the facet's nodes in its points (nq, k), their gradients (nq, 2, k) along two tangents whose cross
     product points outwards, and the points' reference areas (ncells, nq).
 
@@ -129,12 +149,12 @@ def _facet_quadrature(mesh, cell, degree, order, cells, facet):
     return table[0], slopes, np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1) * w
 
 
-def _geometry_degree(mesh):
+def _geometry_degree(mesh: Mesh) -> int:
     count = compat.geometry_dofmap(mesh).shape[1]
     return 1 if count in (4, 8) else 2
 
 
-def _cell_volumes(mesh):
+def _cell_volumes(mesh: Mesh) -> Floats:
     """Volume of each local cell (owned and ghost)."""
     cell = compat.cell_name(mesh)
     s, w = basix.make_quadrature(getattr(basix.CellType, cell), 4)
@@ -143,7 +163,9 @@ def _cell_volumes(mesh):
     return np.abs(np.linalg.det(np.einsum("rqd,cdx->cqrx", gradients, x))) @ w
 
 
-def _gather_to_nodes(space, nodes, a, area, means):
+def _gather_to_nodes(
+    space: Space, nodes: Ints, a: Floats, area: Floats, means: Sequence[Floats]
+) -> tuple[Ints64, Floats, Floats, list[Floats]]:
     """Tributary areas of the owned nodes and area-weighted means of facet values, summed over the facets of all ranks."""
     share = np.einsum("eq,eqk->ek", area, a)
     tributary, touched = _sum_at_nodes(space, nodes, share), _sum_at_nodes(space, nodes, np.ones_like(share))
@@ -158,7 +180,7 @@ def _gather_to_nodes(space, nodes, a, area, means):
     return mine[:, None], np.ones((len(mine), 1, 1)), tributary[:, None], means
 
 
-def _sum_at_nodes(space, nodes, values):
+def _sum_at_nodes(space: Space, nodes: Ints, values: Floats) -> Floats:
     """Sum of values (ne, k) at the owned nodes over the elements of all ranks."""
     sums = compat.Function(space)
     np.add.at(sums.x.array, 3 * nodes, values)

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from fenics_contact.contact.trial import DRAWN, PRESENT, Bools, Floats, History,
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Ints64
 
 FIXED = 1e-6  # of a point's motion along its normal: what else its free nodes could give is rounding of the normal
 
@@ -49,7 +51,7 @@ class Contact:
         prescribed: Ints,
         state: State,
         timers: Timers,
-    ):
+    ) -> None:
         self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
         self.tolerance = tolerance
         led = np.isin(3 * surface.nodes[:, :, None] + np.arange(3), prescribed)
@@ -67,7 +69,7 @@ class Contact:
         start = replace(start, anchors=first, rests=first, before=first, feet=partner.feet(state))
         self.accepted = self.trial = Trial(law, start, surface.area)
         self.symmetric = not self.rough and partner.smooth
-        self._last: tuple | None = None  # feet, trial and response of the last evaluation
+        self._last: tuple[Any, Trial, Response] | None = None  # feet, trial and response of the last evaluation
         self._close_drawn_gaps(state)
 
     def _round_off(self, state: State) -> float:
@@ -90,10 +92,11 @@ class Contact:
         """What the points do at a state; trial: by default the present one."""
         trial = trial or self.trial
         feet = self.partner.feet(state)
-        if self._last is None or self._last[0] is not feet or self._last[1] is not trial:
+        last = self._last
+        if last is None or last[0] is not feet or last[1] is not trial:
             with self.timers("contact kernel"):
-                self._last = feet, trial, self.partner.response(feet, trial)
-        return self._last[2]
+                last = self._last = feet, trial, self.partner.response(feet, trial)
+        return last[2]
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Trial | None = None) -> None:
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -105,7 +108,7 @@ class Contact:
         """The residual: there are no condensed unknowns."""
         self.add_residual(state, residual, tool_residual)
 
-    def couplings(self, state: State):
+    def couplings(self, state: State) -> Ints64 | None:
         """None, or keys of global blocks beyond those of the cells."""
         return self.partner.couplings(self.partner.feet(state), self.trial)
 
@@ -121,7 +124,7 @@ class Contact:
         """Whether pressures may be unknowns beside the displacement."""
         return self.partner.foresees
 
-    def foresee(self, state: State, at) -> None:
+    def foresee(self, state: State, at: Any) -> None:
         """Take the pressures that the tangent at the places `at` foresees at the state as unknowns until `release`."""
         gaps = self.partner.foreseen(self.partner.feet(state), at, self.trial)
         self.trial = self.trial.judging(gaps)
@@ -165,7 +168,7 @@ class Contact:
         """Back to the law and history of the last accepted step."""
         self.trial = self.accepted
 
-    def history(self) -> dict[str, np.ndarray]:
+    def history(self) -> dict[str, Array]:
         """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
         h, points = self.accepted.history, self.surface.area.shape
         out = self.partner.packed(h.anchors, "anchor") | self.partner.packed(h.rests, "rest")
@@ -174,7 +177,7 @@ class Contact:
             out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
         return out if self.tolerance is None else out | {"shift": h.shift}
 
-    def restore(self, values: dict[str, np.ndarray], state: State) -> None:
+    def restore(self, values: dict[str, Array], state: State) -> None:
         """Take up what history gave for this rank's elements, at the accepted state."""
         values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
         h = self.accepted.history
@@ -197,7 +200,7 @@ class Contact:
         return friction.mu if friction == coulomb(friction.mu) else friction._asdict()
 
     @property
-    def key(self):
+    def key(self) -> Ints64:
         return self.surface.key
 
     @property
@@ -206,7 +209,7 @@ class Contact:
 
     def statuses(self) -> Ints:
         """Status codes (n,) of this rank's points at the state evaluated last."""
-        return self._last[2].status.ravel()
+        return self._last[2].status.ravel() if self._last else np.empty(0, dtype=np.int32)
 
     def spots(self) -> Floats:
         """Reference positions (n, 3) of the points."""

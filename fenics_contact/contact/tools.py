@@ -1,21 +1,29 @@
 """Rigid tools, analytic or meshed: what the user states, checked, and what the kernels need of it."""
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fenics_contact.kernels import rigid_shapes
+from fenics_contact.types import Floats, Ints64
 from fenics_contact.values import finite, positive, text
 
 
 @dataclass(frozen=True, eq=False)
-class Tool:
+class Tool(ABC):
     """A rigid body without dofs; scenes move it along a path or push it with a force."""
 
     name: str
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         text(self.name, "name of a rigid tool")
+
+    @property
+    @abstractmethod
+    def reach(self) -> float:
+        """Largest length of which gaps are differences [length]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +33,12 @@ class MeshedTool(Tool):
     nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length].
     """
 
-    nodes: np.ndarray
-    size: np.ndarray
-    X: np.ndarray
+    nodes: Ints64
+    size: Ints64
+    X: Floats
 
     @property
-    def reach(self):
+    def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
         return float(np.abs(self.X).max())
 
@@ -44,19 +52,19 @@ class RigidTool(Tool):
     """
 
     kind: int
-    shape: np.ndarray
-    axes: np.ndarray
-    origin: np.ndarray
+    shape: Floats
+    axes: Floats
+    origin: Floats
     extent: float = 0.0
     edge: str = "none"
 
     @property
-    def reach(self):
+    def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
         return float(max(np.abs(self.origin).max(), self.extent))
 
 
-def _axes(third, what):
+def _axes(third: object, what: str) -> Floats:
     """Right-handed orthonormal axes whose third is along `third`, aligned with x, y, z where that is possible."""
     third = finite(third, what, (3,))
     length = np.linalg.norm(third)
@@ -69,25 +77,29 @@ def _axes(third, what):
     return np.column_stack([np.cross(second, third), second, third])
 
 
-def _length(value, what, zero=False):
+def _length(value: object, what: str, zero: bool = False) -> float:
     return float(positive(value, what, zero=zero, more=", a length"))
 
 
-def rigid_plane(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), name="plane"):
+def rigid_plane(
+    point: Sequence[float] | Floats = (0.0, 0.0, 0.0),
+    normal: Sequence[float] | Floats = (0.0, 0.0, 1.0),
+    name: str = "plane",
+) -> RigidTool:
     """Half-space behind the plane through `point` whose outward `normal` points at the body."""
     axes = _axes(normal, f"{name}: normal")
     return RigidTool(name, rigid_shapes.PLANE, np.zeros(4), axes, finite(point, f"{name}: point", (3,)))
 
 
 def rigid_punch(
-    half_width,
-    height,
-    face=(0.0, 0.0, 0.0),
-    half_depth=None,
-    direction=(0.0, 0.0, -1.0),
-    fillet=0.0,
-    name="punch",
-):
+    half_width: float,
+    height: float,
+    face: Sequence[float] | Floats = (0.0, 0.0, 0.0),
+    half_depth: float | None = None,
+    direction: Sequence[float] | Floats = (0.0, 0.0, -1.0),
+    fillet: float = 0.0,
+    name: str = "punch",
+) -> RigidTool:
     """Flat rectangular punch: `face` is the centre of its flat face, `direction` points out of that face at the body.
 
     half_width along its first axis (x for a punch along z), half_depth along its second (square by default), height of
@@ -106,20 +118,28 @@ def rigid_punch(
     return RigidTool(name, rigid_shapes.BOX, shape, axes, origin, max(half, depth, tall), edge)
 
 
-def rigid_sphere(radius, centre, name="sphere"):
+def rigid_sphere(radius: float, centre: Sequence[float] | Floats, name: str = "sphere") -> RigidTool:
     """Ball of `radius` about `centre` [lengths]."""
     shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
     return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)), shape[0])
 
 
-def rigid_cylinder(radius, point, axis=(0.0, 1.0, 0.0), name="cylinder"):
+def rigid_cylinder(
+    radius: float, point: Sequence[float] | Floats, axis: Sequence[float] | Floats = (0.0, 1.0, 0.0), name: str = "cylinder"
+) -> RigidTool:
     """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]."""
     shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
     axes = _axes(axis, f"{name}: axis")
     return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)), shape[0])
 
 
-def rigid_cone(half_angle, apex, direction=(0.0, 0.0, -1.0), tip=0.0, name="cone"):
+def rigid_cone(
+    half_angle: float,
+    apex: Sequence[float] | Floats,
+    direction: Sequence[float] | Floats = (0.0, 0.0, -1.0),
+    tip: float = 0.0,
+    name: str = "cone",
+) -> RigidTool:
     """Endless circular cone that ends at `apex`, where `direction` points out of it at the body.
 
     half_angle: between its axis and its side [radians]; tip: radius of the ball that rounds its end [length]; 0 is a sharp

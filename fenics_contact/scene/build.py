@@ -1,6 +1,9 @@
 """From a scene's statements to the System that steppers solve: checked, complete when it is returned."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -9,16 +12,19 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.agreement import collect_together
 from fenics_contact.assembly.cell_forms import is_symmetric
+from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
+from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolPartner
+from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.rigid import RigidPartner
-from fenics_contact.contact.surface import slave_surface
+from fenics_contact.contact.surface import SlaveSurface, slave_surface
 from fenics_contact.contact.term import Contact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.scene.checks import (
@@ -32,12 +38,20 @@ from fenics_contact.scene.checks import (
     unmet_notes,
 )
 from fenics_contact.scene.drives import motion_of, supports_of
+from fenics_contact.scene.functions import Drive
+from fenics_contact.scene.statements import ContactStatement, Load
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
 from fenics_contact.solid.materials import young
 from fenics_contact.solid.springs import springs
 from fenics_contact.timing import Timers
+from fenics_contact.types import Constant, Expr, Floats, Form, Function
 from fenics_contact.values import SceneError
+
+if TYPE_CHECKING:  # which asks for its System here
+    from fenics_contact.scene.scene import Scene
+
+Loads = Sequence[tuple[Constant, Load]]  # a form's constant, and what it follows
 
 
 @dataclass(frozen=True)
@@ -48,7 +62,14 @@ class Built:
     notes: list[str]
 
 
-def build(scene, move=None, push=None, timers=None, stabilise=False, damping=False):
+def build(
+    scene: "Scene",
+    move: dict[Tool, Drive] | None = None,
+    push: dict[Tool, Drive] | None = None,
+    timers: Timers | None = None,
+    stabilise: bool = False,
+    damping: bool = False,
+) -> Built:
     """What a Scene states, Built. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1 or
     function of t}; a pushed tool is free to travel along the axes in which its force acts. SceneError on all ranks for what
     cannot be. Collective."""
@@ -62,7 +83,8 @@ def build(scene, move=None, push=None, timers=None, stabilise=False, damping=Fal
     pressures = [(compat.Constant(domain, 0.0), load) for load in scene.pressures]
     supports = supports_of(scene.mesh, scene.space, scene.supports)
     with timers("compile"):
-        terms = [_solid(scene, u, loads)] + ([_pressure(scene, u, pressures, supports)] if pressures else [])
+        solid = _solid(scene, u, loads)
+        others: list[Term] = [_pressure(scene, u, pressures, supports)] if pressures else []
         check = scene.volume_ratio(u).check
     modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
@@ -76,14 +98,14 @@ def build(scene, move=None, push=None, timers=None, stabilise=False, damping=Fal
         grounding = Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise)
     if damping:
         damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), motion.free)
-    terms += [term for term in (grounding, damped) if term]
+    others += [term for term in (grounding, damped, *contacts) if term]
 
-    def set_loads(t):
+    def set_loads(t: float) -> None:
         for constant, load in [*loads, *pressures]:
             constant.value[...] = load.path(t)
 
     system = System(
-        state, [*terms, *contacts], supports, motion, set_loads, check, timers=timers, contacts=contacts, holds=holds,
+        state, (solid, *others), supports, motion, set_loads, check, timers=timers, contacts=contacts, holds=holds,
         grounding=grounding, damping=damped, reach=max((tool.reach for tool in scene.tools), default=0.0),
         bulk_over_shear=max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies),
     )  # fmt: skip
@@ -93,30 +115,30 @@ def build(scene, move=None, push=None, timers=None, stabilise=False, damping=Fal
 
 
 # -- solid ------------------------------------------------------------------------------------------------------------
-def _solid(scene, u, loads):
+def _solid(scene: "Scene", u: Function, loads: Loads) -> CondensedPressure | FormTerm:
     """The solid's term, with the dead loads."""
 
-    def loads_power(v):
+    def loads_power(v: Expr) -> Form:
         inside = [(constant, body) for constant, load in loads if load.group is None for body in scene.bodies]
         outside = [(constant, load.group) for constant, load in loads if load.group is not None]
         power = sum(vp.body_force_power(constant, v, scene.dx(body)) for constant, body in inside)
         return power + sum(vp.dead_traction_power(constant, v, scene.ds(group)) for constant, group in outside)
 
-    parts = [(body.material, lambda degree, body=body: scene.dx(body, degree)) for body in scene.bodies]
+    parts = [(body.material, partial(scene.dx, body)) for body in scene.bodies]
     return solid_term(scene.element, u, parts, loads_power, scene.degree)
 
 
-def _pressure(scene, u, pressures, supports):
+def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports) -> FormTerm:
     """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
     domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
-    power = sum(-vp.follower_pressure_power(p, u, v, domain, scene.ds(load.group)) for p, load in pressures)
-    rate = sum(-vp.follower_pressure_power_rate(p, u, du, v, domain, scene.ds(load.group)) for p, load in pressures)
+    power = sum(-vp.follower_pressure_power(p, u, v, domain, scene.ds(load.group or ())) for p, load in pressures)
+    rate = sum(-vp.follower_pressure_power_rate(p, u, du, v, domain, scene.ds(load.group or ())) for p, load in pressures)
     for p, _ in pressures:
         p.value = 1.0
     return FormTerm("pressure", power, rate, is_symmetric(compat.compile_form(rate), u, supports))
 
 
-def _modulus_by_cell(scene):
+def _modulus_by_cell(scene: "Scene") -> Floats:
     """Young's modulus at rest (cells,) of owned and ghost cells [pressure]."""
     cells, tags = scene.mesh.domain.topology.index_map(3), scene.mesh.cell_tags
     modulus = np.zeros(cells.size_local + cells.num_ghosts)
@@ -126,7 +148,9 @@ def _modulus_by_cell(scene):
 
 
 # -- contact ----------------------------------------------------------------------------------------------------------
-def _contact(scene, stated, modulus, supports, state, timers):
+def _contact(
+    scene: "Scene", stated: ContactStatement, modulus: Floats, supports: Supports, state: State, timers: Timers
+) -> Contact:
     """The term of a stated contact. Collective."""
     points = stated.points if isinstance(stated.points, str) else int(stated.points)
     surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points)
@@ -137,7 +161,7 @@ def _contact(scene, stated, modulus, supports, state, timers):
     )
 
 
-def _partner(scene, stated, surface, timers):
+def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers) -> Partner:
     """Whom the slave points of a stated contact meet. Collective."""
     master = stated.master
     if isinstance(master, RigidTool):
@@ -145,12 +169,18 @@ def _partner(scene, stated, surface, timers):
     facets = oriented_facets(scene.space, scene.mesh.facets(*stated.slave))
     if isinstance(master, MeshedTool):
         return MeshedToolPartner(surface, facets, master, scene.tools.index(master), scene.space, timers)
-    return FacetPartner(master_name(master), surface, facets, _master_surface(scene, stated, surface), scene.space, timers)
+    if isinstance(master, Tool):
+        raise TypeError(f"no partner is known for a {type(master).__name__}")
+    return FacetPartner(
+        master_name(master), surface, facets, _master_surface(scene, stated, master, surface), scene.space, timers
+    )
 
 
-def _master_surface(scene, stated, surface):
+def _master_surface(
+    scene: "Scene", stated: ContactStatement, names: tuple[str, ...], surface: SlaveSurface
+) -> MasterSurface:
     """The master of a contact of bodies, checked. Collective."""
-    master = MasterSurface(scene.space, scene.mesh.facets(*stated.master))
+    master = MasterSurface(scene.space, scene.mesh.facets(*names))
     if len(flat := master.degenerate()):
         raise SceneError(
             f"contact '{stated.name}': {len(flat)} facets of the master have no area, the first at {flat[0]}; mesh that "
@@ -165,6 +195,6 @@ def _master_surface(scene, stated, surface):
     return master
 
 
-def master_name(master):
+def master_name(master: Tool | tuple[str, ...]) -> str:
     """Of a tool, or of the surfaces of a body."""
     return master.name if isinstance(master, Tool) else "+".join(master)

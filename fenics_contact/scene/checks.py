@@ -1,14 +1,29 @@
 """What a scene must fulfil before work starts: refusals that name the thing and the remedy, the same on all ranks."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
+from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.parts import connected_parts
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
+from fenics_contact.meetings import Meeting
+from fenics_contact.mesh_io import NamedMesh
+from fenics_contact.scene.functions import row_of
+from fenics_contact.scene.statements import ContactStatement
+from fenics_contact.types import Ints, Ints64
 from fenics_contact.values import SceneError, count, group_names, positive, shown, text
+
+if TYPE_CHECKING:  # which asks them
+    from fenics_contact.scene.scene import Scene
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -19,7 +34,7 @@ REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
 STILL = 1e-9  # of the bodies' size or of the largest load: a start that small is at rest
 
 
-def sides(slave, master):
+def sides(slave: object, master: object) -> tuple[tuple[str, ...], Tool | tuple[str, ...]]:
     """Slave and master of a contact: names of surfaces, or for the master a tool."""
     if isinstance(slave, Tool):
         raise SceneError(
@@ -34,7 +49,9 @@ def sides(slave, master):
     return slave, group_names(master, "contact: master")
 
 
-def refuse_numbers(name, friction, penalty, penetration, points):
+def refuse_numbers(
+    name: object, friction: float | Friction, penalty: float | Penalty | None, penetration: float | None, points: int | str
+) -> tuple[Friction, Penalty]:
     """The name and the numbers of a contact must be such; returns its Friction and its Penalty."""
     text(name, "contact: name")
     what = f"contact '{name}'"
@@ -54,7 +71,7 @@ def refuse_numbers(name, friction, penalty, penetration, points):
     return friction_of(friction), penalty
 
 
-def refuse_pair(contact, others, degree, bare_corners):
+def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], degree: int, bare_corners: bool) -> None:
     """A contact's sides and points must go together, with the degree, and with the `others` stated before.
 
     bare_corners: whether corner nodes have no tributary area, as on facets of quadratic tetrahedra.
@@ -81,12 +98,13 @@ def refuse_pair(contact, others, degree, bare_corners):
     for other in others:
         if contact.name == other.name:
             raise SceneError(f"two contacts are named '{contact.name}'; give one of them name=...")
-        tools = isinstance(master, Tool) and isinstance(other.master, Tool) and master is not other.master
-        if tools and master.name == other.master.name:
+        if not isinstance(master, Tool) or not isinstance(other.master, Tool) or master is other.master:
+            continue
+        if master.name == other.master.name:
             raise SceneError(f"two tools are named '{master.name}'; give one of them name=..., for the columns of each")
 
 
-def refuse_volumes(mesh, groups):
+def refuse_volumes(mesh: NamedMesh, groups: list[str]) -> None:
     """Every volume has one body. groups: the bodies' volumes."""
     for group in groups:
         mesh.volume_tag(group)
@@ -98,7 +116,7 @@ def refuse_volumes(mesh, groups):
         raise SceneError(f"volumes without a material: {', '.join(sorted(left))}; add a Body for each")
 
 
-def refuse_twice(mesh, contact, others):
+def refuse_twice(mesh: NamedMesh, contact: ContactStatement, others: Sequence[ContactStatement]) -> None:
     """No facet may meet the same master in two contacts, which would press twice as hard. Collective."""
     for other in others:
         same = contact.master is other.master
@@ -111,11 +129,11 @@ def refuse_twice(mesh, contact, others):
             )
 
 
-def _share(mesh, groups, others):
+def _share(mesh: NamedMesh, groups: Sequence[str], others: Sequence[str]) -> bool:
     return mesh.comm.allreduce(len(np.intersect1d(mesh.facets(*groups), mesh.facets(*others)))) > 0
 
 
-def refuse_inside(mesh, facets, what):
+def refuse_inside(mesh: NamedMesh, facets: Ints, what: str) -> None:
     """Loads and contacts act on outer surfaces only. Collective."""
     domain = mesh.domain
     mine = facets[facets < domain.topology.index_map(2).size_local]
@@ -127,11 +145,11 @@ def refuse_inside(mesh, facets, what):
         )
 
 
-def refuse_doubled(scene):
+def refuse_doubled(scene: "Scene") -> None:
     """Faces of cells that lie on one another without sharing nodes are joined by a contact, or were meant to be bonded."""
     stated = [(set(one.slave), set(one.master)) for one in scene.contacts if isinstance(one.master, tuple)]
 
-    def joined(a, b):
+    def joined(a: set[str], b: set[str]) -> bool:
         return any((slave & a and master & b) or (slave & b and master & a) for slave, master in stated)
 
     left = [found for found in scene.mesh.doubled if not joined(*map(set, found.surfaces))]
@@ -139,16 +157,16 @@ def refuse_doubled(scene):
         names = " and ".join(f"'{name}'" for name in dict.fromkeys(left[0].volumes))
         raise SceneError(
             f"{sum(found.count for found in left)} faces of cells lie on other ones with nodes of their own, the first at "
-            f"{spot(left[0].place)} in body {names}: they come apart or pass through each other. Bond them with "
+            f"{spot(np.array(left[0].place))} in body {names}: they come apart or pass through each other. Bond them with "
             "gmsh.model.occ.fragment before meshing or gmsh.model.mesh.removeDuplicateNodes() after it, state a contact "
             "between their surfaces, or draw them with a gap"
         )
 
 
-def unmet_notes(scene):
+def unmet_notes(scene: "Scene") -> list[str]:
     """What is to be said of bodies that touch or overlap at the start where no contact of bodies is stated for them."""
     stated = {name for one in scene.contacts if isinstance(one.master, tuple) for name in (*one.slave, *one.master)}
-    left = {}
+    left: dict[tuple[str, ...], list[Meeting]] = {}
     for found in scene.mesh.touching:
         if not stated & set(found.surfaces[0]):
             left.setdefault(tuple(sorted(found.volumes)), []).append(found)
@@ -157,14 +175,14 @@ def unmet_notes(scene):
         count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
         names = names if one != other else f"pieces of body '{one}' touch or overlap"
         notes.append(
-            f"{names} without a contact there: {count} faces of cells, the first at {spot(meetings[0].place)}, lie on or in "
+            f"{names} without a contact there: {count} faces of cells, the first at {spot(np.array(meetings[0].place))}, lie on or in "
             "the other's; they pass through each other. State a contact between their surfaces, bond them with "
             "gmsh.model.occ.fragment before meshing, or draw them with a gap"
         )
     return notes
 
 
-def refuse_loose(holds, state, comm):
+def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
     for i, axes in holds.loose(lambda contact: contact.held_axes(state)).items():
         raise SceneError(
@@ -173,7 +191,7 @@ def refuse_loose(holds, state, comm):
         )
 
 
-def bonded_bodies(scene):
+def bonded_bodies(scene: "Scene") -> list[tuple[str, Ints64]]:
     """What moves as one: parts of the mesh that hang together, several bodies where they share nodes. Collective.
 
     Returns (name, local nodes) of each; a piece of a body that lies in several is named by its middle too.
@@ -198,7 +216,7 @@ def bonded_bodies(scene):
     return groups
 
 
-def refuse_behind(system):
+def refuse_behind(system: System) -> None:
     """The slave surface must lie on the outer side of a meshed tool, by the majority of its points. Collective."""
     for contact in system.contacts:
         share = contact.partner.back_share(system.state)
@@ -210,7 +228,7 @@ def refuse_behind(system):
             )
 
 
-def refuse_deep_start(scene, system):
+def refuse_deep_start(scene: "Scene", system: System) -> list[str]:
     """Nothing may overlap by more than half a cell at the start, nor a tool reach nodes behind its slave surface.
 
     Returns what is to be said of smaller overlaps. Collective.
@@ -230,7 +248,7 @@ def refuse_deep_start(scene, system):
     return remarks
 
 
-def refuse_held(scene, system):
+def refuse_held(scene: "Scene", system: System) -> None:
     """A contact must be able to move something along its normals: its slave, or a master that is a body. Collective."""
     comm, held = scene.mesh.comm, system.supports.dofs
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
@@ -243,7 +261,7 @@ def refuse_held(scene, system):
             )
 
 
-def refuse_jumps(scene, system):
+def refuse_jumps(scene: "Scene", system: System) -> list[str]:
     """Supports and tools must start from rest; returns what is to be said of loads that do not. Collective."""
     still, comm = STILL * system.extent, scene.mesh.comm
     for name, size in system.supports.largest(0.0):
@@ -261,8 +279,8 @@ def refuse_jumps(scene, system):
     loads = [
         ("body force" if load.group is None else f"traction on '{'+'.join(load.group)}'", load.path) for load in scene.loads
     ]
-    loads += [(f"pressure on '{'+'.join(load.group)}'", load.path) for load in scene.pressures]
-    loads += [(f"push of '{tool.name}'", lambda t, i=i: system.tools.forces(t)[i]) for i, tool in enumerate(scene.tools)]
+    loads += [(f"pressure on '{'+'.join(load.group or ())}'", load.path) for load in scene.pressures]
+    loads += [(f"push of '{tool.name}'", row_of(system.tools.forces, i)) for i, tool in enumerate(scene.tools)]
     sizes = [(what, *(np.abs(path(t)).max() for t in (0.0, 0.5, 1.0))) for what, path in loads]
     return [
         f"{what} is {first:.3g} at t = 0 already: the first step takes it at once; let its function start from 0"

@@ -1,26 +1,32 @@
 """What drives a scene: supports, and tools that are moved or pushed, from what the user stated of them."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.contact.tools import Tool
-from fenics_contact.scene.functions import AtPoints, ramp
+from fenics_contact.mesh_io import NamedMesh
+from fenics_contact.scene.functions import AtPoints, Drive, ramp
+from fenics_contact.scene.statements import Support
+from fenics_contact.types import Ints, Space
 from fenics_contact.values import SceneError, shown
 
 
-def supports_of(mesh, space, statements):
+def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support]) -> Supports:
     """Supports from Support statements, checked. Collective."""
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
-    entries, names = [], []
+    entries: list[tuple[Ints, float | AtPoints]] = []
+    names = []
     for stated in statements:
         group, axis, value = stated.group, stated.axis, stated.value
         blocks = compat.locate_blocks(space, mesh.facets(*group))
         name = f"{'+'.join(group)} along {'xyz'[axis]}"
-        if callable(value):
-            value = AtPoints(mesh.comm, f"prescribed displacement of {name}", value, keys[blocks], X[blocks])
-        entries.append((3 * blocks + axis, value))
+        what, at = f"prescribed displacement of {name}", (keys[blocks], X[blocks])
+        entries.append((3 * blocks + axis, AtPoints(mesh.comm, what, value, *at) if callable(value) else value))
         names.append(name)
     supports = Supports(entries, 3 * space.dofmap.index_map.size_local, names)
     conflicts = [c for c in mesh.comm.allgather(supports.conflict) if c]
@@ -29,7 +35,7 @@ def supports_of(mesh, space, statements):
     return supports
 
 
-def motion_of(comm, tools, move, push):
+def motion_of(comm: MPI.Comm, tools: Sequence[Tool], move: dict[Tool, Drive], push: dict[Tool, Drive]) -> ToolMotion:
     """ToolMotion of tools, each at rest, moved by {tool: way} or pushed by {tool: force}, see `build`. Collective."""
     for what, drive in (("move", move), ("push", push)):
         if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):

@@ -1,21 +1,29 @@
 """What a scene and its drive state, as plain values by name: a state means the same only where all of them are the same."""
 
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
 import numpy as np
 
+from fenics_contact.assembly.system import System
+from fenics_contact.scene.functions import row_of
+from fenics_contact.scene.scene import Scene
 from fenics_contact.solid.materials import sampled_energy
 
 TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # at which functions of t are sampled, and as many between 1 and the largest t reached
 SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
 LISTED = 16  # a longer array, e.g. a tool's mesh, is known by sums
 
+Statement = dict[str, Any]  # texts, numbers or lists of these
 
-def statement(scene, system, method, recorded, reached=1.0):
+
+def statement(scene: Scene, system: System, method: str, recorded: Iterable[str], reached: float = 1.0) -> Statement:
     """{name: text, number or list of these}; reached: largest t so far. Collective: the user's functions are asked on all
     ranks, beyond t = 1 nowhere that the run has not been: there they need not be defined."""
     comm = system.comm
     times = TIMES + tuple(1.0 + t * (reached - 1.0) for t in TIMES[1:] if reached > 1.0)
 
-    def sampled(path):
+    def sampled(path: Callable[[float], Any]) -> list[float]:
         return np.ravel([path(t) for t in times]).astype(float).tolist()
 
     out = {
@@ -37,11 +45,11 @@ def statement(scene, system, method, recorded, reached=1.0):
     for i, load in enumerate(scene.loads):
         out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = sampled(load.path)
     for i, load in enumerate(scene.pressures):
-        out[f"pressure {i + 1} on {'+'.join(load.group)}"] = sampled(load.path)
+        out[f"pressure {i + 1} on {'+'.join(load.group or ())}"] = sampled(load.path)
     for i, tool in enumerate(scene.tools):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
-        out[f"move of '{tool.name}'"] = sampled(lambda t, i=i: system.tools.prescribed(t)[i])
-        out[f"push of '{tool.name}'"] = sampled(lambda t, i=i: system.tools.forces(t)[i])
+        out[f"move of '{tool.name}'"] = sampled(row_of(system.tools.prescribed, i))
+        out[f"push of '{tool.name}'"] = sampled(row_of(system.tools.forces, i))
         out[f"free axes of '{tool.name}'"] = plain(system.tools.free[i])
     for stated, term in zip(scene.contacts, system.contacts, strict=True):
         parts = vars(stated) | {f"penalty {key}": value for key, value in vars(stated.penalty).items()}
@@ -51,7 +59,7 @@ def statement(scene, system, method, recorded, reached=1.0):
     return out
 
 
-def first_difference(there, here):
+def first_difference(there: Statement, here: Statement) -> tuple[str, Any, Any] | None:
     """(name, value there, value here) of the first that differ, or None; of lists, the first numbers that do."""
     for name in [*here, *there]:
         if name not in there or name not in here:
@@ -64,7 +72,7 @@ def first_difference(there, here):
     return None
 
 
-def _pairs(one, other):
+def _pairs(one: list[Any], other: list[Any]) -> Iterator[tuple[Any, Any]]:
     """Pairs of entries that are not the same."""
     sizes = [abs(value) for value in [*one, *other] if isinstance(value, float)]
     for a, b in zip(one, other, strict=True):
@@ -73,7 +81,7 @@ def _pairs(one, other):
             yield a, b
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """A value as JSON gives it back: arrays as flat lists of floats."""
     if isinstance(value, np.ndarray):
         flat = value.astype(float).ravel()

@@ -1,18 +1,24 @@
 """The user's vocabulary: bodies, supports, loads and contacts, each checked as it is stated."""
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import ufl
 
 from fenics_contact import compat
+from fenics_contact.assembly.system import System
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.output.units import Units
 from fenics_contact.scene.build import build, master_name
 from fenics_contact.scene.checks import AXES, refuse_inside, refuse_numbers, refuse_pair, refuse_twice, refuse_volumes, sides
-from fenics_contact.scene.functions import ramp
+from fenics_contact.scene.functions import Drive, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
+from fenics_contact.timing import Timers
+from fenics_contact.types import Floats, Function, Ints, Measure
 from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, shown
 
 
@@ -24,7 +30,14 @@ class Scene:
     lock; units: names for the output.
     """
 
-    def __init__(self, *bodies, degree=1, element="displacement", accept_locking=False, units=Units()):  # noqa: B008 - frozen
+    def __init__(
+        self,
+        *bodies: Body,
+        degree: int = 1,
+        element: str = "displacement",
+        accept_locking: bool = False,
+        units: Units = Units(),  # noqa: B008 - frozen
+    ) -> None:
         if not bodies or not all(isinstance(body, Body) for body in bodies):
             raise SceneError(f"a scene needs at least one Body, Scene(Body(...), Body(...)), not {shown(bodies)}")
         if not is_number(degree) or degree not in (1, 2):
@@ -41,15 +54,18 @@ class Scene:
         self.notes = locking_notes(degree, tetrahedra, laws)
         self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
-        self.contacts, self.loads, self.pressures, self.supports = [], [], [], []
+        self.contacts: list[ContactStatement] = []
+        self.supports: list[Support] = []
+        self.loads: list[Load] = []
+        self.pressures: list[Load] = []
 
     # -- statements -----------------------------------------------------------------------------------------------
-    def fix(self, group, axis="xyz"):
+    def fix(self, group: str | tuple[str, ...], axis: str = "xyz") -> None:
         """No displacement of a surface along the axes named, e.g. axis="x" for a symmetry plane."""
         for letter in axis_letters(axis, f"fix '{group}'"):
             self.prescribe(group, letter, 0.0)
 
-    def prescribe(self, group, axis, value):
+    def prescribe(self, group: str | tuple[str, ...], axis: str, value: float | Callable[[Floats, float], Any]) -> None:
         """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
 
         The function may give one number for all; X (n, 3): reference positions of all nodes of the surface, on every rank.
@@ -60,12 +76,12 @@ class Scene:
         self._facets(group)
         self.supports.append(Support(group_names(group), AXES[axis], value))
 
-    def traction(self, group, vector):
+    def traction(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
         refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
         self.loads.append(Load(group_names(group), ramp(self.mesh.comm, vector, f"traction on '{group}'")))
 
-    def pressure(self, group, value):
+    def pressure(self, group: str | tuple[str, ...], value: Drive) -> None:
         """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
 
         value: reached at t = 1, or a function of t.
@@ -73,7 +89,7 @@ class Scene:
         refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
         self.pressures.append(Load(group_names(group), ramp(self.mesh.comm, value, f"pressure on '{group}'", ())))
 
-    def body_force(self, vector):
+    def body_force(self, vector: Drive) -> None:
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
         self.loads.append(Load(None, ramp(self.mesh.comm, vector, "body force")))
 
@@ -119,12 +135,12 @@ class Scene:
         self.contacts.append(contact)
 
     @property
-    def tools(self):
+    def tools(self) -> list[Tool]:
         """The rigid tools of all contacts, each once, in order of appearance."""
         masters = [contact.master for contact in self.contacts]
         return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
 
-    def _facets(self, group):
+    def _facets(self, group: str | tuple[str, ...]) -> Ints:
         try:
             facets = self.mesh.facets(*group_names(group))
         except ValueError as error:
@@ -134,11 +150,18 @@ class Scene:
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
-    def system(self, move=None, push=None, timers=None, stabilise=False, damping=False):
+    def system(
+        self,
+        move: dict[Tool, Drive] | None = None,
+        push: dict[Tool, Drive] | None = None,
+        timers: Timers | None = None,
+        stabilise: bool = False,
+        damping: bool = False,
+    ) -> System:
         """The System of this scene, see `build`."""
         return build(self, move, push, timers, stabilise, damping).system
 
-    def dx(self, body, degree=None):
+    def dx(self, body: Body, degree: int | None = None) -> Measure:
         """Integral over a body, exact to `degree` (by default the element's full integration)."""
         degree = quadrature_degree(self.degree) if degree is None else degree
         measure = ufl.Measure(
@@ -146,7 +169,7 @@ class Scene:
         )
         return measure(self.mesh.volume_tag(body.group))
 
-    def ds(self, group):
+    def ds(self, group: str | Sequence[str]) -> Measure:
         measure = ufl.Measure(
             "ds",
             domain=self.mesh.domain,
@@ -155,6 +178,6 @@ class Scene:
         )
         return measure(self.mesh.surface_tags(*group_names(group)))
 
-    def volume_ratio(self, u):
+    def volume_ratio(self, u: Function) -> VolumeRatio:
         """J = det F of a displacement."""
         return VolumeRatio(self.mesh, self.bodies, self.degree, u)

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.solid.materials import Hyperelastic, Isotropic
+from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown, text
 
 
@@ -19,7 +21,7 @@ class Body:
     group: str
     material: Isotropic | Hyperelastic
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         text(self.group, "body: its volume group")
         if not isinstance(self.mesh, NamedMesh):
             raise SceneError(f"body '{self.group}': its mesh must be one that read_gmsh gave, not {shown(self.mesh)}")
@@ -49,7 +51,7 @@ class Support:
 
     group: tuple[str, ...]
     axis: int
-    value: float | Callable
+    value: float | Callable[[Floats, float], Any]
 
 
 @dataclass(frozen=True)
@@ -58,4 +60,4 @@ class Load:
     [force/length^3]: path(t)."""
 
     group: tuple[str, ...] | None
-    path: Callable
+    path: Callable[[float], Floats]

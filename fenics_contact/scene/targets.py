@@ -1,12 +1,15 @@
 """Targets at which a continuation ends: a load, the displacement of a surface, or the travel of a tool."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from fenics_contact import compat
+from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.checks import AXES, SceneError
 from fenics_contact.scene.functions import number_of
+from fenics_contact.scene.scene import Scene
 from fenics_contact.values import axis_letters, finite, function, group_names, shown
 
 
@@ -16,10 +19,10 @@ class Load:
 
     value: float
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"load t = {self.value:g}"
 
-    def distance(self, scene, system):
+    def distance(self, scene: Scene, system: System) -> Callable[[], float]:
         return lambda: system.state.t - self.value
 
 
@@ -31,10 +34,10 @@ class Displacement:
     axis: str
     value: float
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"displacement of '{self.group}' along {self.axis} = {self.value:g}"
 
-    def distance(self, scene, system):
+    def distance(self, scene: Scene, system: System) -> Callable[[], float]:
         axis_letters(self.axis, f"Displacement of '{self.group}'", most=1)
         try:
             facets = scene.mesh.facets(*group_names(self.group, "Displacement"))
@@ -51,14 +54,14 @@ class Displacement:
 class Travel:
     """A tool's travel along an axis reaches `value` [length]."""
 
-    tool: object
+    tool: Tool
     axis: str
     value: float
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"travel of '{self.tool.name}' along {self.axis} = {self.value:g}"
 
-    def distance(self, scene, system):
+    def distance(self, scene: Scene, system: System) -> Callable[[], float]:
         if not isinstance(self.tool, Tool):
             raise SceneError(f"Travel: {shown(self.tool)} is no tool; give the tool itself")
         axis_letters(self.axis, f"Travel of '{self.tool.name}'", most=1)
@@ -68,12 +71,12 @@ class Travel:
         return lambda: system.state.travel[index] - self.value
 
 
-def distances(until, scene, system):
+def distances(until: object, scene: Scene, system: System) -> dict[str, Callable[[], float]]:
     """{words: function () -> signed distance} of a target or a list of them; a callable of the state is a target too.
 
     Raises SceneError, on all ranks, for what is no target.
     """
-    found = {}
+    found: dict[str, Callable[[], float]] = {}
     for target in until if isinstance(until, list | tuple) else [until]:
         if isinstance(target, Load | Displacement | Travel):
             finite(target.value, f"{type(target).__name__}: value")

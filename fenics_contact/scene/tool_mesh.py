@@ -1,14 +1,25 @@
 """rigid_surface(script or file, ...): a meshed rigid tool, read and checked."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.mesh_io import read_surface
+from fenics_contact.types import Floats, Ints64
 
 
-def rigid_surface(source, group=None, name="tool", flip=False, comm=MPI.COMM_WORLD, **parameters):
+def rigid_surface(
+    source: Callable[..., Any] | str,
+    group: str | None = None,
+    name: str = "tool",
+    flip: bool = False,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    **parameters: Any,
+) -> MeshedTool:
     """Rigid tool whose surface is a gmsh mesh of triangles or quadrilaterals.
 
     source: a gmsh script, called with `parameters`, or a .msh file; group: the surface group that is the tool, by default
@@ -23,7 +34,7 @@ def rigid_surface(source, group=None, name="tool", flip=False, comm=MPI.COMM_WOR
     return MeshedTool(name, np.ascontiguousarray(nodes), size, X)
 
 
-def _refuse_flat(name, nodes, X):
+def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:
     area = np.linalg.norm(area_vectors(X[nodes]), axis=1)
     flat = np.flatnonzero(area < 1e-12 * np.ptp(X, axis=0).max() ** 2)
     if len(flat):
@@ -31,7 +42,7 @@ def _refuse_flat(name, nodes, X):
         raise ValueError(f"{name}: {len(flat)} facets have no area, the first at {place}; mesh that surface again")
 
 
-def _refuse_mixed(name, nodes, X):
+def _refuse_mixed(name: str, nodes: Ints64, X: Floats) -> None:
     """Two facets that agree on their outside run through their common edge in opposite directions."""
     start, end = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
     start, end = start[start != end], end[start != end]

@@ -12,7 +12,7 @@
     of degree 1 they gain nothing from a pressure, and lock from K / mu of 5.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import ufl
@@ -26,7 +26,7 @@ from fenics_contact.solid.materials import Material
 from fenics_contact.types import Expr, Form, Function, Measure, Mesh, Space
 from fenics_contact.values import SceneError
 
-Parts = list[tuple[Material, Callable[[int], Measure]]]  # of each body: dx(quadrature degree)
+Parts = Sequence[tuple[Material, Callable[[int], Measure]]]  # of each body: dx(quadrature degree)
 
 ELEMENTS = ("displacement", "mixed")
 # K / mu above which an element of degree 1 without treatment is refused: Cook's membrane then loses 28 % of its deflection

@@ -1,6 +1,7 @@
 """Springs on all bodies, of a stiffness that goes with their own: what stabilisation and damping are made of."""
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import ufl
 
@@ -12,8 +13,10 @@ from fenics_contact.solid.body import Body
 from fenics_contact.solid.materials import young
 from fenics_contact.types import Function, Measure, Space
 
+B = TypeVar("B", bound=Body)
 
-def springs(space: Space, bodies: Sequence[Body], dx: Callable[[Body], Measure], u: Function) -> Springs:
+
+def springs(space: Space, bodies: Sequence[B], dx: Callable[[B], Measure], u: Function) -> Springs:
     """Springs of stiffness share E / L^2 per reference volume between u and the places that they pull to.
 
     dx: body -> its measure. Returns the share, a Constant; these places, a Function; the forms (residual, tangent, strain

@@ -109,7 +109,7 @@ def under_hertz(field: Field, a: float, line: bool = False) -> Field:
     return _under_rings(field, a, 4, lambda q: 3 * q**2)
 
 
-def under_cone(field, a):
+def under_cone(field: Field, a: float) -> Field:
     """The same under a cone's pressure, p proportional to arcosh(a/r) (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4).
 
     A ring at r has the force 2 q artanh(q) dq, endless but integrable at the apex.
@@ -117,7 +117,7 @@ def under_cone(field, a):
     return _under_rings(field, a, 16, lambda q: 2 * q * np.arctanh(q))
 
 
-def _under_rings(field, a, count, force):
+def _under_rings(field: Field, a: float, count: int, force: Callable[[Floats], Floats]) -> Field:
     """Displacement under rings of the radii a sqrt(1 - q^2) that have the share force(q) dq of the load, 0 < q < 1."""
     q, weights = np.polynomial.legendre.leggauss(count)
     q, weights, turn = (1 + q) / 2, weights / 2, (np.arange(8) + 0.5) * np.pi / 4
