@@ -174,10 +174,11 @@ def unmet_notes(scene: "Scene") -> list[str]:
     for (one, other), meetings in left.items():
         count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
         names = names if one != other else f"pieces of body '{one}' touch or overlap"
+        first = spot(np.array(meetings[0].place))
         notes.append(
-            f"{names} without a contact there: {count} faces of cells, the first at {spot(np.array(meetings[0].place))}, lie on or in "
-            "the other's; they pass through each other. State a contact between their surfaces, bond them with "
-            "gmsh.model.occ.fragment before meshing, or draw them with a gap"
+            f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in the other's; they "
+            "pass through each other. State a contact between their surfaces, bond them with gmsh.model.occ.fragment before "
+            "meshing, or draw them with a gap"
         )
     return notes
 
