@@ -3,8 +3,12 @@ SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
 .PHONY: demo test test-rounding nightly bench study lint setup test-debian13 test-newest
-setup:
+setup: fenics_contact/kernels/__pycache__/fresh
 	@bash .ci/setup
+
+# Numba notices an edit of a cached kernel's own file, not of those that it calls: after any edit all are compiled anew
+fenics_contact/kernels/__pycache__/fresh: $(wildcard fenics_contact/kernels/*.py)
+	@mkdir -p $(@D) && rm -f $(@D)/*.nbi $(@D)/*.nbc && touch $@
 
 demo: setup
 	@$(ENV) mpirun -n 2 python3 demos/punch_on_plate.py

@@ -1,6 +1,10 @@
 """Who may know what: imports, version tests and sizes of every module of the package, read from its syntax."""
 
 import ast
+import os
+import shutil
+import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -193,3 +197,23 @@ def test_rooms_do_not_know_each_other_in_circles():
 )
 def test_the_checks_find_what_they_look_for(check, source):
     assert check(source)
+
+
+def test_an_edited_kernel_has_all_of_them_compiled_anew(tmp_path):
+    """By make: Numba alone keeps a kernel in whose callees something has changed."""
+    kernels = tmp_path / "fenics_contact" / "kernels"
+    cache = kernels / "__pycache__"
+    cache.mkdir(parents=True)
+    shutil.copy(PACKAGE.parent / "Makefile", tmp_path)
+    files = [kernels / name for name in ("law.py", "element.py")]
+    kept = [cache / name for name in ("element.f-1.py311.nbi", "element.f-1.py311.1.nbc")]
+    left = []
+    for edited in (files, [], files[:1]):
+        for file in edited:
+            file.write_text("")
+            os.utime(file, (time.time() + 2 * len(left),) * 2)
+        for file in kept:
+            file.write_text("")
+        subprocess.run(["make", "-s", str(cache.relative_to(tmp_path) / "fresh")], cwd=tmp_path, check=True)
+        left.append([file.exists() for file in kept])
+    assert left == [[False, False], [True, True], [False, False]]
