@@ -3,9 +3,10 @@
 The law of Euler and Eytelwein holds for a strap without thickness, so three thicknesses show how the ratio of the end
 forces tends to it. Plane strain, one layer of hexahedra. Units: mm, N, MPa.
 
-    mpirun -n 2 python3 demos/capstan.py
+    mpirun -n 2 python3 demos/capstan.py   # --quick: the thickest strap, seconds
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +65,7 @@ def figure(curves, last, surface):
         axes.plot(moved, ratio, marker="o", markersize=3, label=f"strap {thickness:g} mm thick")
     axes.axhline(EXACT, color="k", linewidth=0.8, label="exp(μθ)")
     axes.set_xlabel("travel of the pulled end [mm]"), axes.set_ylabel("ratio of the end forces"), axes.legend()
-    share = np.array(THICKNESSES) / RADIUS
+    share = np.array(list(curves)) / RADIUS
     limit.plot(share, EXACT - last, marker="o")
     limit.set_xlim(0, None), limit.set_ylim(0, None)
     limit.set_xlabel("thickness over drum radius"), limit.set_ylabel("exp(μθ) less the ratio when sliding")
@@ -76,9 +77,9 @@ def figure(curves, last, surface):
     picture.savefig(OUT / "capstan.png", dpi=150)
 
 
-def main():
+def main(quick=False):
     curves, last, root = {}, [], MPI.COMM_WORLD.rank == 0
-    for thickness in THICKNESSES:
+    for thickness in THICKNESSES[:1] if quick else THICKNESSES:
         scene, result, pull, ratio = wind(thickness)
         curves[thickness] = pull, ratio
         last.append(ratio[-1])
@@ -88,11 +89,14 @@ def main():
     surface = exterior_surface(scene, result.u, np.linalg.norm(result.u.x.array.reshape(-1, 3), axis=1))
     if root:
         figure(curves, np.array(last), surface)
-        print(f"exp(mu theta) = {EXACT:.6f}; the last two thicknesses extrapolate to {2 * last[-1] - last[-2]:.4f}")
+        print(f"exp(mu theta) = {EXACT:.6f}")
+        if not quick:
+            print(f"the last two thicknesses extrapolate to {2 * last[-1] - last[-2]:.4f}")
         print(f"picture: {OUT / 'capstan.png'}")
-    # the law for no thickness; half of one over the radius, 1 %, is what the strap's own lever arm takes off the exponent
-    assert abs(last[-1] / EXACT - 1) < 0.01
+    # the law for no thickness; half of one over the radius, 1 % of the thinnest, is what the strap's own lever arm takes off
+    # the exponent
+    assert abs(last[-1] / EXACT - 1) < thickness / (2 * RADIUS)
 
 
 if __name__ == "__main__":
-    main()
+    main(quick="--quick" in sys.argv)

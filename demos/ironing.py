@@ -3,9 +3,10 @@
 The scene of Fischer & Wriggers (2006, Comput. Methods Appl. Mech. Engrg. 195, 5020), repeated by later papers whose
 forces scatter; plane strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
 
-    mpirun -n 2 python3 demos/ironing.py
+    mpirun -n 2 python3 demos/ironing.py   # --quick: a shorter block, drawn by 0.5 mm, seconds
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,18 +27,23 @@ VERTICAL, RATIO = (335.0, 420.0), (0.30, 0.53)  # published plateaus of V [N/mm]
 PLATEAU = (1.32, 1.72)
 
 
+# the same cells on two thirds of the block, from its middle on
+QUICK = {"length": 8.0, "foundation": (32, 8), "left": 3.4}
+SHORT = 0.5  # mm
+
+
 def path(turns):
     """Displacement [mm] of the indenter's top: `turns` at the times 0 ... 3, which the load parameter 0 ... 1 stands for."""
     return lambda X, t: np.full(len(X), np.interp(3 * t, range(4), turns))
 
 
-def iron():
+def iron(quick):
     """Scene, result, and the displacements after each step."""
-    mesh = read_gmsh(ironing.build, depth=DEPTH)
+    mesh, way = read_gmsh(ironing.build, depth=DEPTH, **(QUICK if quick else {})), SHORT if quick else DRAW
     scene = Scene(Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU)))
     scene.fix("foundation_bottom")
     scene.fix("ends", "y")
-    scene.prescribe("indenter_top", "x", path([0, 0, DRAW, DRAW]))
+    scene.prescribe("indenter_top", "x", path([0, 0, way, way]))
     scene.prescribe("indenter_top", "z", path([0, -PRESS, -PRESS, 0]))
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, name="interface")
     shapes = []
@@ -46,7 +52,8 @@ def iron():
         shapes.append(state.u.x.array.copy())
         return len(shapes)
 
-    press, draw, lift = np.linspace(0, 1, 11)[1:], np.linspace(1, 2, 81)[1:], np.linspace(2, 3, 11)[1:]
+    steps = (10, round(80 * way / DRAW), 5 if quick else 10)
+    press, draw, lift = (np.linspace(i, i + 1, n + 1)[1:] for i, n in enumerate(steps))
     result = solve(
         scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, overwrite=True, progress=False, record={"shape": keep}
     ).require()
@@ -71,14 +78,16 @@ def figure(time, vertical, horizontal, surface):
     picture.savefig(OUT / "ironing.png", dpi=150)
 
 
-def main():
-    scene, result, shapes = iron()
+def main(quick=False):
+    scene, result, shapes = iron(quick)
     time = 3 * result.column("t")
     vertical, horizontal = (sign * result.column(f"interface_force_{a}_N") / DEPTH for sign, a in ((-1, "z"), (1, "x")))
     middle = compat.Function(scene.space)
     middle.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
     surface = exterior_surface(scene, middle, middle.x.array[2::3])
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
+    if quick:
+        plateau = (time > 1.6) & (time < 2.01)
     V, ratio = vertical[plateau], horizontal[plateau] / vertical[plateau]
     ripple = np.ptp(V) / V.mean()
     if MPI.COMM_WORLD.rank == 0:
@@ -87,8 +96,9 @@ def main():
         print(f"horizontal over vertical {ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f} (published {RATIO})")
         print(f"lifted: {vertical[-1]:.1e} and {horizontal[-1]:.1e} N/mm")
         print(f"{result.verdict.iterations} Newton iterations in {len(time)} steps; picture: {OUT / 'ironing.png'}")
-    assert VERTICAL[0] < V.min() and V.max() < VERTICAL[1] and RATIO[0] < ratio.mean() < RATIO[1]
+    assert VERTICAL[0] < V.min() and V.max() < VERTICAL[1]
+    assert quick or RATIO[0] < ratio.mean() < RATIO[1]  # a short way is not yet all slip
 
 
 if __name__ == "__main__":
-    main()
+    main(quick="--quick" in sys.argv)

@@ -3,9 +3,10 @@
 Plane strain, quarter of both tubes: 80 to 90 mm and 100 to 110 mm, the paper's Mooney material, meshes that do not match.
 The reference is the exact solution of the radial problem, which this script computes itself. Units: mm, N, MPa.
 
-    mpirun -n 2 python3 demos/nested_tubes.py
+    mpirun -n 2 python3 demos/nested_tubes.py   # --quick: the coarsest mesh, seconds
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ LARGEST = 140.0  # mm, inner radius at whose pressure the run ends; the pressure
 FIRM = 100.0  # mm, inner radius beyond which errors are taken relative to a contact pressure that starts at zero
 STEPS = 16
 MESHES = ((16, 12), (32, 24), (64, 48))  # cells around the inner and the outer tube
-LABELS = {"nodes": "slave nodes", 3: "3 x 3 Gauss points"}
+LABELS = {"corners": "facets' corners", 3: "3 x 3 Gauss points"}
 
 
 def stress(radial, hoop):
@@ -109,7 +110,7 @@ def inflate(around, points):
 def figure(curves, errors, surface):
     picture = Figure(figsize=(13, 4), layout="constrained")
     axes, rates, body = picture.subplots(1, 3)
-    m = np.linspace(INNER[0], LARGEST, 40)
+    m = np.linspace(INNER[0], LARGEST, 25)
     axes.plot(m, 1e3 * np.array([exact(x) for x in m]), "k-", linewidth=0.8, label=["exact", "_"])
     axes.plot(curves[0], 1e3 * curves[1:].T, "o", markersize=4, label=["pressure inside", "contact pressure"])
     axes.set_xlabel("inner radius [mm]"), axes.set_ylabel("pressure [kPa]"), axes.legend()
@@ -126,10 +127,10 @@ def figure(curves, errors, surface):
     picture.savefig(OUT / "nested_tubes.png", dpi=150)
 
 
-def main():
+def main(quick=False):
     errors, root = {}, MPI.COMM_WORLD.rank == 0
-    for points in LABELS:
-        for around in MESHES:
+    for points in list(LABELS)[-1:] if quick else LABELS:
+        for around in MESHES[:1] if quick else MESHES:
             scene, result, curves = inflate(around, points)
             touching = curves[:, curves[0] > FIRM]
             row = np.abs(touching[1:] / np.transpose([exact(m) for m in touching[0]]) - 1).max(axis=1)
@@ -139,10 +140,12 @@ def main():
     surface = exterior_surface(scene, result.u, np.linalg.norm(result.u.x.array.reshape(-1, 3), axis=1))
     if root:
         figure(curves, errors, surface)
-        order = {points: -np.polyfit(*np.log(np.array(rows)[:, ::2]).T, 1)[0] for points, rows in errors.items()}
-        print(f"orders of convergence in p_contact {order}; picture: {OUT / 'nested_tubes.png'}")
-    assert row[1] < 0.01
+        if not quick:
+            order = {points: -np.polyfit(*np.log(np.array(rows)[:, ::2]).T, 1)[0] for points, rows in errors.items()}
+            print(f"orders of convergence in p_contact {order}")
+        print(f"picture: {OUT / 'nested_tubes.png'}")
+    assert quick or row[1] < 0.01
 
 
 if __name__ == "__main__":
-    main()
+    main(quick="--quick" in sys.argv)

@@ -3,9 +3,10 @@
 A quarter of the plate 80 x 80 x 10 mm under a punch of 40 x 40 mm, in four friction cases, each driven by displacement
 (2 mm) and by force (what the frictionless punch needs for 2 mm). Units: mm, N, MPa.
 
-    mpirun -n 2 python3 demos/punch_on_plate.py
+    mpirun -n 2 python3 demos/punch_on_plate.py   # --quick: a coarse mesh, seconds
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def say(*words):
         print(*words, flush=True)
 
 
-def press(mesh, case, out, force=None, share=None):
+def press(mesh, case, out, force=None, share=None, steps=10):
     """One run; returns numbers of the last step, the force-travel curve and the deformed boundary (on rank 0)."""
     scene = Scene(Body(mesh, "plate", mooney_paper(a1=0.1863, a2=0.0098, K=5.0)))
     scene.fix("symmetry_x", "x")
@@ -37,7 +38,7 @@ def press(mesh, case, out, force=None, share=None):
     scene.contact("top", punch, case[0], name="top", penalty=Penalty(share=share))
     scene.contact("bottom", floor, case[1], name="bottom", penalty=Penalty(share=share))
     drive = {"move": {punch: (0, 0, -TRAVEL)}} if force is None else {"push": {punch: (0, 0, -force)}}
-    result = solve(scene, **drive, steps=10, out=out, overwrite=True)
+    result = solve(scene, **drive, steps=steps, out=out, overwrite=True)
     if not result.converged:
         raise SystemExit(f"friction {case}: {result.verdict.reason}")
     u = result.u.x.array[2::3]
@@ -112,13 +113,15 @@ def statements(moved, pushed):
     return lines
 
 
-def main():
-    mesh = read_gmsh(punch_plate.build, inside=12, outside=10, layers=6, ratio=1.1)
+def main(quick=False):
+    cells = {"inside": 4, "outside": 3, "layers": 2} if quick else {"inside": 12, "outside": 10, "layers": 6}
+    mesh = read_gmsh(punch_plate.build, **cells, ratio=1.1)
     name = "mu1_{:g}_mu2_{:g}".format
-    moved = [press(mesh, case, OUT / f"moved_{name(*case)}") for case in CASES]
+    steps = 5 if quick else 10
+    moved = [press(mesh, case, OUT / f"moved_{name(*case)}", steps=steps) for case in CASES]
     force = moved[0]["force"]
-    pushed = [press(mesh, case, OUT / f"pushed_{name(*case)}", force) for case in CASES]
-    share = {s: press(mesh, (1.0, 0.0), None, None, s)["force"] for s in (0.01, 0.1, 1.0)}
+    pushed = [press(mesh, case, OUT / f"pushed_{name(*case)}", force, steps=steps) for case in CASES]
+    share = {s: press(mesh, (1.0, 0.0), None, share=s, steps=steps)["force"] for s in (0.01, 0.1, 1.0)}
 
     lines = [f"punch edge: {moved[0]['edge']}; second invariant: the paper's, tr(B.B)", *table(moved, pushed)]
     lines += statements(moved, pushed)
@@ -135,4 +138,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(quick="--quick" in sys.argv)

@@ -3,9 +3,10 @@
 Load control cannot pass the two limit points of the force; arc length does, with contact and friction active. The same
 travels prescribed to the ball (displacement control, stable here) must give the same forces. Units: mm, N, MPa.
 
-    mpirun -n 2 python3 demos/snap_dome.py
+    mpirun -n 2 python3 demos/snap_dome.py   # --quick: a coarse dome, seconds
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def curve(result):
     return -result.column("ball_travel_z_mm"), -result.column("crown_force_z_N")
 
 
-def push(mesh):
+def push(mesh, largest):
     """Through and back under a force; also every step's displacement (on this rank) for pictures."""
     scene, ball = scene_of(mesh)
     shapes = []
@@ -52,7 +53,7 @@ def push(mesh):
         scene,
         push={ball: (0, 0, -1.0)},
         method="arc_length",
-        steps=ArcSteps(first=0.1, largest=1.0),
+        steps=ArcSteps(first=0.1, largest=largest),
         until=Travel(ball, "z", -END),
         back=Load(0.02),
         record={"shape": keep},
@@ -97,9 +98,9 @@ def picture(through, back, moved, limits, shapes, path):
     figure.savefig(path, dpi=150)
 
 
-def main():
-    mesh = read_gmsh(dome.build, radius=RADIUS, thickness=WALL, boss=5.0, cells=8)
-    scene, pushed, shapes = push(mesh)
+def main(quick=False):
+    mesh = read_gmsh(dome.build, radius=RADIUS, thickness=WALL, boss=5.0, cells=3 if quick else 8)
+    scene, pushed, shapes = push(mesh, largest=4.0 if quick else 1.0)
     travel, force = curve(pushed)
     turn = int(np.argmax(travel))
     through, back = (travel[: turn + 1], force[: turn + 1]), (travel[turn:], force[turn:])
@@ -124,4 +125,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(quick="--quick" in sys.argv)

@@ -4,6 +4,7 @@
     python3 demos/speed.py growth 1000000    # cost per iteration up to that many unknowns, on 1 and 2 processes: runs what
                                              # results/speed/growth.csv lacks (delete it to start anew) and draws its chart
     python3 demos/speed.py kernels           # search and contact kernel alone, 1e3 to 1e6 points
+    python3 demos/speed.py --quick           # forms, parity and kernels at a size where times say nothing, seconds
 
 Everything is written to results/speed/*.csv; growth and kernels draw a chart. Times are CPU seconds of one thread where one
 process is measured, medians of three interleaved runs; wall seconds where 1 and 2 processes are compared.
@@ -44,7 +45,7 @@ except ImportError:
 OUT = Path("results/speed")
 ENVIRONMENT = os.environ.copy()  # from before MPI's start in here: mpirun does not nest
 RUBBER = {"a1": 0.1863, "a2": 0.0098, "K": 5.0}
-SMALL, LARGE = (10, 5), (20, 10)  # cells to the punch's edge and over the height: 20x20x5 and 40x40x10
+SMALLEST, SMALL, LARGE = (4, 2), (10, 5), (20, 10)  # cells to the punch's edge and over the height: 20x20x5 and 40x40x10
 LARGE_BLOCKS, SMALL_BLOCKS = ((40, 40, 10), (20, 20, 10)), ((16, 16, 4), (10, 10, 4))  # lower and upper: 3600, 900 points
 PRESSED, SLIDING = 5, 3  # steps of the two blocks: 0.4 mm down each, then 0.5 mm sideways
 GROWTH = [(20, 10), (32, 13), (50, 15), (70, 16)]  # 5.5e4, 1.8e5, 4.9e5, 1.0e6 unknowns
@@ -131,9 +132,9 @@ def felupe_parity(cells, steps):
     return (time.process_time() - start) / iterations
 
 
-def tangent_forms():
+def tangent_forms(cells=LARGE):
     """Median CPU seconds of assembling the rate form and the second derivative of the energy, and of what bounds them."""
-    scene = plate(LARGE)
+    scene = plate(cells)
     u = compat.Function(scene.space)
     u.x.array[:] = 0.01 * np.random.default_rng(1).random(len(u.x.array))
     v, du, dx = ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space), scene.dx(scene.bodies[0])
@@ -324,13 +325,13 @@ def draw_growth(rows):
     figure.savefig(OUT / "growth.png", dpi=150)
 
 
-def kernels():
+def kernels(sizes=(10**3, 10**4, 10**5, 10**6)):
     """Search of a master surface and the rigid contact element, on flat surfaces of 1e3 to 1e6 points."""
     scene = plate((4, 2))
     tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 9.9))
     scene.contact("top", tool, 0.3, name="top", points=3)
     system, rows = scene.system(), []
-    for points in (10**3, 10**4, 10**5, 10**6):
+    for points in sizes:
         seconds = interleaved({"rigid element": rigid_elements(system, points), **master_search(points)})
         rows += [{"what": what, "points": points, "ns_per_point": 1e9 * t / points} for what, t in seconds.items()]
         print(points, {what: f"{1e9 * t / points:.0f} ns/point" for what, t in seconds.items()}, flush=True)
@@ -382,6 +383,20 @@ def master_search(points):
     }
 
 
+def quick():
+    """Every kind of measurement once, on one process: what the programs above are made of still works."""
+    steps, (forms, _) = 2, tangent_forms(SMALLEST)
+    run = parity(SMALLEST, steps)
+    table = [
+        {"what": "rate-form tangent / energy's second derivative", "value": forms["rate"] / forms["energy"]},
+        {"what": "parity, Newton iterations per step", "value": run["iterations"] / steps},
+        {"what": "blocks, contact seconds", "value": share(blocks((8, 8, 2), (5, 5, 2)), *CONTACT, "insertion")},
+    ]
+    print(*(f"{row['what']:62} {row['value']:8.3f}" for row in table), sep="\n", flush=True)
+    write("ratios", table)
+    kernels((10**3, 10**4))
+
+
 MEASUREMENTS = {"punch": punch, "blocks": blocks, "parity": parity, "before_first_step": before_first_step}
 
 if __name__ == "__main__":
@@ -394,5 +409,7 @@ if __name__ == "__main__":
         growth(float(sys.argv[2]) if len(sys.argv) > 2 else 2e5)
     elif program == "kernels":
         kernels()
+    elif program == "--quick":
+        quick()
     else:
         ratios()
