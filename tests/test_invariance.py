@@ -56,7 +56,8 @@ class Frame:
             scene.prescribe(group, axis, lambda X, t, i=i: np.full(len(X), self.vector(*path(t))[i]))
 
     def tool(self, tool):
-        return replace(tool, axes=self.Q @ tool.axes, origin=self.vector(*tool.origin), shape=self.length * tool.shape)
+        lengths = {"shape": self.length * tool.shape, "extent": self.length * tool.extent}
+        return replace(tool, axes=self.Q @ tool.axes, origin=self.vector(*tool.origin), **lengths)
 
     def contacts(self, scene, statements, options):
         for slave, master, friction, name in reversed(statements) if self.turn_contacts else statements:
