@@ -37,16 +37,17 @@ def folder(tmp_path_factory):
 
 
 def test_every_end_is_a_row_and_a_second_call_runs_nothing(folder):
-    ways = ["good", "diverges", "dies", "hangs", "raises", "refused"]
-    study = Study("ends", case, grid(h=[1.0], way=ways), limit=15.0)  # a worker starts in 2 s, on a busy machine in 8
-    path = study.run(folder, progress=False)
+    ways = ["good", "diverges", "dies", "raises", "refused", "hangs"]
+    study = Study("ends", case, grid(h=[1.0], way=ways), limit=60.0)
+    Study("ends", case, study.runs[:-1], limit=60.0).run(folder, progress=False)
+    path = Study("ends", case, study.runs[-1:], limit=2.0).run(folder, progress=False)  # hangs, or has not even begun
     rows = {row["way"]: row for row in read(path)}
     assert list(rows) == ways
     assert rows["good"]["converged"] is True and rows["good"]["error"] == 1.0
     assert all(rows[way]["converged"] is False for way in ways[1:])
     assert rows["diverges"]["t_reached"] == 0.25
     assert "no such luck" in rows["raises"]["verdict"] and "the scene is wrong" in rows["refused"]["verdict"]
-    assert "15 s" in rows["hangs"]["verdict"] and rows["dies"]["verdict"].startswith("stopped")
+    assert "2 s" in rows["hangs"]["verdict"] and rows["dies"]["verdict"].startswith("stopped")
     assert all("numpy" in row["versions"] and row["machine"] for row in rows.values())
     before = path.read_text()
     study.run(folder, progress=False)
