@@ -173,7 +173,7 @@ class FacetPartner:
         forces, (ne, nq) = np.zeros_like(feet.coords), self.surface.area.shape
         traction, excess, status = np.empty((ne * nq, 3)), np.empty(ne * nq), np.empty(ne * nq, dtype=np.int32)
         out = forces, status, traction, excess
-        add_forces(self._pairs(feet, trial, trial.area), self._law(trial), trial.judged, out)
+        add_forces(*self._pairs(feet, trial, trial.area), self._law(trial), trial.judged, out)
         gap, points = np.minimum(feet.projection[4], self.search), (ne, nq)
         cover = np.ones(points)
         return Response(
@@ -191,7 +191,7 @@ class FacetPartner:
 
     def _tangent(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
-        pairs = self._pairs(feet, trial, trial.area), self._law(trial), trial.judged
+        pairs = *self._pairs(feet, trial, trial.area), self._law(trial), trial.judged
         rows, columns, blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
         if missing:
             raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
@@ -216,7 +216,7 @@ class FacetPartner:
     def foreseen(self, feet: FacetFeet, before: FacetFeet, trial: Trial) -> Floats:
         """Gaps (np,) that the tangent at the places `before` foresees at these, shifts added."""
         gaps = np.empty(len(before.projection[4]))
-        foreseen_gaps(self._pairs(before, trial), feet.coords - before.coords, gaps)
+        foreseen_gaps(*self._pairs(before, trial), feet.coords - before.coords, gaps)
         return np.where(np.isfinite(gaps), gaps, feet.projection[4]) + trial.history.shift.reshape(-1)
 
     # -- anchors --------------------------------------------------------------------------------------------------
@@ -226,7 +226,7 @@ class FacetPartner:
 
     def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = self.no_anchors(), np.empty(self.surface.area.size)
-        committed_anchors(self._pairs(feet, trial), self._law(trial, touch), new, sliding)
+        committed_anchors(*self._pairs(feet, trial), self._law(trial, touch), new, sliding)
         return new, sliding.reshape(self.surface.area.shape)
 
     def places(self, feet: FacetFeet, trial: Trial) -> Anchors:
@@ -239,7 +239,7 @@ class FacetPartner:
 
     def _augmented(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
         new, slips = self.no_anchors(), np.empty(self.surface.area.size)
-        augmented_anchors(self._pairs(feet, trial), own(trial.history.rests), self._law(trial), new, slips)
+        augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(trial), new, slips)
         return new, slips.reshape(self.surface.area.shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
@@ -253,7 +253,7 @@ class FacetPartner:
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         new = self.no_anchors()
-        stiffened_anchors(self._pairs(feet, trial), own(rests), self._law(trial), factor, new)
+        stiffened_anchors(*self._pairs(feet, trial), own(rests), self._law(trial), factor, new)
         return new
 
     def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE, Projection
-from fenics_contact.kernels.deformable_element import Anchors, Pair, Pairs, PointLaws, place, place_apart, slide_anchor
+from fenics_contact.kernels.deformable_element import Anchors, Pair, PointLaws, Slaves, place, place_apart, slide_anchor
+from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.law import FRICTIONLESS, Gaps, Law, Traction, excess, traction
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
@@ -50,7 +51,11 @@ def _add(array: Floats, i: int, share: float, vector: Vector) -> None:
 
 @njit(cache=True, error_model="numpy")
 def add_forces(
-    pairs: Pairs,
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
     law: PointLaws,
     judged: Floats,
     out: tuple[Floats, Ints, Floats, Floats],
@@ -62,7 +67,6 @@ def add_forces(
     out: (forces, status, tractions, excesses); fills per point status, traction (np, 3) T = N n + T_T, and excess (np,) =
     |T_tr| over the Coulomb limit minus 1, 0 where there is no friction.
     """
-    coords, slaves, surface, projection, anchors = pairs
     nodes, weights, area, _ = slaves
     corners, facet = surface[0], projection[0]
     forces, status, tractions, excesses = out
@@ -90,9 +94,16 @@ def add_forces(
 
 
 @njit(cache=True)
-def foreseen_gaps(pairs: Pairs, moved: Floats, gaps: Floats) -> None:
+def foreseen_gaps(
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
+    moved: Floats,
+    gaps: Floats,
+) -> None:
     """Fill gaps (np,): what the gaps of the pairs become, linearised, when the nodes move by moved (nx, 3)."""
-    coords, slaves, surface, projection, anchors = pairs
     nodes, weights, _, gradients = slaves
     corners, facet, kind = surface[0], projection[0], projection[1]
     for q in range(len(gaps)):
@@ -123,7 +134,11 @@ def _keep(q: int, nodes: Ints64, weights: Floats, facet_nodes: Ints64, f: int, N
 
 @njit(cache=True, error_model="numpy")
 def committed_anchors(
-    pairs: Pairs,
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
     law: PointLaws,
     new_anchors: Anchors,
     sliding: Floats,
@@ -134,7 +149,6 @@ def committed_anchors(
     T_T/eps_T, the return mapping of (16).  No partner: none (-1).  sliding is the way the anchor's image moved in
     slip [length].  new_anchors must not be the arrays of anchors.
     """
-    coords, slaves, surface, projection, anchors = pairs
     facet, kind = projection[0], projection[1]
     nodes, weights = new_anchors
     eps_t = law[1]
@@ -157,7 +171,11 @@ def committed_anchors(
 
 @njit(cache=True, error_model="numpy")
 def augmented_anchors(
-    pairs: Pairs,
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
     rests: Anchors,
     law: PointLaws,
     new_anchors: Anchors,
@@ -168,7 +186,6 @@ def augmented_anchors(
     rests: like anchors, where the points last came to rest.  slips (np,) = |P(n) (x_M - x_rest)| of sticking points, what
     the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.
     """
-    coords, slaves, surface, projection, anchors = pairs
     nodes, weights = new_anchors
     eps_t = law[1]
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]
@@ -189,7 +206,11 @@ def augmented_anchors(
 
 @njit(cache=True, error_model="numpy")
 def stiffened_anchors(
-    pairs: Pairs,
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
     rests: Anchors,
     law: PointLaws,
     factor: float,
@@ -200,7 +221,6 @@ def stiffened_anchors(
     rests: like anchors, places x_rest of the same traction under either penalty.  New anchors lie on the points' present
     facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
     """
-    coords, slaves, surface, projection, anchors = pairs
     nodes, weights = new_anchors
     eps_t = law[1]
     nodes[:, :], weights[:, :] = anchors[0], anchors[1]

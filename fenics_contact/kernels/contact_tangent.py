@@ -7,6 +7,7 @@ anchors lie on the same one, share an element matrix: it goes into the pattern o
 import numpy as np
 from numba import njit
 
+from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.contact_pairs import point_law, presses
 from fenics_contact.kernels.couplings import Pattern, equal_rows, felt_nodes, find
 from fenics_contact.kernels.deformable_element import (
@@ -14,8 +15,8 @@ from fenics_contact.kernels.deformable_element import (
     FIRST,
     JUMP,
     SECOND,
+    Anchors,
     Pair,
-    Pairs,
     PointLaws,
     Slaves,
     foot_rate,
@@ -23,6 +24,7 @@ from fenics_contact.kernels.deformable_element import (
     place,
     traction_rate,
 )
+from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.law import Gaps, partials, traction
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
@@ -32,7 +34,11 @@ from fenics_contact.types import Bools, Floats, Ints64
 
 @njit(cache=True)
 def add_tangents(
-    pairs: Pairs,
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
     law: PointLaws,
     judged: Floats,
     pattern: Pattern,
@@ -44,7 +50,6 @@ def add_tangents(
     pattern: as in kernels/couplings.py.  Marks used (nb,).  With judged gaps the points press with these, which are
     then the pressures of a mixed method.  Returns the number of blocks that were not in the pattern.
     """
-    coords, slaves, surface, projection, anchors = pairs
     points, k = slaves[0].shape
     corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
     shift = law[4]

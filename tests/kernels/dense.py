@@ -11,7 +11,7 @@ ALL_GAPS = np.empty(0)
 def evaluated(coords, slaves, surface, projection, anchors, law, judged=ALL_GAPS, want_tangent=True):
     """Forces (3 nx,), tangent (3 nx, 3 nx), and per point status, traction (np, 3), excess."""
     n, points = len(coords), len(slaves[2])
-    pairs = (coords, slaves, surface, projection, anchors), law, judged
+    pairs = coords, slaves, surface, projection, anchors, law, judged
     forces, status, excess = np.zeros((n, 3)), np.full(points, 7), np.full(points, np.nan)
     traction = np.full((points, 3), np.nan)
     add_forces(*pairs, (forces, status, traction, excess))

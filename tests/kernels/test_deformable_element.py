@@ -69,7 +69,7 @@ class Pair:
         projection = self.project(coords)
         before = [a.copy() for a in self.anchors]
         pairs = (coords, self.slaves, self.surface, projection, self.anchors)
-        element.committed_anchors(pairs, self.law, new, sliding)
+        element.committed_anchors(*pairs, self.law, new, sliding)
         assert all(np.array_equal(a, b) for a, b in zip(before, self.anchors, strict=False))
         self.anchors = new
         return sliding[0]
@@ -272,7 +272,7 @@ def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
     rest = (np.array([[0, 1, 2, 3]]), np.array([[0.3, 0.3, 0.2, 0.2]]))
     new, slips = (np.zeros((1, 4), np.int64), np.zeros((1, 4))), np.zeros(1)
     pairs = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords), pair.anchors)
-    element.augmented_anchors(pairs, rest, pair.law, new, slips)
+    element.augmented_anchors(*pairs, rest, pair.law, new, slips)
     point = pair.slaves[1][0] @ pair.coords[pair.slaves[0][0]]
     foot = point - r["gap"] * r["normal"]
     moved = foot - rest[1][0] @ pair.coords[rest[0][0]]
