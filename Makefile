@@ -18,7 +18,7 @@ study: setup
 	@$(ENV) python3 -m fenics_contact.studies $(NAME)
 
 lint: setup
-	@$(ENV) ruff check . && ruff format --check .
+	@$(ENV) ruff check . && ruff format --check . && mypy
 
 test: lint
 	@$(ENV) python3 -m pytest -n 2

@@ -7,11 +7,13 @@ from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_plane
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.units import Units
 from fenics_contact.run import Result, solve
-from fenics_contact.scene.scene import Body, Scene, SceneError
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Displacement, Load, Travel
 from fenics_contact.scene.tool_mesh import rigid_surface
 from fenics_contact.solid.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
 from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.values import SceneError
 
 __all__ = [
     "ArcSteps",

@@ -9,7 +9,7 @@ from typing import Any
 import gmsh
 import numpy as np
 
-from fenics_contact.meetings import key, meetings
+from fenics_contact.meetings import Meeting, key, meetings
 from fenics_contact.types import Array, Floats, Ints64
 
 # gmsh's numbering of a cell's faces by its corners, and the facet's corners
@@ -31,11 +31,11 @@ class Groups:
     A facet has one tag: every combination of surface groups that meet in a facet has a tag of its own.
     """
 
-    volumes: dict
-    surfaces: dict
-    cells: dict
-    doubled: tuple
-    touching: tuple
+    volumes: dict[str, int]
+    surfaces: dict[str, tuple[int, ...]]
+    cells: dict[str, int]
+    doubled: tuple[Meeting, ...]
+    touching: tuple[Meeting, ...]
 
 
 # -- session ----------------------------------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ def hand_over() -> Groups:
     corners = np.searchsorted(used, cells[:, : _FACES[shape].max() + 1])
     doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of)
     volume_tags = {name: tag for name, (tag, _) in volumes.items()}
-    counts = np.bincount(owner, minlength=len(names)).tolist()
+    counts = [int(count) for count in np.bincount(owner, minlength=len(names))]
     _replace(used, X, kind, [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())], facets)
     return Groups(volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled, touching)
 
@@ -222,10 +222,10 @@ class _Facets:
     groups, and by group's name the tags of its combinations."""
 
     kind: int
-    nodes: np.ndarray
-    keys: np.ndarray
-    tag: np.ndarray
-    tags: dict
+    nodes: Ints64
+    keys: Array
+    tag: Ints64
+    tags: dict[str, tuple[int, ...]]
 
     def names_of(self, face_key: int) -> tuple[str, ...]:
         """Surface groups of the facet with this key, sorted."""
@@ -263,12 +263,12 @@ def _facets(surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Fa
         none = np.empty(0, dtype=np.int64)
         return _Facets(0, none.reshape(0, 4), none.astype(np.uint64), none, dict.fromkeys(surfaces, ()))
     known, first = np.unique(np.concatenate([own for own, _ in rows]), return_index=True)
-    combination = np.zeros(len(known), dtype=np.int64)
+    combination: Ints64 = np.zeros(len(known), dtype=np.int64)
     members = {name: np.isin(known, own) for name, own in keys.items()}
     for member in members.values():
         _, combination = np.unique(2 * combination + member, return_inverse=True)
     tag = combination + 1
-    tags = {name: tuple(np.unique(tag[member]).tolist()) for name, member in members.items()}
+    tags = {name: tuple(int(one) for one in np.unique(tag[member])) for name, member in members.items()}
     return _Facets(next(iter(kinds)), np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
 
 
@@ -282,7 +282,7 @@ def _replace(used: Ints64, X: Floats, kind: int, volumes: list[tuple[str, int, I
     gmsh.model.mesh.addNodes(3, tag, np.arange(1, len(used) + 1), X.ravel())
     for name, entity, cells in volumes:
         _add(3, entity, name, kind, np.searchsorted(used, cells) + 1)
-    for entity in np.unique(facets.tag).tolist():
+    for entity in (int(one) for one in np.unique(facets.tag)):
         gmsh.model.addDiscreteEntity(2, entity)
         rows = facets.nodes[facets.tag == entity]
         _add(2, entity, f"combination {entity}", facets.kind, np.searchsorted(used, rows) + 1)

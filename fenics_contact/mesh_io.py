@@ -10,7 +10,7 @@ from mpi4py import MPI
 from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import Source, known_group
-from fenics_contact.meetings import Meeting
+from fenics_contact.meetings import Meeting, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Tags
 
 
@@ -119,13 +119,13 @@ def _facets(group: str | None) -> tuple[Ints64, Ints64, Floats]:
         groups = gmsh_model.group_entities(2)
         _, entities = groups[known_group(group, groups, "surface")]
     corners = {"Triangle 3": 3, "Quadrilateral 4": 4}
-    rows = [np.empty((0, 4), dtype=np.int64)]
+    rows: list[Ints64] = [np.empty((0, 4), dtype=np.int64)]
     for _, name, _, nodes in (one for entity in entities for one in gmsh_model.elements(2, entity)):
         if name not in corners:
             raise ValueError(f"facets of type '{name}' are not supported for a tool; mesh its surface with order 1")
         rows.append(nodes if corners[name] == 4 else nodes[:, [0, 1, 2, 2]])
     facets = np.concatenate(rows)
-    _, first = np.unique(gmsh_model.key(facets), return_index=True)  # a file may hold a facet once for each of its groups
+    _, first = np.unique(key(facets), return_index=True)  # a file may hold a facet once for each of its groups
     tags, places = np.unique(facets[np.sort(first)], return_inverse=True)
     if not len(tags):
         what = f"surface group '{group}'" if group else "it"

@@ -55,7 +55,7 @@ def arc_steps(steps: Steps, until: object, back: object, continuation: bool) -> 
     return steps
 
 
-def load_times(steps: int | float | Sequence[float] | Floats) -> Floats:
+def load_times(steps: Steps) -> Floats:
     """Load parameters (n,) at which the steps end."""
     if not isinstance(steps, list | tuple | np.ndarray) or is_number(steps):
         steps = count(steps, "steps", remedy=", or the increasing list of t")

@@ -1,13 +1,22 @@
 """Checkpoints of a run, and the way back from one: on any number of ranks, refused where the scene is another."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import lru_cache
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
 
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
+from fenics_contact.assembly.system import System
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.files import prepare_folder, results_in, writing
-from fenics_contact.scene.fingerprint import first_difference
+from fenics_contact.output.history import HistoryRow
+from fenics_contact.scene.fingerprint import Statement, first_difference
+from fenics_contact.solvers.continuation import Path as Continuation
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.values import SceneError
 
@@ -19,16 +28,25 @@ class Keeper:
     plain values}) and recall(fields, numbers), which raises ValueError where they do not fit.
     """
 
-    def __init__(self, folder, system, path, stated, every, resume):
+    def __init__(
+        self,
+        folder: Path,
+        system: System,
+        path: Continuation | None,
+        stated: Callable[[float], Statement],
+        every: int,
+        resume: bool,
+    ) -> None:
         """stated: function of the largest t reached -> `statement` of the run, the same where it is resumed; every: steps
         from one checkpoint to the next."""
         self.comm, self._path, self.every, self._folder = system.comm, path, every, folder
-        self.verdict, self.rows, self.resumed = Verdict(), [], False
+        self.verdict, self.resumed = Verdict(), False
+        self.rows: list[HistoryRow] = []
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
         if resume:
             self._take_up()
 
-    def _take_up(self):
+    def _take_up(self) -> None:
         arrays, content = None, None
         with agreed(self.comm, f"reading the checkpoints in '{self._folder}'", SceneError):
             if self.comm.rank == 0:
@@ -46,7 +64,7 @@ class Keeper:
             )
         self._restore(arrays, content)
 
-    def _newest(self):
+    def _newest(self) -> tuple[dict[str, Any], dict[str, Any]] | tuple[None, None]:
         """(arrays, content) of the newest checkpoint on rank 0, (None, None) in an empty folder."""
         try:
             found = self._files.read()
@@ -62,23 +80,23 @@ class Keeper:
             )
         return found or (None, None)
 
-    def _restore(self, arrays, content):
+    def _restore(self, arrays: dict[str, Any] | None, content: dict[str, Any]) -> None:
         try:
             fields = self._memory.restore(arrays)
-            if content["stepper"] is not None:
+            if self._path:
                 self._path.recall(fields, content["stepper"])
         except ValueError as error:
             raise SceneError(
                 f"the checkpoint in '{self._folder}' does not fit: {error}; start anew with overwrite=True in the place of "
                 "resume"
             ) from None
-        self.verdict, self.resumed = Verdict(**content["verdict"]), True
+        self.verdict, self.rows, self.resumed = Verdict(**content["verdict"]), content["rows"], True
 
-    def _statement(self):
+    def _statement(self) -> Statement:
         """What the run states, as far as it has come. Collective."""
         return self._stated(max([1.0, *(row["t"] for row in self.rows)]))
 
-    def keep(self):
+    def keep(self) -> None:
         """Call at the start and after every accepted step: writes a checkpoint where one is due. Collective."""
         if len(self.rows) % self.every == 0:
             fields, numbers = self._path.memory() if self._path else (None, None)
@@ -89,7 +107,7 @@ class Keeper:
                     self._files.write(len(self.rows), arrays, content)
 
 
-def results_folder(out, comm, overwrite, resume):
+def results_folder(out: str | PathLike[str], comm: MPI.Comm, overwrite: bool, resume: bool) -> Path:
     """The folder for results, which may be written; one that holds results only where the user says what is to become of
     them. Collective."""
     if overwrite and resume:

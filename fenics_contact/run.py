@@ -1,33 +1,45 @@
 """solve(scene, ...): run a scene along its load path and keep what it gave."""
 
+import pathlib
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
-from fenics_contact.options import arc_steps, checkpoint_steps, load_times, refuse_shares
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm, State
+from fenics_contact.contact.tools import Tool
+from fenics_contact.options import Steps, arc_steps, checkpoint_steps, load_times, refuse_shares
 from fenics_contact.output.files import clear_results, writing
 from fenics_contact.output.history import (
+    HistoryRow,
+    Summary,
     column_names,
     damping_column,
     history_row,
+    limit_points,
     penalty_lines,
     penalty_notes,
     penalty_summary,
+    stages_line,
 )
+from fenics_contact.output.units import Units
 from fenics_contact.output.writer import Writer
 from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import statement
-from fenics_contact.scene.functions import number_of
+from fenics_contact.scene.functions import Drive, number_of
+from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.targets import distances
-from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
-from fenics_contact.solvers.audit import audit
+from fenics_contact.solvers.arc_length import ArcLength, ArcReport, depends_on_load
+from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.control import run
@@ -35,11 +47,15 @@ from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.penalty_error import penalty_error
+from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snes import Snes
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Floats, Function
 from fenics_contact.values import SceneError, shown
+
+Columns = dict[str, Callable[[State], float]]  # what the user adds to the history
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
 
@@ -49,30 +65,30 @@ class Result:
     """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
     summary: what summary.json holds. `result.u` is the displacement Function."""
 
-    history: list
-    verdict: object
-    system: object
-    summary: dict
+    history: list[HistoryRow]
+    verdict: Verdict
+    system: System
+    summary: Summary
 
     @property
-    def u(self):
+    def u(self) -> Function:
         return self.system.state.u
 
     @property
-    def converged(self):
+    def converged(self) -> bool:
         return self.verdict.converged
 
-    def require(self):
+    def require(self) -> "Result":
         """Itself where the run converged; else the script ends with the reason and a nonzero exit code."""
         if self.converged:
             return self
         raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
 
-    def audit(self):
+    def audit(self) -> Audit:
         """Audit of every block of the tangent at the final state; print it, or ask its `right`. Collective."""
         return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
 
-    def column(self, name):
+    def column(self, name: str) -> Array:
         """A history column at all accepted steps; KeyError lists the columns."""
         if self.history and name not in self.history[0]:
             raise KeyError(f"no column '{name}' in the history; it has: {', '.join(self.history[0])}")
@@ -81,25 +97,25 @@ class Result:
 
 @ends_together
 def solve(
-    scene,
-    move=None,
-    push=None,
-    steps=10,
-    out=None,
-    method="newton",
-    linear="auto",
-    tolerance=None,
-    progress=True,
-    checkpoint=False,
-    resume=False,
-    overwrite=False,
-    smallest_step=None,
-    until=None,
-    back=None,
-    record=None,
-    stabilise=False,
-    damping=False,
-):
+    scene: Scene,
+    move: Mapping[Tool, Drive] | None = None,
+    push: Mapping[Tool, Drive] | None = None,
+    steps: Steps = 10,
+    out: str | PathLike[str] | None = None,
+    method: str = "newton",
+    linear: str = "auto",
+    tolerance: float | None = None,
+    progress: bool = True,
+    checkpoint: bool | int = False,
+    resume: bool = False,
+    overwrite: bool = False,
+    smallest_step: float | None = None,
+    until: object = None,
+    back: object = None,
+    record: dict[str, Callable[[State], float]] | None = None,
+    stabilise: bool = False,
+    damping: bool = False,
+) -> Result:
     """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
 
     move: {tool: travel (3,) at t = 1 [length], or a function of t}; push: {tool: force (3,) at t = 1 [force], or a function
@@ -137,7 +153,7 @@ def solve(
     every = checkpoint_steps(checkpoint, resume, out)
     refuse_shares(method, tolerance, smallest_step)
     times = np.array([0.5, 1.0]) if continuation else load_times(steps)
-    record = _columns(record or {}, scene)
+    extra = _columns(record or {}, scene)
     if out is not None and not isinstance(out, str | PathLike):
         raise SceneError(f"out = {shown(out)} must be the path of a folder")
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
@@ -149,36 +165,36 @@ def solve(
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
     plain, stepper = _stepper(method, solver, tolerance, system)
-    path = Path(system, plain, stepper, arcs, legs) if continuation else None
-    stated = partial(statement, scene, system, method, record)
-    keeper = Keeper(folder, system, path, stated, every, resume) if every else None
-    record = _Record(scene, system, folder, keeper, record, continuation, progress)
+    path = Path(system, plain, stepper, arcs, legs) if isinstance(plain, ArcLength) and arcs else None
+    stated = partial(statement, scene, system, method, extra)
+    keeper = Keeper(folder, system, path, stated, every, resume) if every and folder else None
+    kept = _Record(scene, system, folder, keeper, extra, continuation, progress)
     setup = timers.table()["total"]
-    verdict = record.verdict
-    record.remark([*scene.notes, *built.notes])
-    if continuation:
-        path.follow(record, verdict)
+    verdict = kept.verdict
+    kept.remark([*scene.notes, *built.notes])
+    if path:
+        path.follow(kept, verdict)
     else:
-        run(system, stepper, times, record, smallest_step, verdict)
-    record.bar.close()
+        run(system, stepper, times, kept, smallest_step, verdict)
+    kept.bar.close()
     if verdict.converged:
-        record.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
-    summary = _summary(scene, system, solver, method, verdict, record.history)
+        kept.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
+    summary = _summary(scene, system, solver, method, verdict, kept.history)
     with timers("penalty error"):
         error = penalty_error(system, solver) if verdict.converged else None
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
-    record.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
+    kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
-    if record.writer:
-        record.writer.finish(summary)
+    if kept.writer:
+        kept.writer.finish(summary)
     if progress and system.comm.rank == 0:
-        lines = [*penalty_lines(summary["penalty_error"], scene.units), _stages_line(summary["seconds"])]
+        lines = [*penalty_lines(summary["penalty_error"], scene.units), stages_line(summary["seconds"])]
         if verdict.residuals:
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
-    return Result(record.history, verdict, system, summary)
+    return Result(kept.history, verdict, system, summary)
 
 
 class _Record:
@@ -187,7 +203,16 @@ class _Record:
     Called with the step's report, its seconds and whether it is on the schedule, on all ranks.
     """
 
-    def __init__(self, scene, system, folder, keeper, extra, continuation, progress):
+    def __init__(
+        self,
+        scene: Scene,
+        system: System,
+        folder: pathlib.Path | None,
+        keeper: Keeper | None,
+        extra: Columns,
+        continuation: bool,
+        progress: bool,
+    ) -> None:
         self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
         self.continuation, self._augments = continuation, bool(system.augmented) or system.stabilised
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
@@ -203,7 +228,7 @@ class _Record:
         self.silent = not progress or system.comm.rank != 0
         self.bar = tqdm(total=1.0, disable=self.silent, bar_format=layout)
 
-    def _start_anew(self, folder):
+    def _start_anew(self, folder: pathlib.Path) -> None:
         """An earlier run's files go; then comes a checkpoint of the start: what is killed from here on can be resumed."""
         with writing(self.system.comm, folder, "in the place of older results"):
             if self.system.comm.rank == 0:
@@ -211,7 +236,7 @@ class _Record:
         if self.keeper:
             self.keeper.keep()
 
-    def __call__(self, report, seconds, on_schedule):
+    def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds))
             if self.writer and on_schedule:
@@ -229,7 +254,7 @@ class _Record:
         if not self.continuation:
             self.bar.update(t - self.bar.n)
 
-    def remark(self, notes):
+    def remark(self, notes: list[str]) -> None:
         """Notes on the run as a whole, each said once."""
         fresh = [note for note in notes if note not in self.verdict.notes]
         self.verdict.notes += fresh
@@ -237,7 +262,7 @@ class _Record:
         if fresh and not self.silent:
             tqdm.write("\n".join(fresh), file=sys.stderr)
 
-    def _row(self, report, seconds):
+    def _row(self, report: StepReport, seconds: float) -> HistoryRow:
         state, units = self.system.state, self.scene.units
         travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
         measures = {contact.name: contact.measures(state) for contact in self.system.contacts}
@@ -247,20 +272,10 @@ class _Record:
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, state) for name, value in self.extra.items()}
         if self.system.damping:
             row[damping_column(units)] = report.work
-        return row | ({"limit_point": report.limit_point} if self.continuation else {})
+        return row | ({"limit_point": report.limit_point} if isinstance(report, ArcReport) else {})
 
 
-def _stages_line(seconds):
-    """Where the time went, in one line."""
-    stages = ", ".join(
-        f"{stage} {t:.0f}" if t >= 10 else f"{stage} {t:.2g}"
-        for stage, t in seconds.items()
-        if stage != "total" and t >= 0.005
-    )
-    return f"{seconds['total']:.3g} s: {stages}"
-
-
-def _columns(record, scene):
+def _columns(record: Columns, scene: Scene) -> Columns:
     """The user's columns, checked: functions under names that no other column has."""
     taken = column_names([tool.name for tool in scene.tools], [contact.name for contact in scene.contacts], scene.units)
     for name, value in record.items():
@@ -271,14 +286,14 @@ def _columns(record, scene):
     return record
 
 
-def _refuse_nan(system, times):
+def _refuse_nan(system: System, times: Floats) -> None:
     """Paths, forces and supports given as functions check themselves: once at every t the run will visit."""
     for t in times:
         system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t), system.supports.values(t)
     system.set_loads(0.0)
 
 
-def _stepper(method, solver, tolerance, system):
+def _stepper(method: str, solver: LinearSolver, tolerance: float | None, system: System) -> tuple[ArcLength | Stepper, Any]:
     """The method's stepper, and the same with all that corrects its states."""
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     plain = STEPPERS[method](solver, **options)
@@ -298,7 +313,9 @@ def _stepper(method, solver, tolerance, system):
     return plain, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
 
 
-def _summary(scene, system, solver, method, verdict, history):
+def _summary(
+    scene: Scene, system: System, solver: LinearSolver, method: str, verdict: Verdict, history: list[HistoryRow]
+) -> Summary:
     domain = scene.mesh.domain
     return {
         "verdict": {
@@ -347,14 +364,7 @@ def _summary(scene, system, solver, method, verdict, history):
     }
 
 
-def limit_points(history):
-    """Step, t and kind of the limit points among a continuation's accepted steps."""
-    kinds = {1: "maximum of the load", -1: "minimum of the load"}
-    found = [row for row in history if row.get("limit_point")]
-    return [{"step": row["step"], "t": row["t"], "kind": kinds[row["limit_point"]]} for row in found]
-
-
-def _stabilisation(system, units):
+def _stabilisation(system: System, units: Units) -> dict[str, float]:
     """Largest energy left in the springs at the end of a step, also over the strain energy; {} where none were needed."""
     if system.grounding is None or not system.grounding.most["steps"]:
         return {}
@@ -362,7 +372,7 @@ def _stabilisation(system, units):
     return {f"energy_{units.force}{units.length}": most["energy"], "energy_share": most["energy_share"]}
 
 
-def _contact_summary(contact, system, units):
+def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict[str, Any]:
     """What a reader must know of a contact: its edge, its penalties and its points. Collective."""
     comm = system.comm
     low, high = (
@@ -381,7 +391,7 @@ def _contact_summary(contact, system, units):
     }
 
 
-def _damping(system, units):
+def _damping(system: System, units: Units) -> dict[str, float]:
     """Number of jumps, the greatest work that damping took in one, and share of it and the strain energy left; or {}."""
     if system.damping is None:
         return {}

@@ -26,7 +26,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.solvers.arc_length import ArcLength
-from fenics_contact.solvers.augmented import Augmented
+from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -292,12 +292,12 @@ def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     system = overheld()
     contact, reports, verdict = system.contacts[0], [], Verdict()
     leg = {"the load": lambda: system.state.t - 1.0}
-    path = Path(system, ArcLength(LinearSolver(system, afresh=True)), ArcSteps(first=0.5), [leg])
-    path.stepper.stepper.limit = 8
+    arc = ArcLength(LinearSolver(system, afresh=True))
+    path = Path(system, arc, Adapted(Augmented(arc, limit=8)), ArcSteps(first=0.5), [leg])
     path.follow(lambda report, *_: reports.append(report), verdict)
     assert verdict.converged and abs(system.state.t - 1.0) <= 1e-6, verdict.reason
     report = reports[-1]
-    left = max(COMM.allgather(contact.misfit(system.state))) * 1e-9
+    left = max(COMM.allgather(contact.multipliers.misfit(system.state))) * 1e-9
     assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
     (note,) = report.notes
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note

@@ -7,7 +7,8 @@ from by_node import displacements, of_all
 from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.newton import Newton, StepFailed
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.verdict import StepFailed
 from meshes import box
 
 MU = 0.3

@@ -76,7 +76,7 @@ class SpringTerm(FormTerm):
     def tangent(self, state: State, trial: Any = None) -> Blocks:
         if not self.share > 0.0:
             return Blocks()
-        on_tools = self.share * self._on_tools * self._free.ravel() if self._first_rank else None
+        on_tools = np.where(self._free, self.share * self._on_tools, 0.0).ravel() if self._first_rank else None
         return Blocks(forms=tuple(self._tangents), free=on_tools)
 
     def spent(self, state: State) -> tuple[float, float]:

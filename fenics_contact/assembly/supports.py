@@ -49,7 +49,7 @@ class Supports:
         out: dict[str, list[float]] = {}
         for (_, value), name in zip(self._entries, self._names, strict=True):
             at = [value.few(t) if callable(value) else [value * t] for t in times]
-            out[name] = out.get(name, []) + np.concatenate(at).tolist()
+            out[name] = out.get(name, []) + [float(x) for x in np.concatenate(at)]
         return out
 
     def largest(self, t: float) -> list[tuple[str, float]]:

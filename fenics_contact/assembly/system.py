@@ -19,7 +19,7 @@ from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Floats, Mat, Vec
+from fenics_contact.types import Array, Floats, Ints64, Mat, Vec
 
 TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
 ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
@@ -66,13 +66,13 @@ class System:
         self.symmetric = all(term.symmetric for term in terms)
         self.condensed = any(term.condensed for term in terms)
         self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
-        self._couplings = [np.empty(0, dtype=np.int64)] * len(terms)
+        self._couplings: list[Ints64] = [np.empty(0, dtype=np.int64)] * len(terms)
         self.matrix = self._new_matrix()
         self.patterns = 1  # matrices made so far
         self.vector = compat.petsc_vector(state.u)
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
-        self.tool_residual = np.zeros((len(tools), 3))
+        self.tool_residual: Floats = np.zeros((len(tools), 3))
         self.forces = 0.0  # largest norm of a single term, reactions included, at the state assembled last
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]

@@ -12,7 +12,7 @@ from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vecto
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import DRAWN, Anchors, Floats, Ints, Response, Trial
+from fenics_contact.contact.trial import DRAWN, Response, Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.contact_pairs import (
     add_forces,
@@ -24,7 +24,7 @@ from fenics_contact.kernels.contact_pairs import (
 from fenics_contact.kernels.contact_tangent import add_tangents
 from fenics_contact.kernels.deformable_element import Pairs, PointLaws, Slaves, slave_points
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Bools, Ints64, Space
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64, Space
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
 FIRST_SEARCH = 3.0

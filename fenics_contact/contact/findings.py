@@ -10,7 +10,8 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.trial import DRAWN, Floats
+from fenics_contact.contact.trial import DRAWN
+from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact

@@ -5,6 +5,7 @@ import numbers
 import numpy as np
 
 from fenics_contact.kernels.law import Friction, friction_limits
+from fenics_contact.types import Floats
 
 __all__ = ["Friction", "allowed", "coulomb", "friction_of"]
 
@@ -36,7 +37,7 @@ def friction_of(stated: object) -> Friction:
     return coulomb(float(stated))
 
 
-def allowed(friction: Friction, pressure: np.ndarray) -> np.ndarray:
+def allowed(friction: Friction, pressure: Floats) -> Floats:
     """Largest friction tractions [pressure] under pressures of any shape."""
     limits = np.empty(pressure.size)
     friction_limits(friction, pressure.ravel(), limits)

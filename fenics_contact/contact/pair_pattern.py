@@ -47,12 +47,10 @@ class PairPattern:
         facets = np.insert(facets, offsets[:-1][closed], facet[closed])
         lists = (offsets + added, facets, self._slave_nodes, self._corners, anchor_nodes)
         none = np.empty(0, dtype=np.int64)
-        rows, columns = (
-            np.empty(coupled_pairs(*lists, none, none) if len(offsets) > 1 else 0, dtype=np.int64) for _ in "rc"
-        )
-        if len(rows):
-            coupled_pairs(*lists, rows, columns)
-        rows, columns = unique_pairs(rows, columns, len(self._blocks))
+        heads, tails = (np.empty(coupled_pairs(*lists, none, none) if len(offsets) > 1 else 0, dtype=np.int64) for _ in "rc")
+        if len(heads):
+            coupled_pairs(*lists, heads, tails)
+        rows, columns = unique_pairs(heads, tails, len(self._blocks))
         self.set(np.sort(self._blocks[rows] * self._count + self._blocks[columns]))
         self._met[0][:] = -2  # pairs of points that are open now may be in the old pattern only
         self._meet(closed, facet, anchor_nodes)

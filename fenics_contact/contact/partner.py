@@ -5,8 +5,8 @@ from typing import Any, Protocol
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import Anchors, Bools, Floats, Ints, Response, Trial
-from fenics_contact.types import Array, Ints64
+from fenics_contact.contact.trial import Response, Trial
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 
 class Partner(Protocol):

@@ -11,8 +11,9 @@ from mpi4py import MPI
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.findings import worst
 from fenics_contact.contact.friction import Friction
-from fenics_contact.contact.trial import Floats, Law, Trial
+from fenics_contact.contact.trial import Law, Trial
 from fenics_contact.kernels.status import STICK
+from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -132,7 +133,7 @@ class Penalties:
         """A part of the penalties at an accepted state; until `release` points press as they did. Friction goes on from
         the traction it had."""
         trial = self._contact.trial
-        gaps = (self._contact.response(state).gap + trial.history.shift) / part
+        gaps = np.divide(self._contact.response(state).gap + trial.history.shift, part)
         trial = self.friction_kept(trial, part)
         trial = trial.remembering(shift=trial.history.shift / part).under(trial.law.times(part))
         return trial.judging(gaps.ravel())

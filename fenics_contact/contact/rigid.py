@@ -9,7 +9,7 @@ from fenics_contact.assembly.blocks import Blocks, TravelBlocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
-from fenics_contact.contact.trial import Anchors, Floats, Ints, Law, Response, Trial
+from fenics_contact.contact.trial import Law, Response, Trial
 from fenics_contact.kernels.rigid_element import (
     ElementLaws,
     Points,
@@ -21,7 +21,7 @@ from fenics_contact.kernels.rigid_element import (
 )
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN, STICK
-from fenics_contact.types import Array, Bools, Ints64
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 
 class RigidFeet(NamedTuple):

@@ -15,13 +15,12 @@ from fenics_contact.contact.friction import allowed, coulomb
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.multipliers import Multipliers
 from fenics_contact.contact.partner import Partner
-from fenics_contact.contact.penalties import LARGEST, Penalties
-from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import DRAWN, PRESENT, Bools, Floats, History, Ints, Law, Response, Trial
+from fenics_contact.contact.penalties import LARGEST, Penalties, Penalty
+from fenics_contact.contact.trial import DRAWN, PRESENT, History, Law, Response, Trial
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Ints64
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 
 FIXED = 1e-6  # of a point's motion along its normal: what else its free nodes could give is rounding of the normal
 
@@ -29,12 +28,11 @@ FIXED = 1e-6  # of a point's motion along its normal: what else its free nodes c
 class Contact:
     """Penalty contact with Coulomb friction between slave points and a master.
 
-    surface: SlaveSurface; partner: what the points meet; friction: Friction; eps_n, eps_t: penalties (ne,)
-    [pressure/length]; adapts: which of both a run may raise; tolerance: how deep a point may lie in the master and how far
-    one that sticks may slip [length], None: as the penalty alone gives; prescribed: local dofs that supports do; state: the
-    initial one, in which every point is anchored at its projection. Response and tangent depend on the state and a Trial
-    alone: `accepted` is what the last accepted step left, `trial` what the present one is tried with. All methods that take
-    a state are collective.
+    partner: what the points of its surface meet; friction: Friction; penalty: as the user states it; tolerance: how deep a
+    point may lie in the master and how far one that sticks may slip [length], None: as the penalty alone gives; prescribed:
+    local dofs that supports do; state: the initial one, in which every point is anchored at its projection. Response and
+    tangent depend on the state and a Trial alone: `accepted` is what the last accepted step left, `trial` what the present
+    one is tried with. All methods that take a state are collective.
     """
 
     condensed = False
@@ -42,23 +40,22 @@ class Contact:
     def __init__(
         self,
         name: str,
-        surface: SlaveSurface,
         partner: Partner,
         friction: Friction,
-        penalties: tuple[Floats, Floats],
-        adapts: tuple[bool, bool],
+        penalty: Penalty,
         tolerance: float | None,
         prescribed: Ints,
         state: State,
         timers: Timers,
     ) -> None:
+        surface = partner.surface
         self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
         self.tolerance = tolerance
         led = np.isin(3 * surface.nodes[:, :, None] + np.arange(3), prescribed)
         # (ne, k, 3): components of the slave nodes that supports prescribe; None on all ranks without
         self._prescribed = led if state.u.function_space.mesh.comm.allreduce(int(led.any())) else None
-        law = Law(*penalties, friction, self._round_off(state))
-        self.penalties, self.multipliers = Penalties(self, law, adapts), Multipliers(self)
+        law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
+        self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(tolerance)), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.no_anchors()
         far = np.full(ne * nq, min(partner.search, np.finfo(float).max))
@@ -225,7 +222,7 @@ class Contact:
         pressure = -np.einsum("eqc,eqc->eq", traction, normal)
         return pressure, -traction - pressure[..., None] * normal
 
-    def measures(self, state: State, trial: Trial | None = None) -> dict:
+    def measures(self, state: State, trial: Trial | None = None) -> dict[str, Any]:
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
         return contact_measures(self.surface, self.response(state, trial), state)
 

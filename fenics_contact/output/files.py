@@ -27,7 +27,7 @@ def writing(comm: MPI.Comm, folder: Path, what: str) -> AbstractContextManager[N
     return agreed(comm, f"output folder '{folder}': writing {what}", FolderError)
 
 
-def prepare_folder(path: str | Path, comm: MPI.Comm) -> Path:
+def prepare_folder(path: str | os.PathLike[str], comm: MPI.Comm) -> Path:
     """Make the folder on rank 0 and see that it can be written."""
     problem = None
     if comm.rank == 0:

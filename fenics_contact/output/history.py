@@ -77,6 +77,23 @@ def damping_column(units: Units) -> str:
     return f"damping_work_{units.force}{units.length}"
 
 
+def stages_line(seconds: dict[str, float]) -> str:
+    """Where the time went, in one line."""
+    stages = ", ".join(
+        f"{stage} {t:.0f}" if t >= 10 else f"{stage} {t:.2g}"
+        for stage, t in seconds.items()
+        if stage != "total" and t >= 0.005
+    )
+    return f"{seconds['total']:.3g} s: {stages}"
+
+
+def limit_points(history: list[HistoryRow]) -> list[dict[str, Any]]:
+    """Step, t and kind of the limit points among a continuation's accepted steps."""
+    kinds = {1: "maximum of the load", -1: "minimum of the load"}
+    found = [row for row in history if row.get("limit_point")]
+    return [{"step": row["step"], "t": row["t"], "kind": kinds[int(row["limit_point"])]} for row in found]
+
+
 def penalty_summary(error: dict[str, Any] | None, tools: Sequence[str], units: Units) -> Summary:
     """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known.
 

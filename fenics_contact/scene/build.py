@@ -1,6 +1,6 @@
 """From a scene's statements to the System that steppers solve: checked, complete when it is returned."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -64,8 +64,8 @@ class Built:
 
 def build(
     scene: "Scene",
-    move: dict[Tool, Drive] | None = None,
-    push: dict[Tool, Drive] | None = None,
+    move: Mapping[Tool, Drive] | None = None,
+    push: Mapping[Tool, Drive] | None = None,
     timers: Timers | None = None,
     stabilise: bool = False,
     damping: bool = False,
@@ -155,10 +155,8 @@ def _contact(
     points = stated.points if isinstance(stated.points, str) else int(stated.points)
     surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points)
     partner = _partner(scene, stated, surface, timers)
-    values, adapts = stated.penalty.values(surface.stiffness, stated.friction), stated.penalty.adapts(stated.penetration)
-    return Contact(
-        stated.name, surface, partner, stated.friction, values, adapts, stated.penetration, supports.dofs, state, timers
-    )
+    friction, penalty = stated.friction, stated.penalty
+    return Contact(stated.name, partner, friction, penalty, stated.penetration, supports.dofs, state, timers)
 
 
 def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers) -> Partner:

@@ -1,6 +1,6 @@
 """What drives a scene: supports, and tools that are moved or pushed, from what the user stated of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -35,7 +35,7 @@ def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support]) ->
     return supports
 
 
-def motion_of(comm: MPI.Comm, tools: Sequence[Tool], move: dict[Tool, Drive], push: dict[Tool, Drive]) -> ToolMotion:
+def motion_of(comm: MPI.Comm, tools: Sequence[Tool], move: Mapping[Tool, Drive], push: Mapping[Tool, Drive]) -> ToolMotion:
     """ToolMotion of tools, each at rest, moved by {tool: way} or pushed by {tool: force}, see `build`. Collective."""
     for what, drive in (("move", move), ("push", push)):
         if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):

@@ -1,6 +1,6 @@
 """The user's vocabulary: bodies, supports, loads and contacts, each checked as it is stated."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import ufl
@@ -152,8 +152,8 @@ class Scene:
     # -- construction ---------------------------------------------------------------------------------------------
     def system(
         self,
-        move: dict[Tool, Drive] | None = None,
-        push: dict[Tool, Drive] | None = None,
+        move: Mapping[Tool, Drive] | None = None,
+        push: Mapping[Tool, Drive] | None = None,
         timers: Timers | None = None,
         stabilise: bool = False,
         damping: bool = False,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from fenics_contact import compat
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import Tool
-from fenics_contact.scene.checks import AXES, SceneError
+from fenics_contact.scene.checks import AXES
 from fenics_contact.scene.functions import number_of
 from fenics_contact.scene.scene import Scene
-from fenics_contact.values import axis_letters, finite, function, group_names, shown
+from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, shown
 
 
 @dataclass(frozen=True)

@@ -13,17 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.assembly.system import TOLERANCE
-from fenics_contact.solvers.linear import TIGHTEST, LinearFailure
-from fenics_contact.solvers.newton import (
-    SHORTEST,
-    StepFailed,
-    StepReport,
-    _finite_residual,
-    _forcing,
-    balanced,
-    relative_residual,
-)
+from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Side
+from fenics_contact.solvers.newton import SHORTEST, _finite_residual, _forcing, balanced, relative_residual
+from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.reuse import TIGHTEST
+from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Floats, Vec
 
 # Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
 LOAD_PROBE = 1e-4
@@ -40,16 +36,16 @@ class ArcReport(StepReport):
 class Increment:
     """Part of a path: du (PETSc Vec, owned part) and dq (tools, 3) [length], dt."""
 
-    du: object
-    dq: np.ndarray
+    du: Vec
+    dq: Floats
     dt: float
 
-    def add(self, other, share=1.0):
+    def add(self, other: "Increment", share: float = 1.0) -> None:
         self.du.axpy(share, other.du)
         self.dq = self.dq + share * other.dq
         self.dt += share * other.dt
 
-    def times(self, share):
+    def times(self, share: float) -> "Increment":
         out = Increment(self.du.copy(), share * self.dq, share * self.dt)
         out.du.scale(share)
         return out
@@ -69,30 +65,30 @@ class ArcLength:
     tolerance: out-of-balance force over the largest force seen, as in Newton; limit: largest number of tangent solves.
     """
 
-    def __init__(self, linear, tolerance=TOLERANCE, limit=15):
+    def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 15) -> None:
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
-        self.per_load = None  # L [length]
+        self.per_load: float | None = None  # L [length]
 
     # -- lengths --------------------------------------------------------------------------------------------------
-    def dot(self, a, b):
+    def dot(self, a: Increment, b: Increment) -> float:
         """Inner product of two increments [length^2]."""
         nodes = a.du.getSize() / 3
-        return a.du.dot(b.du) / nodes + float(np.sum(a.dq * b.dq)) + self.per_load**2 * a.dt * b.dt
+        return a.du.dot(b.du) / nodes + float(np.sum(a.dq * b.dq)) + (self.per_load or 0.0) ** 2 * a.dt * b.dt
 
-    def norm(self, a):
+    def norm(self, a: Increment) -> float:
         return float(np.sqrt(self.dot(a, a)))
 
-    def extent(self, system):
+    def extent(self, system: System) -> float:
         """Distance [length] of a state from the start in displacement and travel."""
         u = system.vector
         return float(np.sqrt(u.dot(u) / (u.getSize() / 3) + np.sum(system.state.travel**2)))
 
-    def weigh(self, moved, load):
+    def weigh(self, moved: float, load: float) -> None:
         """Give load and displacement the same extent: `moved` [length] stands for a change of the load by `load`."""
         self.per_load = moved / abs(load)
 
     # -- the path's rate ------------------------------------------------------------------------------------------
-    def start(self, system, last=None):
+    def start(self, system: System, last: Increment | None = None) -> Increment:
         """Unit rate of the path at an accepted state: t growing, or, where a last increment is given, back along it."""
         try:
             rate = self._raw_rate(system, self._load_side(system)[0])
@@ -106,12 +102,12 @@ class ArcLength:
         onward = 1.0 if last is None else -np.sign(self.dot(rate, last))
         return rate.times(onward / self.norm(rate))
 
-    def _raw_rate(self, system, side):
+    def _raw_rate(self, system: System, side: Side) -> Increment:
         system.assemble_tangent()
         ((du, dq),) = self.linear.solve_sides([side], TIGHTEST)
         return Increment(du, dq, 1.0)
 
-    def _load_side(self, system):
+    def _load_side(self, system: System) -> tuple[Side, float]:
         """Right-hand side of the load's rate (dR/dt and the rates of supports and tools), and the out-of-balance share.
 
         Leaves the residual of the state itself assembled.
@@ -124,20 +120,20 @@ class ArcLength:
         size = relative_residual(system)
         rate.axpy(-1.0, system.residual_vector)
         rate.scale(1.0 / LOAD_PROBE)
-        tool_rate = (tool_rate - system.tool_residual) / LOAD_PROBE
+        tool_rate = np.divide(tool_rate - system.tool_residual, LOAD_PROBE)
         supports, moved = (
-            (values(t + LOAD_PROBE) - values(t - LOAD_PROBE)) / (2 * LOAD_PROBE)
+            np.divide(values(t + LOAD_PROBE) - values(t - LOAD_PROBE), 2 * LOAD_PROBE)
             for values in (system.supports.values, system.tools.prescribed)
         )
         return (rate, tool_rate, supports, moved), size
 
     # -- one step -------------------------------------------------------------------------------------------------
-    def step(self, system, arc):
+    def step(self, system: System, arc: Arc) -> ArcReport:
         """Carry the system from its committed state along an Arc; ArcReport, or StepFailed if it does not get there."""
         _advance(system, arc.rate.times(arc.length))
         return self.settle(system, arc)
 
-    def settle(self, system, arc):
+    def settle(self, system: System, arc: Arc) -> ArcReport:
         """Into balance on the Arc from the present state, e.g. after its multipliers have changed: with the arc held there
         is a balance also where a given load has none."""
         report, before = ArcReport(), relative_residual(system, followed=True)
@@ -155,14 +151,14 @@ class ArcLength:
                 raise StepFailed(*failure.args) from None
             before = _shorten(system, _advance(system, correction), before)
 
-    def made(self, system):
+    def made(self, system: System) -> Increment:
         """Increment from the last accepted state to the present one."""
         u, travel = system.committed
         du = system.new_vector()
         du.array[:] = (system.state.u.x.array - u)[: du.getLocalSize()]
         return Increment(du, system.state.travel - travel, system.state.t - system.committed_t)
 
-    def rate_along(self, system):
+    def rate_along(self, system: System) -> Increment:
         """Unit rate of the path at a converged state, pointing the way it was reached."""
         try:
             rate = self._raw_rate(system, self._load_side(system)[0])
@@ -170,7 +166,7 @@ class ArcLength:
             raise StepFailed(*failure.args) from None
         return rate.times(np.copysign(1.0 / self.norm(rate), self.dot(rate, self.made(system))))
 
-    def _correction(self, system, side, length, tolerance):
+    def _correction(self, system: System, side: Side, length: float, tolerance: float) -> Increment:
         """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
         system.assemble_tangent()
         total = self.made(system)
@@ -192,7 +188,7 @@ class ArcLength:
         return step
 
 
-def _advance(system, increment, share=1.0):
+def _advance(system: System, increment: Increment, share: float = 1.0) -> Increment:
     """Move the state; supports and moved tools go exactly to their places at the new t. Returns the increment made.
 
     share: how much of the last correction the state then holds.
@@ -205,7 +201,7 @@ def _advance(system, increment, share=1.0):
     return increment
 
 
-def _shorten(system, made, before):
+def _shorten(system: System, made: Increment, before: float) -> float:
     """Where a correction does not lower the out-of-balance force, halve it while that helps, as in a load step.
 
     The next correction leads back onto the arc. Returns the share of the force left.
@@ -224,7 +220,7 @@ def _shorten(system, made, before):
     return size
 
 
-def depends_on_load(system):
+def depends_on_load(system: System) -> bool:
     """Whether anything changes with t. Collective; leaves the system at its t."""
     t, seen = system.state.t, False
     system.begin_step(t)

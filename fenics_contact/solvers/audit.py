@@ -1,12 +1,17 @@
 """Audit of a System's tangent: Taylor remainders of every block at the accepted state, and the order of Newton's method."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm, Term
+from fenics_contact.types import Bools, Floats, Vec
 
 STEP = 1e-4  # of a cell, by which nodes are moved: far below penetrations at the default penalty, far above round-off
 SHARES = 0.25 ** np.arange(5)  # of that motion: a slip under a small pressure turns within the larger ones
@@ -26,7 +31,7 @@ class Block:
     remainder: float
 
     @property
-    def right(self):
+    def right(self) -> bool:
         return self.order >= SECOND
 
 
@@ -35,15 +40,15 @@ class Audit:
     """blocks; residuals: out-of-balance shares after each solve of the last step, and their order at its end, None where
     these are too few to tell."""
 
-    blocks: list
-    residuals: list
+    blocks: list[Block]
+    residuals: list[float]
     newton_order: float | None
 
     @property
-    def right(self):
+    def right(self) -> bool:
         return all(block.right for block in self.blocks)
 
-    def __str__(self):
+    def __str__(self) -> str:
         width = max(len(block.name) for block in self.blocks)
         lines = [f"{'block':{width}}  points  order  remainder"]
         for b in self.blocks:
@@ -55,7 +60,7 @@ class Audit:
         return "\n".join([*lines, f"Newton's method in the last step: {order}, out-of-balance shares {sizes}"])
 
 
-def audit(system, residuals=()):
+def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
     """Audit at the last accepted state, which is the system's again afterwards; residuals of its last step. Collective.
 
     Each term's forces at x + h d must be F + h K d + O(h^2). Points of a contact that change their status or facet along
@@ -63,12 +68,14 @@ def audit(system, residuals=()):
     """
     system.rollback()
     move = _move(system)
-    blocks = [block for term in system.terms for block in _blocks(system, term, move)]
+    others = [term for term in system.terms if term not in system.contacts]
+    blocks = [_taylor(system, term, term.name, 0, move) for term in others]
+    blocks += [block for contact in system.contacts for block in _blocks(system, contact, move)]
     system.assemble_residual()  # the terms' tractions are those of the state again
     return Audit(blocks, list(residuals), _order(residuals))
 
 
-def _move(system):
+def _move(system: System) -> tuple[Floats, Floats]:
     """Motion (local dofs, free tools' travel) [length] of STEP of a cell, the same on any number of ranks."""
     X = system.space.tabulate_dof_coordinates()
     cells = system.space.mesh.topology.index_map(3).size_global
@@ -80,10 +87,7 @@ def _move(system):
     return size * du[: len(X)].ravel(), size * np.where(system.tools.free, dq, 0.0)
 
 
-def _blocks(system, term, move):
-    if term not in system.contacts:
-        yield _taylor(system, term, term.name, 0, move)
-        return
+def _blocks(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> Iterator[Block]:
     for name, frictionless, mask in _parts(system, term, move):
         count = system.comm.allreduce(int(mask.sum()))
         if count:
@@ -91,7 +95,7 @@ def _blocks(system, term, move):
             yield _taylor(system, term, f"{term.name}: {name}", count, move, trial)
 
 
-def _parts(system, term, move):
+def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> Iterator[tuple[str, bool, Bools]]:
     """(name, without friction?, mask of the points) of a contact's laws."""
     frictions = [False, True] if term.rough else [True]
     for frictionless in frictions:
@@ -106,14 +110,14 @@ def _parts(system, term, move):
             yield name, frictionless, same & (status == code)
 
 
-def _displace(system, move, share):
+def _displace(system: System, move: tuple[Floats, Floats], share: float) -> None:
     """The accepted state moved by share of a motion."""
     system.rollback()
     system.state.u.x.array[:] += share * move[0]
     system.state.travel[:] += share * move[1]
 
 
-def _taylor(system, term, name, points, move, trial=None):
+def _taylor(system: System, term: Term, name: str, points: int, move: tuple[Floats, Floats], trial: Any = None) -> Block:
     system.rollback()
     force, tool_force = _forces(system, term, trial)
     linear, tool_linear = _rate(system, term, trial, *move)
@@ -132,11 +136,11 @@ def _taylor(system, term, name, points, move, trial=None):
     return Block(name, points, order, float(shares[0]))
 
 
-def _norm(vector, tools):
+def _norm(vector: Vec, tools: Floats) -> float:
     return float(np.hypot(vector.norm(PETSc.NormType.NORM_2), np.linalg.norm(tools)))
 
 
-def _forces(system, term, trial):
+def _forces(system: System, term: Term, trial: Any) -> tuple[Vec, Floats]:
     """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 3), at the state. Collective."""
     vector, tools = system.new_vector(), np.zeros_like(system.tool_residual)
     with vector.localForm() as local:
@@ -146,7 +150,7 @@ def _forces(system, term, trial):
     return vector, system.comm.allreduce(tools)
 
 
-def _rate(system, term, trial, du, dq):
+def _rate(system: System, term: Term, trial: Any, du: Floats, dq: Floats) -> tuple[Vec, Floats]:
     """Rate of the forces when the local dofs move by du and the tools by dq, by the term's tangent. Collective."""
     stiffness = system.stiffness
     system.assemble_tangent([term], {term: trial})
@@ -161,7 +165,7 @@ def _rate(system, term, trial, du, dq):
     return rate, tools.reshape(-1, 3)
 
 
-def _order(sizes):
+def _order(sizes: Sequence[float]) -> float | None:
     """Order by the last three out-of-balance shares in a row that fall, above round-off; None where there are none."""
     falls = np.diff(np.log(np.maximum(sizes, RESIDUAL_ROUNDING)))
     known = np.minimum(sizes[1:], sizes[:-1]) > RESIDUAL_ROUNDING

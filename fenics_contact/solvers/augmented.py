@@ -1,7 +1,16 @@
 """Steps solved again with better multipliers, until no error is left that matters, or with greater penalties."""
 
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
 from fenics_contact.assembly.finding import MEMORY, TOO_SOFT, TOO_STIFF
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.solvers.report import StepperTo, StepReport
 from fenics_contact.solvers.verdict import StepFailed
+
+Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
+Report = TypeVar("Report", bound=StepReport)
 
 AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes tens
 
@@ -16,7 +25,7 @@ SHARES = (1.0, 0.5, 0.25, 0.125)
 PATIENCE = 3  # attempts at a step, cut back in between, after which it is taken with what multipliers have reached
 
 
-class Augmented:
+class Augmented(Generic[Goal, Report]):
     """Uzawa's iteration of multipliers within each load step, outside of the stepper's own: an augmented Lagrangian.
 
     Each augmentation divides the error by about 1 + eps/k, where k is the stiffness of the bodies against the penalty eps:
@@ -28,19 +37,19 @@ class Augmented:
     an Arc.
     """
 
-    def __init__(self, stepper, limit=AUGMENTATIONS):
+    def __init__(self, stepper: StepperTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
         self.stepper, self.limit = stepper, limit
         self._failed = 0.0, 0  # t that attempts have started from, and their number
 
-    def step(self, system, goal):
+    def step(self, system: System, goal: Goal) -> Report:
         """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
         return self._augment(system, goal, self.stepper.step(system, goal))
 
-    def settle(self, system, goal):
+    def settle(self, system: System, goal: Goal) -> Report:
         """Into balance at the goal from the present state, after penalties have changed."""
         return self._augment(system, goal, self.stepper.settle(system, goal))
 
-    def _augment(self, system, goal, report):
+    def _augment(self, system: System, goal: Goal, report: Report) -> Report:
         best = None
         while True:
             report.misfits.append(system.misfit())
@@ -64,7 +73,7 @@ class Augmented:
                     raise
                 return best.accept(system, report, failure)
 
-    def _advance(self, system, goal, report):
+    def _advance(self, system: System, goal: Goal, report: Report) -> Report:
         """Augment and solve again; in part, from the same place, where that fails. Returns the report of the solve."""
         place = _Place(system, report)
         for share in SHARES:
@@ -75,24 +84,25 @@ class Augmented:
                 if share == SHARES[-1] or failure.finding.kind in NO_HELP:
                     raise
                 place.take(system)
+        raise ValueError("no share of the multipliers is to be tried")
 
 
 class _Place:
     """A state within a step that is in balance, its multipliers and what it leaves of the error."""
 
-    def __init__(self, system, report):
+    def __init__(self, system: System, report: StepReport) -> None:
         self.t, self.u, self.travel = system.state.t, system.state.u.x.array.copy(), system.state.travel.copy()
         self.multipliers = [(contact, contact.trial) for contact in system.augmented]
         self.misfit, self.residual = report.misfits[-1], report.residuals[-1]
 
-    def take(self, system):
+    def take(self, system: System) -> None:
         system.release()
         system.begin_step(self.t)
         system.state.u.x.array[:], system.state.travel[:] = self.u, self.travel
         for contact, trial in self.multipliers:
             contact.take(trial)
 
-    def accept(self, system, report, failure):
+    def accept(self, system: System, report: Report, failure: StepFailed) -> Report:
         """End the step here, and say how far it is from what was asked."""
         self.take(system)
         system.assemble_residual()
@@ -111,31 +121,31 @@ class _Place:
         return report
 
 
-def _exhausted(report, limit):
+def _exhausted(report: StepReport, limit: int) -> StepFailed:
     left, first = report.misfits[-1], report.misfits[0]
     text = f"{limit} augmentations left {left:.3g} times the penetration allowed, of {first:.3g} at first"
     remedy = "raise penalty= of the augmented contacts or leave it to the default, take fewer points= per facet"
     return StepFailed(text, TOO_SOFT, remedy=remedy)
 
 
-class Adapted:
+class Adapted(Generic[Goal, Report]):
     """Default penalties that are raised, and the step solved again, where slave points sink in too far.
 
     Where a step cannot be solved with greater penalties it is taken with those there were. stepper: as in Augmented, or one.
     """
 
-    def __init__(self, stepper):
+    def __init__(self, stepper: StepperTo[Goal, Report]) -> None:
         self.stepper = stepper
 
-    def step(self, system, goal):
+    def step(self, system: System, goal: Goal) -> Report:
         """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
         return self._adapt(system, goal, self.stepper.step)
 
-    def settle(self, system, goal):
+    def settle(self, system: System, goal: Goal) -> Report:
         """Into balance at the goal from the present state, which is near the committed one."""
         return self._adapt(system, goal, self.stepper.settle)
 
-    def _adapt(self, system, goal, solve):
+    def _adapt(self, system: System, goal: Goal, solve: Callable[[System, Goal], Report]) -> Report:
         report = solve(system, goal)
         while raised := raise_penalties(system, report):
             try:
@@ -147,7 +157,7 @@ class Adapted:
         return report
 
 
-def raise_penalties(system, report):
+def raise_penalties(system: System, report: StepReport) -> list[ContactTerm]:
     """The terms that have raised their penalties at a state near balance, which is then to be solved again. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
@@ -161,7 +171,7 @@ def raise_penalties(system, report):
     return list(found)
 
 
-def forgo(system, raised, report, failure):
+def forgo(system: System, raised: list[ContactTerm], report: StepReport, failure: StepFailed) -> None:
     """Back to the last accepted state after a failure with greater penalties: these terms keep the ones they had."""
     system.rollback()
     for contact in raised:

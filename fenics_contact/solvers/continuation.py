@@ -1,19 +1,27 @@
 """Continuation along an equilibrium path: length of the arcs, limit points located, legs that end on targets."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
-from fenics_contact.solvers.arc_length import Arc, ArcReport, Increment
+from fenics_contact.assembly.system import System
+from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increment
+from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.diagnosis import diagnose
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.report import StepperTo
+from fenics_contact.solvers.verdict import StepFailed, Verdict
+from fenics_contact.types import Floats
 
 LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
 TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
+
+Leg = dict[str, Callable[[], float]]  # words of a target: distance of the state from it, which changes its sign there
 
 
 @dataclass(frozen=True)
@@ -51,18 +59,22 @@ class Path:
     distance of the state from a target, which changes its sign there}. After each leg but the last it is followed back.
     """
 
-    def __init__(self, system, arc, stepper, steps, legs):
+    def __init__(
+        self, system: System, arc: ArcLength, stepper: StepperTo[Arc, ArcReport], steps: ArcSteps, legs: list[Leg]
+    ) -> None:
         self.system, self.arc, self.stepper, self.steps, self.legs = system, arc, stepper, steps, legs
-        self.reached = []  # the targets that ended the legs so far, in words
+        self.reached: list[str] = []  # the targets that ended the legs so far, in words
         self.begun = False  # whether a step of the present leg has been accepted
         self.highest = self.furthest = 0.0  # largest |t| and displacement [length] accepted
         self.taken = 0  # steps accepted
-        self.last = self.rate = None  # increment of the last accepted step, unit rate of the path at its end
+        # increment of the last accepted step, unit rate of the path at its end
+        self.last: Increment | None = None
+        self.rate: Increment | None = None
         self.slope = 0.0  # change of t along the path there; its sign counts
         self.first = self.length = 0.0  # arcs [length]: the leg's first one, the one to try next
-        self.spans = {}  # largest distance seen in this leg from each of its targets
+        self.spans: dict[str, float] = {}  # largest distance seen in this leg from each of its targets
 
-    def follow(self, on_step, verdict):
+    def follow(self, on_step: OnStep, verdict: Verdict) -> None:
         """Continue from the accepted state until the last leg has reached a target; the verdict says whether it did.
 
         on_step(report, seconds, True): called after each accepted step, on all ranks.
@@ -80,7 +92,7 @@ class Path:
         else:
             verdict.converged, verdict.reason = True, "reached " + ", then ".join(self.reached)
 
-    def _follow_leg(self, on_step):
+    def _follow_leg(self, on_step: OnStep) -> None:
         """Continue, after a first leg turning round, until a target is reached. StepFailed where there is no way."""
         if not self.begun:
             self.rate = self.arc.start(self.system, self.last)
@@ -99,7 +111,7 @@ class Path:
         raise StepFailed(why, OUT_OF_STEPS, remedy="allow more steps, ArcSteps(most=...), or longer ones")
 
     # -- what a checkpoint holds beside the accepted state ----------------------------------------------------------
-    def memory(self):
+    def memory(self) -> tuple[dict[str, Floats], dict[str, Any]]:
         """(fields, numbers) of the way so far: last increment, the path's rate, lengths, the place among the legs."""
         parts = {name: part for name, part in (("last", self.last), ("rate", self.rate)) if part is not None}
         names = ("reached", "begun", "highest", "furthest", "taken", "slope", "first", "length", "spans")
@@ -107,7 +119,7 @@ class Path:
         numbers |= {name: [part.dq.tolist(), part.dt] for name, part in parts.items()}
         return {name: part.du.array_r for name, part in parts.items()}, numbers
 
-    def recall(self, fields, numbers):
+    def recall(self, fields: dict[str, Floats], numbers: dict[str, Any]) -> None:
         """Go on from there. A leg that has ended goes on where its target is another one now, unless the next has begun.
 
         ValueError, on all ranks, where the legs now stated cannot lead there.
@@ -129,11 +141,18 @@ class Path:
             raise ValueError(f"it has gone beyond {', then '.join(self.reached)}, which until and back do not name so")
         self.system.assemble_tangent()  # a term may predict from the last one
 
-    def _take(self, smallest):
+    @property
+    def _going(self) -> Increment:
+        """The path's rate, which a leg has from its beginning."""
+        if self.rate is None:
+            raise ValueError("this path has not begun")
+        return self.rate
+
+    def _take(self, smallest: float) -> tuple[Arrival, str | None]:
         """A step of the length that is due or, where that fails, of a half of it, and so on."""
         while True:
             try:
-                return self._step(self.length, self.rate)
+                return self._step(self.length, self._going)
             except StepFailed:
                 self._back()
                 if self.length / 2 < smallest:
@@ -141,12 +160,12 @@ class Path:
                 self.length /= 2
                 self.verdict.cuts += 1
 
-    def _back(self):
+    def _back(self) -> None:
         """To the accepted state, tangent included: a term may predict from its last tangent."""
         self.system.rollback()
         self.system.assemble_tangent()
 
-    def _step(self, length, rate):
+    def _step(self, length: float, rate: Increment) -> tuple[Arrival, str | None]:
         """The next state, not yet accepted, and the name of the target reached, if any; StepFailed if there is none."""
         arrival = self._arrive(length, rate)
         self._onward = arrival.rate.dt
@@ -161,13 +180,11 @@ class Path:
             before, now = self.gaps[name], gap()
             if now * before < 0.0 or now == 0.0:
                 near = TARGET_TOLERANCE * max(self.spans[name], abs(now))
-                arrival = self._locate(
-                    arrival, rate, before, lambda _, gap=gap: gap(), lambda now, _, near=near: abs(now) <= near
-                )
+                arrival = self._locate(arrival, rate, before, _on_arrival(gap), _within(near))
                 reached = name
         return arrival, reached
 
-    def _accept(self, arrival, leg, reached):
+    def _accept(self, arrival: Arrival, leg: Leg, reached: str | None) -> None:
         """Commit the arrival; direction and length of the next step follow from it."""
         self.system.commit()
         # a located limit point lies a hair before or behind the extremum: its own sign says nothing
@@ -177,7 +194,7 @@ class Path:
         self.taken += 1
         self._measure(leg)
         self.verdict.accept(arrival.report, self.system)
-        turned = np.arccos(np.clip(self.arc.dot(self.rate, arrival.rate), -1.0, 1.0))
+        turned = np.arccos(np.clip(self.arc.dot(self._going, arrival.rate), -1.0, 1.0))
         length = min(self.length * self._growth(arrival.report, turned), self.steps.largest)
         self.arc.weigh(self.furthest, self.highest)
         size = self.arc.norm(arrival.rate)  # 1 in the lengths before
@@ -185,23 +202,30 @@ class Path:
         self.begun = not reached
         self.reached += [reached] if reached else []
 
-    def _measure(self, leg):
+    def _measure(self, leg: Leg) -> None:
         self.targets, self.gaps = leg, {name: gap() for name, gap in leg.items()}
         self.spans = {name: max(self.spans.get(name, 0.0), abs(gap)) for name, gap in self.gaps.items()}
 
-    def _arrive(self, length, rate):
+    def _arrive(self, length: float, rate: Increment) -> Arrival:
         report = self.stepper.step(self.system, Arc(length, rate))
         if wrong := self.system.objection():
             raise StepFailed.of(wrong)
         return Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system), report)
 
-    def _growth(self, report, turned):
+    def _growth(self, report: ArcReport, turned: float) -> float:
         """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
         solves = len(report.residuals) / (1 + report.augmentations + report.raises)
         ratio = min(self.steps.iterations / solves, self.steps.turn / max(turned, 1e-12))
         return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
 
-    def _locate(self, arrival, rate, first, value, close):
+    def _locate(
+        self,
+        arrival: Arrival,
+        rate: Increment,
+        first: float,
+        value: Callable[[Arrival], float],
+        close: Callable[[float, float], bool],
+    ) -> Arrival:
         """The arrival within this step where value(arrival) vanishes: regula falsi over arc lengths, Illinois variant
         (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
 
@@ -223,3 +247,13 @@ class Path:
             else:
                 low, at_low, at_high, kept = place, here, at_high * (0.5 if kept > 0 else 1.0), 1
         raise StepFailed(f"{TRIALS} arcs did not settle on one point")
+
+
+def _on_arrival(gap: Callable[[], float]) -> Callable[[Arrival], float]:
+    """The distance from a target, asked for in the state of an arrival."""
+    return lambda arrival: gap()
+
+
+def _within(near: float) -> Callable[[float, float], bool]:
+    """Whether a distance is small, whatever the width of the bracket."""
+    return lambda distance, width: abs(distance) <= near

@@ -2,12 +2,16 @@
 
 import math
 import time
+from collections.abc import Callable, Sequence
 
 from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
 from fenics_contact.solvers.verdict import StepFailed, Verdict
+from fenics_contact.types import Floats
 
 SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
@@ -18,13 +22,22 @@ JUMPS = (
 )
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
+OnStep = Callable[[StepReport, float, bool], None]  # a step's report, its seconds, whether it is on the schedule
 
-def smallest_step(times, smallest=SMALLEST):
+
+def smallest_step(times: Sequence[float] | Floats, smallest: float = SMALLEST) -> float:
     """Smallest step [t] that a schedule's steps may be cut to."""
     return smallest * min(1.0, *(b - a for a, b in zip([0.0, *times], times, strict=False)))
 
 
-def run(system, stepper, times, on_step, smallest=None, verdict=None):
+def run(
+    system: System,
+    stepper: Stepper,
+    times: Sequence[float] | Floats,
+    on_step: OnStep,
+    smallest: float | None = None,
+    verdict: Verdict | None = None,
+) -> Verdict:
     """Visit every t of `times` beyond the committed one, in steps that shrink where they fail and grow where they are easy.
 
     A failing step is halved, down to `smallest` [t], then the run ends with its reason; after easy steps the size doubles,
@@ -41,6 +54,7 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
             start = time.perf_counter()
             goal = _goal(system.committed_t, target, verdict.size)
             size = goal - system.committed_t
+            report: StepReport | None
             try:
                 report = _attempt(system, stepper, goal)
             except StepFailed as failure:
@@ -72,7 +86,7 @@ def run(system, stepper, times, on_step, smallest=None, verdict=None):
     return verdict
 
 
-def _attempt(system, stepper, goal):
+def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
     """The report of a step to a state that may be accepted; StepFailed."""
     report = stepper.step(system, goal)
     if wrong := system.objection():
@@ -84,7 +98,7 @@ def _attempt(system, stepper, goal):
     return report
 
 
-def _jumped(system, stepper, goal, failure):
+def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> StepReport | None:
     """The report of damped motion to the next state of rest, where that was asked for and there is one; else None."""
     if system.damping is None or failure.finding.kind in HOPELESS:
         return None
@@ -94,7 +108,7 @@ def _jumped(system, stepper, goal, failure):
         return None
 
 
-def _judge_balance(verdict):
+def _judge_balance(verdict: Verdict) -> None:
     """Say where steps have ended far out of balance, and that the run has failed where the last one did."""
     left = [residuals[-1] for residuals in verdict.residuals]
     if rough := sum(share > UNBALANCED for share in left):
@@ -104,7 +118,7 @@ def _judge_balance(verdict):
             verdict.stop(Finding(UNKNOWN, reason, remedy='take more steps, or method="newton"'), verdict.t, len(left))
 
 
-def _goal(t, target, size):
+def _goal(t: float, target: float, size: float) -> float:
     """End of the next step: equal steps of at most `size` up to the target, and exactly the target in the last one."""
     left = math.ceil((target - t) / size * (1.0 - 1e-9)) if size > 0.0 else 1
     return target if left <= 1 else t + (target - t) / left

@@ -3,7 +3,9 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import CYCLING, Finding, spot
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Array
 
 LONGEST = 4  # period looked for
 CALMER = "take more steps, lower Penalty(share=...), or use points=3 (Gauss points)"
@@ -13,15 +15,17 @@ TURNS = 2  # repetitions that make a cycle; one may be chance
 class StatusWatch:
     """Sees after each Newton iteration whether the statuses of all terms' points repeat. Collective throughout."""
 
-    def __init__(self, system, notes):
-        self.system, self.notes, self._seen, self._finding = system, notes, [], None
+    def __init__(self, system: System, notes: list[str]) -> None:
+        self.system, self.notes = system, notes
+        self._seen: list[Array] = []
+        self._finding: Finding | None = None
 
     @property
-    def cycling(self):
+    def cycling(self) -> bool:
         """Has a cycle been seen in this step?"""
         return self._finding is not None
 
-    def look(self, residuals):
+    def look(self, residuals: list[float]) -> None:
         """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on."""
         period = self._period()
         if period and residuals[-1] > 0.5 * residuals[-1 - TURNS * period]:
@@ -30,25 +34,25 @@ class StatusWatch:
             self.notes.append(f"{self._finding.reason} ({self._finding.place}): increments shortened")
             self._seen.clear()
 
-    def blame(self):
+    def blame(self) -> None:
         """StepFailed, if a cycle was seen in this step: shorter increments have not helped."""
         if self._finding:
             raise StepFailed.of(self._finding)
 
-    def _period(self):
+    def _period(self) -> int:
         """0, or the period in which the statuses have been repeating."""
         self._seen.append(np.concatenate([term.statuses() for term in self.system.terms]))
         repeats = np.min(self.system.comm.allgather([self._repeats(p) for p in range(1, LONGEST + 1)]), axis=0)
         # what repeats with every period does not change at all
         return 0 if repeats[0] else next((p for p, found in enumerate(repeats, 1) if found), 0)
 
-    def _repeats(self, period):
+    def _repeats(self, period: int) -> bool:
         recent = self._seen[-(TURNS * period + 1) :]
         return len(recent) == TURNS * period + 1 and all(
             np.array_equal(a, b) for a, b in zip(recent, recent[period:], strict=False)
         )
 
-    def _cycle(self, period):
+    def _cycle(self, period: int) -> Finding:
         recent = np.array(self._seen[-period:])
         moving = (recent != recent[0]).any(axis=0)
         spots = np.concatenate([term.spots() for term in self.system.terms])[moving]

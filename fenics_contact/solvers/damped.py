@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from fenics_contact.assembly.damping import Damping
+from fenics_contact.assembly.system import Accepted, System
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.newton import Newton, StepReport
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Array, Floats
 
 FIRST = 1.0  # damping at first, over E V / L^2 of a body of volume V and size L: about its own stiffness
 MOST, LEAST = 1e4, 1e-6  # bounds of it
@@ -13,8 +17,11 @@ EASY = 6  # tangents up to which it was easy
 MOTIONS = 60  # at most
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
 
+# displacement, travel, t, force scale and the terms' histories of an accepted state
+Kept = tuple[Floats, Floats, float, float, list[dict[str, Array]]]
 
-def jump(system, goal, stepper):
+
+def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
     """Carry the system at the loads of t = goal to rest, in balance there without damping; StepReport, not yet accepted.
 
     stepper: that of the run; it settles the state of rest, with all that a step asks for: springs that pull no more,
@@ -25,7 +32,7 @@ def jump(system, goal, stepper):
     """
     kept = _keep(system)
     system.rollback()
-    system.damping.begin(system.state.u.x.array, system.state.travel)
+    _damping(system).begin(system.state.u.x.array, system.state.travel)
     report, newton, share, work = StepReport(), Newton(LinearSolver(system)), FIRST, 0.0
     before, scale = system.accepted[-1], system.force_scale
     for _ in range(MOTIONS):
@@ -36,7 +43,7 @@ def jump(system, goal, stepper):
             if share > MOST:
                 break
             continue
-        force, spent = system.damping.spent(system.state)
+        force, spent = _damping(system).spent(system.state)
         work += spent
         resting = force <= RESTING * max(system.forces, scale)
         report.add(moved)
@@ -50,9 +57,9 @@ def jump(system, goal, stepper):
     raise StepFailed("damped motion did not come to rest")
 
 
-def _settle(system, stepper, goal, share):
+def _settle(system: System, stepper: Stepper, goal: float, share: float) -> StepReport:
     """Balance at t = goal with this damping; StepFailed, and the state as it was, if there is none."""
-    system.damping.share = share
+    _damping(system).share = share
     try:
         report = stepper.settle(system, goal)
         if wrong := system.objection():
@@ -63,7 +70,7 @@ def _settle(system, stepper, goal, share):
     return report
 
 
-def _at_rest(system, stepper, goal):
+def _at_rest(system: System, stepper: Stepper, goal: float) -> StepReport | None:
     """The report of balance without damping, or None."""
     try:
         return _settle(system, stepper, goal, 0.0)
@@ -71,14 +78,14 @@ def _at_rest(system, stepper, goal):
         return None
 
 
-def _conclude(system, report, work, before, scale):
+def _conclude(system: System, report: StepReport, work: float, before: Accepted, scale: float) -> None:
     """What the jump took, in the report; steps go on from its end alone."""
     u, travel, _ = before
-    energy = system.damping.strain_energy(system.state)
+    energy = _damping(system).strain_energy(system.state)
     way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
     way = max(way, np.abs(system.state.travel - travel).max(initial=0.0))
-    share, most = work / max(work + energy, 1e-300), system.damping.most
-    system.damping.most = {
+    share, most = work / max(work + energy, 1e-300), _damping(system).most
+    _damping(system).most = {
         "jumps": most["jumps"] + 1,
         "work": max(work, most["work"]),
         "work_share": max(share, most["work_share"]),
@@ -92,14 +99,21 @@ def _conclude(system, report, work, before, scale):
     system.accepted.clear()
 
 
-def _keep(system):
+def _damping(system: System) -> Damping:
+    """The damping, without which nothing moves here."""
+    if system.damping is None:
+        raise ValueError("this System has no damping")
+    return system.damping
+
+
+def _keep(system: System) -> Kept:
     u, travel, t = system.accepted[-1]
     return u.copy(), travel.copy(), t, system.force_scale, [term.history() for term in system.terms]
 
 
-def _restore(system, kept):
+def _restore(system: System, kept: Kept) -> None:
     u, travel, t, scale, histories = kept
-    system.damping.share = 0.0
+    _damping(system).share = 0.0
     system.state.u.x.array[:] = u
     system.resume(travel, t, histories)
     system.force_scale = scale

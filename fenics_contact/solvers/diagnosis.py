@@ -3,9 +3,10 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import CYCLING, LOST, MEMORY, OUT_OF_STEPS, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding
-from fenics_contact.assembly.system import TOLERANCE
+from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.solvers.holding import closed, rigid_motion, sliding
 from fenics_contact.solvers.softness import damping, soft_motion
+from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
 SQUEEZED = 0.1  # J of the accepted state below which an inversion in the next step is no accident of Newton's way
@@ -16,7 +17,7 @@ FADED = 1e-3
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 
 
-def diagnose(system, failure, goal=None):
+def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> Finding:
     """Finding of the cause of a StepFailed: call at the failing iterate; the system is rolled back here. Collective.
 
     goal: t at which the step was to end; None on an arc.
@@ -48,7 +49,7 @@ def diagnose(system, failure, goal=None):
     return found or known
 
 
-def _unexplained(system, known, inverted, goal):
+def _unexplained(system: System, known: Finding, inverted: Finding | None, goal: float | None) -> Finding:
     """What is left to try where nothing but the failure itself is known."""
     reason = known.reason
     if inverted:
@@ -60,7 +61,7 @@ def _unexplained(system, known, inverted, goal):
     return Finding(UNKNOWN, reason, inverted.place if inverted else known.place, known.remedy or remedy)
 
 
-def _restless(system, goal):
+def _restless(system: System, goal: float | None) -> Finding | None:
     """A finding if an arc was to start where loads are out of balance: what they do at once is no part of it. Collective."""
     if goal is not None or len(system.accepted) > 1 or not system.assemble_residual() > TOLERANCE * system.scale:
         return None
@@ -68,7 +69,7 @@ def _restless(system, goal):
     return Finding(UNKNOWN, text, remedy="let the functions of the loads start from 0")
 
 
-def _letting_go(system):
+def _letting_go(system: System) -> Finding | None:
     """A finding if hardly anything holds a body any more in the accepted state, where something did before. Collective."""
     if len(system.accepted) < 2 or not system.holds.reliant:
         return None
@@ -81,7 +82,7 @@ def _letting_go(system):
     return Finding(RIGID_MOTION, text, f"body '{names}'", remedy)
 
 
-def _inverts_ahead(system, goal):
+def _inverts_ahead(system: System, goal: float | None) -> bool:
     """Whether an element is about to turn inside out where the last step, carried on to `goal`, leads. Collective."""
     if goal is None or len(system.accepted) < 2:
         return True
@@ -92,7 +93,7 @@ def _inverts_ahead(system, goal):
     return ahead
 
 
-def _lifted(system, goal):
+def _lifted(system: System, goal: float | None) -> Finding | None:
     """A finding if a tool that has been in contact is drawn off by the force that should push it. Collective."""
     if goal is None:
         return None
@@ -108,7 +109,7 @@ def _lifted(system, goal):
     return None
 
 
-def _on_few_points(system):
+def _on_few_points(system: System) -> Finding | None:
     """A finding if a pushed tool rests on so few points that it slides off them, with springs and all. Collective."""
     for contact in system.contacts:
         if contact.master_name not in system.tools.names:
@@ -122,7 +123,7 @@ def _on_few_points(system):
     return None
 
 
-def _touched(system):
+def _touched(system: System) -> bool:
     """Whether every pushed tool touches a body in the accepted state. Collective."""
     names = {system.tools.names[i] for i in np.flatnonzero(system.tools.free.any(axis=1))}
     met = {contact.master_name for contact in system.contacts if closed(system, contact)}

@@ -3,7 +3,10 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
+from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.assembly.system import System
+from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with what holds a body
@@ -13,19 +16,19 @@ LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap o
 class Following:
     """A stepper, and with springs in, its solves repeated while their far ends follow, until they pull no more."""
 
-    def __init__(self, stepper):
+    def __init__(self, stepper: Stepper) -> None:
         self.stepper = stepper
 
-    def step(self, system, t):
+    def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         return self._follow(system, t, self.stepper.step(system, t))
 
-    def settle(self, system, t):
+    def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after penalties have changed."""
         return self._follow(system, t, self.stepper.settle(system, t))
 
-    def _follow(self, system, t, report):
-        springs = system.grounding
+    def _follow(self, system: System, t: float, report: StepReport) -> StepReport:
+        springs = _springs(system)
         while springs.engaged and (pull := springs.pull(system.state)) > 1.0:
             if report.augmentations + springs.ahead(system.state) >= LONGEST:
                 text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"
@@ -35,9 +38,9 @@ class Following:
             report.add(self._solved(system, t))
         return report
 
-    def _solved(self, system, t):
+    def _solved(self, system: System, t: float) -> StepReport:
         """The report of balance with the springs' far ends where the state is: with stiffer ones if soft ones fail."""
-        springs, place = system.grounding, (system.state.u.x.array.copy(), system.state.travel.copy())
+        springs, place = _springs(system), (system.state.u.x.array.copy(), system.state.travel.copy())
         try:
             return self.stepper.settle(system, t)
         except StepFailed as failure:
@@ -57,14 +60,14 @@ class Held:
     one that augments.
     """
 
-    def __init__(self, stepper):
+    def __init__(self, stepper: Stepper) -> None:
         self.stepper, self._said = stepper, False
 
-    def step(self, system, t):
+    def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         if system.stabilised:
             return self.stepper.step(system, t)
-        springs = system.grounding
+        springs = _springs(system)
         springs.engaged = False
         system.begin_step(t)
         loaded = _loaded(system)
@@ -92,12 +95,19 @@ class Held:
         self._said = True
         return report
 
-    def settle(self, system, t):
+    def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after multipliers or penalties have changed."""
         return self.stepper.settle(system, t)
 
 
-def _loaded(system):
+def _springs(system: System) -> Grounding:
+    """The stabilisation, without which no step is taken here."""
+    if system.grounding is None:
+        raise ValueError("this System has no stabilisation")
+    return system.grounding
+
+
+def _loaded(system: System) -> set[int]:
     """Numbers of the reliant bodies on which the loads have a resultant, at the present loads. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     if system.stiffness == 0.0:  # no tangent yet, which tells what is round-off

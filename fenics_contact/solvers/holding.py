@@ -1,12 +1,18 @@
 """Bodies and pushed tools that nothing holds any more: free rigid motions, and those that friction alone resists."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import RIGID_MOTION, SLIDES, Finding
 from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm, Term
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
 from fenics_contact.solvers.softness import damping
+from fenics_contact.types import Floats, Mat, Vec
 
 # A motion is free where its nodes resist it, each by itself, a million times more than all together. Squared: sums of
 # products know it to 1e-16, and what holds a body least, one corner in contact among n nodes, gives 1/n.
@@ -19,8 +25,10 @@ USED_UP = 0.99
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 
+Motions = list[tuple[str, Motion, str]]  # owner, motion, words
 
-def supported(system):
+
+def supported(system: System) -> Mat:
     """Copy of the tangent in which supports hold as stiffly as the stiffest node."""
     matrix = system.matrix.copy()
     matrix.setLGMap(*system.matrix.getLGMap())
@@ -29,13 +37,13 @@ def supported(system):
     return matrix
 
 
-def closed(system, contact):
+def closed(system: System, contact: ContactTerm) -> bool:
     """Whether a contact has a closed point (status 0: open) at the state evaluated last. Collective."""
     return bool(system.comm.allreduce(int(contact.statuses().any())))
 
 
 # -- rigid-body motion ------------------------------------------------------------------------------------------------
-def rigid_motion(system):
+def rigid_motion(system: System) -> Finding | None:
     """A finding if some bodies and tools can move as rigid ones without any resistance."""
     system.assemble_tangent()
     matrix, motions = supported(system), rigid_motions(system)
@@ -61,11 +69,11 @@ def rigid_motion(system):
     return Finding(RIGID_MOTION, " and ".join(text), place, remedy)
 
 
-def _kind_of_owner(system, name):
+def _kind_of_owner(system: System, name: str) -> str:
     return "tool" if name in system.tools.names else "body"
 
 
-def _products(vectors, weights, on_tools):
+def _products(vectors: Sequence[Motion], weights: Vec, on_tools: float) -> Floats:
     """Weighted products of Motions with each other. Collective."""
     out = np.zeros((len(vectors),) * 2)
     for j, one in enumerate(vectors):
@@ -75,9 +83,10 @@ def _products(vectors, weights, on_tools):
     return out
 
 
-def _parts(motions, combined):
+def _parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
     """Of combined motions (len(motions), n): (owner, words) of each owner that moves."""
-    size, found = np.linalg.norm(combined, axis=1), {}
+    size = np.linalg.norm(combined, axis=1)
+    found: dict[str, list[tuple[float, str]]] = {}
     for (name, _, words), share in zip(motions, size, strict=True):
         found.setdefault(name, []).append((share, words))
     out = []
@@ -88,13 +97,13 @@ def _parts(motions, combined):
     return out
 
 
-def _open_contacts(system, names):
+def _open_contacts(system: System, names: set[str]) -> str:
     """Contacts of these bodies without a closed point at the state evaluated last, in words. Collective."""
     waiting = [contact for contact in _contacts_of(system, names) if not closed(system, contact)]
     return " or ".join(f"contact '{contact.name}'" for contact in waiting)
 
 
-def _contacts_of(system, names):
+def _contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
     """Contacts of bodies and tools of these names. Collective."""
     blocks = [nodes for name, nodes in system.bodies if name in names]
     touching = [
@@ -103,7 +112,7 @@ def _contacts_of(system, names):
     return [c for c, touched in zip(system.contacts, touching, strict=True) if touched or c.master_name in names]
 
 
-def _lowest(energy, weight):
+def _lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues and vectors of the symmetric part of energy against weight."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(weight), 1e-300))
     energy, weight = (scale[:, None] * part * scale for part in (energy, weight))
@@ -116,7 +125,7 @@ def _lowest(energy, weight):
 
 
 # -- friction used up -------------------------------------------------------------------------------------------------
-def sliding(system):
+def sliding(system: System) -> Finding | None:
     """A finding if bodies or pushed tools are held along some way by friction alone, and no more of it can be had."""
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     if not rough:
@@ -145,7 +154,7 @@ def sliding(system):
     return Finding(SLIDES, f"{text}; a greater push has no balance", where, remedy)
 
 
-def _pushed(system, motions, held):
+def _pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
     shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
     loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
@@ -154,7 +163,7 @@ def _pushed(system, motions, held):
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
 
-def _works(system, terms, motions):
+def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
     """Work (len(motions),) of the forces of terms on motions. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in terms:
@@ -163,10 +172,10 @@ def _works(system, terms, motions):
     return np.array([motion.dot(force) for _, motion, _ in motions])
 
 
-def _energies(system, rough, motions, frictions):
+def _energies(system: System, rough: list[ContactTerm], motions: Motions, frictions: dict[ContactTerm, float]) -> Floats:
     """Work of motions with each other's resistance if rough contacts had other coefficients of friction: endless ones, but
     for those of `frictions`. Collective."""
-    trials = {contact: contact.trial.with_friction(frictions.get(contact, ENDLESS)) for contact in rough}
+    trials: dict[Term, Any] = {contact: contact.trial.with_friction(frictions.get(contact, ENDLESS)) for contact in rough}
     system.assemble_tangent(trials=trials)
     matrix = supported(system)
     forces = [resistance(system, motion, matrix) for _, motion, _ in motions]

@@ -1,10 +1,14 @@
 """Linear solves with a System's tangent: elimination of supports, choice of solver, the tools' border."""
 
+from typing import Any
+
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import MEMORY, RIGID_MOTION
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.reuse import TIGHTEST, ReusingSolver
+from fenics_contact.types import Array, Floats, Mat, Vec
 
 # Above this many unknowns smoothed aggregation beats factorisation (README, speed).
 ITERATIVE_ABOVE = 6_000
@@ -20,6 +24,9 @@ OUT_OF_MEMORY = 55  # PETSc's error code
 # the frictional punch, 20x20x5 and 40x40x10; one sweep, or five, cost up to half as many iterations again.
 SWEEPS, DAMPING = 2, 0.9
 
+Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, du on the supports' dofs, dq, forces on tools (tools, 3)
+Solution = tuple[Vec, Floats]  # du and dq (tools, 3) [length]
+
 
 class LinearFailure(RuntimeError):
     """The linear solver could not solve the tangent system; arguments (why, kind of finding, place, remedy)."""
@@ -33,7 +40,7 @@ class LinearSolver:
     unless `afresh`: a continuation's tangents are nearly singular, and what an old one tells of the softest motion is wrong.
     """
 
-    def __init__(self, system, method="auto", afresh=False):
+    def __init__(self, system: System, method: str = "auto", afresh: bool = False) -> None:
         if method not in ("auto", "direct", "iterative"):
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
@@ -41,27 +48,27 @@ class LinearSolver:
         self._forced = method == "iterative"
         above = ITERATIVE_ABOVE * np.sqrt(max(1.0, system.bulk_over_shear / SLOWED_ABOVE))
         method = method if method != "auto" else ("iterative" if size > above else "direct")
-        self.fallbacks = []  # what the log and the summary say of a change of solver
-        self._pivot = None
+        self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
+        self._pivot: float | None = None
         self._solver = ReusingSolver(
             system.comm, size, system.symmetric, method, lambda matrix: _soft_modes(system, matrix), system.timers, afresh
         )
 
     @property
-    def method(self):
+    def method(self) -> str:
         return self._solver.method
 
     @property
-    def iterations(self):
+    def iterations(self) -> int:
         """Krylov iterations so far."""
         return self._solver.iterations
 
     @property
-    def builds(self):
+    def builds(self) -> int:
         """Factorisations or multigrid hierarchies made so far."""
         return self._solver.builds
 
-    def solve(self, du_supports, dq, tolerance=TIGHTEST, again=False):
+    def solve(self, du_supports: Floats, dq: Floats, tolerance: float = TIGHTEST, again: bool = False) -> Solution:
         """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
 
         du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
@@ -72,14 +79,14 @@ class LinearSolver:
         system = self.system
         return self.solve_sides([(system.residual_vector, system.tool_residual, du_supports, dq)], tolerance, again)[0]
 
-    def solve_sides(self, sides, tolerance=TIGHTEST, again=False):
+    def solve_sides(self, sides: list[Side], tolerance: float = TIGHTEST, again: bool = False) -> list[Solution]:
         """Increments (du, dq) for several sides with one factorisation and one set of the tools' responses.
 
         sides: (residual Vec, tool residual (tools, 3), du_supports, dq) each. Raises LinearFailure as `solve` does.
         """
         self._tolerance = tolerance
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
-        rights = []
+        rights: list[Vec] = []
         for residual, _, _, dq in sides:
             rhs = residual.copy()
             rhs.scale(-1.0)
@@ -91,22 +98,26 @@ class LinearSolver:
         for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
             with du.localForm() as local:
                 local.array_w[system.supports.dofs] = du_supports
-        if not free.size:
+        border = system.border
+        if not free.size or border is None:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
-        columns = [self._response(c) for c in free]
-        rows = [system.border_vector(system.border.rows[c]) for c in free]
-        schur = system.border.corner[np.ix_(free, free)].copy()
+        columns = [self._response(-border.columns[c]) for c in free]
+        rows = [system.border_vector(border.rows[c]) for c in free]
+        schur = border.corner[np.ix_(free, free)].copy()
         for i, row in enumerate(rows):
             schur[i] += [row.dot(column) for column in columns]
         return [
-            self._with_free_travel(du, dq, tool_residual, free, schur, rows, columns)
+            self._with_free_travel(
+                du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, schur, rows, columns
+            )
             for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
         ]
 
-    def _with_free_travel(self, du, dq, tool_residual, free, schur, rows, columns):
+    def _with_free_travel(
+        self, du: Vec, dq: Floats, right: Floats, free: Array, schur: Floats, rows: list[Vec], columns: list[Vec]
+    ) -> Solution:
         """The pushed tools' share of an increment: the border's Schur complement."""
-        right = -tool_residual.ravel()[free] - self.system.border.corner[free] @ dq.ravel()
-        right -= [row.dot(du) for row in rows]
+        right = right - [row.dot(du) for row in rows]
         try:
             travel = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
@@ -118,17 +129,17 @@ class LinearSolver:
         total[free] += travel
         return du, total.reshape(-1, 3)
 
-    def _tools(self, free):
+    def _tools(self, free: Array) -> str:
         """Names of the tools with free components."""
         return ", ".join(f"tool '{name}'" for name in dict.fromkeys(self.system.tools.names[c // 3] for c in free))
 
-    def _add_prescribed_travel(self, rhs, dq):
+    def _add_prescribed_travel(self, rhs: Vec, dq: Floats) -> None:
         if self.system.border is None:
             return
         for c in np.flatnonzero(dq.ravel()):
             rhs.axpy(-dq.ravel()[c], self.system.border_vector(self.system.border.columns[c]))
 
-    def _eliminate(self, rights, du_supports, again):
+    def _eliminate(self, rights: list[Vec], du_supports: list[Floats], again: bool) -> None:
         """Put the supports' increments into the right-hand sides and unit rows into the matrix, keeping its symmetry.
 
         The supports' own rows get zero on the right, so that norms are those of the unknown part. again: the matrix has its.
@@ -147,15 +158,14 @@ class LinearSolver:
         if not again:
             system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
 
-    def _response(self, component):
-        """du/dq of one free travel component: K^-1 (-C)."""
-        values = -self.system.border.columns[component]
-        column = self.system.border_vector(values)
+    def _response(self, forces: Floats) -> Vec:
+        """du/dq of one free travel component: K^-1 (-C), from its column -C as a local array."""
+        column = self.system.border_vector(forces)
         with column.localForm() as local:
             local.array_w[self.system.supports.dofs] = 0.0
         return self._solve(column)
 
-    def _solve(self, rhs):
+    def _solve(self, rhs: Vec) -> Vec:
         """Solution with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
         system, solver, out = self.system, self._solver, rhs.duplicate()
         reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
@@ -167,7 +177,7 @@ class LinearSolver:
             raise LinearFailure(*self._cause(reason))
         return out
 
-    def _cause(self, reason):
+    def _cause(self, reason: int) -> tuple[str, ...]:
         """Arguments of LinearFailure after PETSc's reason or error code."""
         code = self._solver.mumps_code() if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED else 0
         if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
@@ -176,7 +186,7 @@ class LinearSolver:
         return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)
 
 
-def _soft_modes(system, matrix):
+def _soft_modes(system: System, matrix: Mat) -> Any:
     """Near-null space of the tangent: rigid-body motions of the deformed mesh that fade out where something holds them.
 
     Where a penalty or a support holds a node the motions cost energy, and a coarse grid made from them can correct nothing

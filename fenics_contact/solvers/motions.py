@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.types import Floats, Ints64, Mat, Vec
 
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
 MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
@@ -15,15 +17,15 @@ ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent b
 class Motion(NamedTuple):
     """du: PETSc Vec (owned part, zero on supports) and dq (tools, 3), zero where a tool is not free [lengths alike]."""
 
-    du: object
-    dq: np.ndarray
+    du: Vec
+    dq: Floats
 
-    def dot(self, other):
+    def dot(self, other: "Motion") -> float:
         """Work of the other's forces, or the inner product. Collective."""
         return self.du.dot(other.du) + float(np.sum(self.dq * other.dq))
 
 
-def resistance(system, motion, matrix):
+def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
     """Forces of the assembled tangent, its block of the bodies being `matrix`, against a motion. Collective."""
     force = system.new_vector()
     matrix.mult(motion.du, force)
@@ -37,7 +39,7 @@ def resistance(system, motion, matrix):
     return Motion(force, np.where(system.tools.free, tools, 0.0))
 
 
-def softest(system):
+def softest(system: System) -> Motion | None:
     """Motion that the assembled tangent resists least, by inverse iteration; None where it cannot be factorised.
 
     Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. The supports are eliminated from the tangent
@@ -67,7 +69,7 @@ def softest(system):
     return Motion(mode.du, mode.dq / size) if np.isfinite(size) else None
 
 
-def rigid_motions(system):
+def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
     """(owner, Motion, words): six rigid motions of every group of bonded bodies, then the free ones of the tools."""
     found = []
     for name, nodes in system.bodies:
@@ -82,7 +84,7 @@ def rigid_motions(system):
     return found
 
 
-def _of_body(system, nodes):
+def _of_body(system: System, nodes: Ints64) -> list[Vec]:
     """Six rigid motions of a body from its current place, as PETSc vectors of unit size; turns about its own centre."""
     owned = system.space.dofmap.index_map.size_local
     nodes = nodes[nodes < owned]

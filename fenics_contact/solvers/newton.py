@@ -1,15 +1,15 @@
 """Steppers from one load parameter to the next: full Newton, and the paper's incremental scheme."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.system import TOLERANCE
+from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.solvers.cycles import StatusWatch
-from fenics_contact.solvers.linear import LinearFailure
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Solution
+from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Floats, Vec
 
 FARTHEST = 10.0  # sizes of the bodies; a solve that moves a node by more than that and its supports has met no resistance
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
@@ -21,28 +21,6 @@ SETTLING = 3  # first solves that are taken whole where contact pressures are fo
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
 # may need that (a watchdog, Chamberlain et al. 1982, doi:10.1007/BFb0120945)
 PATIENCE, RISES, ASTRAY = 2, 3, 10.0
-
-
-@dataclass
-class StepReport:
-    """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
-    followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
-    augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
-    often the step was solved again with other penalties; work: taken by damping in a jump [force length]."""
-
-    iterations: int = 0
-    residuals: list = field(default_factory=list)
-    corrections: int = 0
-    notes: list = field(default_factory=list)
-    augmentations: int = 0
-    misfits: list = field(default_factory=list)
-    raises: int = 0
-    work: float = 0.0
-
-    def add(self, more):
-        """What solving the step once more took."""
-        for name in ("iterations", "residuals", "corrections", "notes", "augmentations", "misfits", "raises"):
-            setattr(self, name, getattr(self, name) + getattr(more, name))
 
 
 class Newton:
@@ -57,10 +35,10 @@ class Newton:
     the last quadratic iteration usually lands near round-off); limit: largest number of tangents.
     """
 
-    def __init__(self, linear, tolerance=TOLERANCE, limit=20):
+    def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 20) -> None:
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
 
-    def step(self, system, t):
+    def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         report = StepReport()
         du, dq = system.begin_step(t)
@@ -72,12 +50,12 @@ class Newton:
                 du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, report)
 
-    def settle(self, system, t):
+    def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after its multipliers have changed."""
         du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, StepReport())
 
-    def _iterate(self, system, du, dq, report):
+    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
@@ -114,7 +92,7 @@ class Newton:
         watch.blame()
         raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
 
-    def _correct(self, system, du, dq, size, report):
+    def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
 
         Where Newton converges the tangent has hardly changed, and this costs far less than a new one (Shamanskii 1967), also
@@ -130,7 +108,7 @@ class Newton:
         corrected = _finite_residual(system)
         return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0)
 
-    def _shorten(self, system, du, dq, before, size, strict):
+    def _shorten(self, system: System, du: Vec, dq: Floats, before: float, size: float, strict: bool) -> float:
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
 
         Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
@@ -148,7 +126,7 @@ class Newton:
         return size
 
 
-def _move(system, du, dq, start, end):
+def _move(system: System, du: Vec, dq: Floats, start: float, end: float) -> float:
     """Move from one share of an increment to another; returns the out-of-balance share there."""
     step = du.copy()
     step.scale(end - start)
@@ -156,7 +134,7 @@ def _move(system, du, dq, start, end):
     return _finite_residual(system)
 
 
-def _finite_residual(system):
+def _finite_residual(system: System) -> float:
     """Out-of-balance share, infinite where an element is inside out."""
     try:
         return relative_residual(system, followed=True)
@@ -171,10 +149,10 @@ class Incremental:
     point lies too deep, in whatever balance it then is.
     """
 
-    def __init__(self, linear):
+    def __init__(self, linear: LinearSolver) -> None:
         self.linear = linear
 
-    def step(self, system, t):
+    def step(self, system: System, t: float) -> StepReport:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         solve_once(system, self.linear, du, dq)
@@ -183,7 +161,7 @@ class Incremental:
     settle = step
 
 
-def _forcing(residual):
+def _forcing(residual: float) -> float:
     """How far an iterative solve must go: a tenth of what Newton's quadratic convergence can gain from this residual.
 
     (Dembo, Eisenstat & Steihaug 1982, doi:10.1137/0719025.) The predictor, which has no residual yet, gets 1e-5, for
@@ -192,7 +170,7 @@ def _forcing(residual):
     return 1e-5 if residual == np.inf else float(np.clip(0.1 * residual, TIGHTEST, 1e-4))
 
 
-def solve_once(system, linear, du, dq, tolerance=TIGHTEST):
+def solve_once(system: System, linear: LinearSolver, du: Floats, dq: Floats, tolerance: float = TIGHTEST) -> Solution:
     """One tangent solve with the assembled residual, and the update of the state."""
     system.assemble_tangent()
     try:
@@ -205,7 +183,7 @@ def solve_once(system, linear, du, dq, tolerance=TIGHTEST):
     return increment
 
 
-def relative_residual(system, followed=False):
+def relative_residual(system: System, followed: bool = False) -> float:
     """Out-of-balance norm over its scale; StepFailed where it is not a number."""
     size = system.assemble_residual(followed)
     if not np.isfinite(size):
@@ -214,6 +192,6 @@ def relative_residual(system, followed=False):
     return size / scale if scale > 0.0 else size
 
 
-def balanced(system, size, tolerance):
+def balanced(system: System, size: float, tolerance: float) -> bool:
     """Whether an out-of-balance share meets the tolerance, or is all rounding."""
     return size <= tolerance or size * system.scale <= system.noise

@@ -1,9 +1,15 @@
 """What the penalties cost: how forces and pressures would change if they grew without bound."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
-from fenics_contact.solvers.linear import LinearFailure
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.types import Floats, Vec
 
 NUDGE = 1e-4  # of the penalties, over which forces are differenced: few statuses change, far above round-off of the gaps
 # Of the peak pressure: a greater change is no small one, and the peak (at a corner, an edge) is the penalty's as much as the
@@ -12,7 +18,7 @@ UNSETTLED = 1 / 3
 LINEAR = 1e-4  # relative residual of an iterative solve: the extrapolation itself is good to some percent
 
 
-def penalty_error(system, linear):
+def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None:
     """Changes as all penalties grow without bound: {"contacts": {name: {...}}, "travel": (tools, 3)}; None if not to be had.
 
     With s the logarithm of all penalties, K du/ds = -dR_C/ds and dF/ds is the change of F that is left, to first order in
@@ -45,13 +51,15 @@ def penalty_error(system, linear):
     return {"contacts": found, "travel_change": dq}
 
 
-def _highest(pressure, spots):
+def _highest(pressure: Floats, spots: Floats) -> tuple[float, tuple[float, ...]]:
     """(peak, its place) of this rank's points."""
     point = int(pressure.argmax()) if len(pressure) else -1
     return (float(pressure[point]), tuple(spots[point])) if point >= 0 else (0.0, ())
 
 
-def _at(system, terms, factor, u, travel):
+def _at(
+    system: System, terms: Sequence[ContactTerm], factor: float, u: Floats, travel: Floats
+) -> list[tuple[Floats, Floats]]:
     """Resultants of the terms with penalties greater by `factor` at a displacement and a travel. Collective."""
     state, place = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
     trials = [term.penalties.stiffened(state, factor) for term in terms]
@@ -61,7 +69,7 @@ def _at(system, terms, factor, u, travel):
     return found
 
 
-def _contact_force(system, terms, factor):
+def _contact_force(system: System, terms: Sequence[ContactTerm], factor: float) -> tuple[Vec, Floats]:
     """R_C (local array, not yet summed over ranks) and the force on the tools with penalties greater by `factor`."""
     force, tools = system.residual_vector.duplicate(), np.zeros_like(system.tool_residual)
     with force.localForm() as local:
@@ -73,7 +81,7 @@ def _contact_force(system, terms, factor):
     return force, system.comm.allreduce(tools)
 
 
-def _rates(system, terms, linear):
+def _rates(system: System, terms: Sequence[ContactTerm], linear: LinearSolver) -> tuple[Floats, Floats] | None:
     """du/ds, a local array, and dq/ds of the tools' travel; None where the tangent is singular."""
     (ahead, tools_ahead), (behind, tools_behind) = (_contact_force(system, terms, 1.0 + side) for side in (NUDGE, -NUDGE))
     system.assemble_residual()
@@ -83,7 +91,7 @@ def _rates(system, terms, linear):
     with ahead.localForm() as local:
         local.array_w[system.supports.dofs] = 0.0
     ahead.copy(system.residual_vector)
-    system.tool_residual = (tools_ahead - tools_behind) / (2.0 * NUDGE)
+    system.tool_residual = np.divide(tools_ahead - tools_behind, 2.0 * NUDGE)
     try:
         du, dq = linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.travel), LINEAR)
     except LinearFailure:

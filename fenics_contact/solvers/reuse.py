@@ -1,7 +1,14 @@
 """PETSc solver for a sequence of similar matrices: an old factorisation or hierarchy preconditions while it pays."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
+
+from fenics_contact.timing import Timers
+from fenics_contact.types import Mat, Solver, Vec
 
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
@@ -21,14 +28,16 @@ SMALL = 30_000
 class Reuse:
     """Says when a new preconditioner pays: once a solve cost more per digit than all since the last, that one included."""
 
-    def __init__(self, build_cost):
+    def __init__(self, build_cost: int) -> None:
         self.build_cost = build_cost
         self.built()
 
-    def built(self):
-        self.stale, self._work, self._digits, self._fresh = False, self.build_cost, 0.0, None
+    def built(self) -> None:
+        self.stale, self._digits = False, 0.0
+        self._work: float = self.build_cost
+        self._fresh: float | None = None
 
-    def solved(self, iterations, tolerance):
+    def solved(self, iterations: int, tolerance: float) -> None:
         """Count a solve to a relative residual."""
         digits = max(-np.log10(tolerance), 1.0)
         rate = iterations / digits
@@ -36,9 +45,9 @@ class Reuse:
         self._work, self._digits = self._work + iterations, self._digits + digits
         self.stale = self.stale or rate > self._work / self._digits
 
-    def limit(self, tolerance):
+    def limit(self, tolerance: float) -> int:
         """Iterations after which an old preconditioner is given up in the middle of a solve."""
-        return self.build_cost + int(np.ceil(-2.0 * np.log10(tolerance) * self._fresh))
+        return self.build_cost + int(np.ceil(-2.0 * np.log10(tolerance) * (self._fresh or 0.0)))
 
 
 class ReusingSolver:
@@ -50,21 +59,32 @@ class ReusingSolver:
     iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing.
     """
 
-    def __init__(self, comm, size, symmetric, method, near_null_space, timers, afresh=False):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        size: int,
+        symmetric: bool,
+        method: str,
+        near_null_space: Callable[[Mat], Any] | None,
+        timers: Timers,
+        afresh: bool = False,
+    ) -> None:
         self.comm, self.symmetric, self.timers = comm, symmetric, timers
         self._near_null_space = near_null_space
         self.builds = self.iterations = self._cause = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
-        self._copy = self._pattern = self._reuse = None
-        self._objects = ()
+        self._copy: Mat = None
+        self._pattern: int | None = None
+        self._reuse: Reuse | None = None
+        self._objects: tuple[Any, ...] = ()
         self.use(method)
 
-    def use(self, method):
+    def use(self, method: str) -> None:
         """Change to a method; drops what is kept."""
         self.method, self._copy, self._reuse = method, None, None
         self._make()
 
-    def _make(self):
+    def _make(self) -> None:
         """New PETSc objects; the old ones go at once, for Python alone never frees what several ranks share."""
         for thing in self._objects:
             thing.destroy()
@@ -78,7 +98,7 @@ class ReusingSolver:
         pc.setFromOptions()
         self._objects = (self._krylov, self._fresh, pc)
 
-    def _ksp(self, pc, kind):
+    def _ksp(self, pc: Any, kind: str) -> Solver:
         ksp = PETSc.KSP().create(self.comm)
         ksp.setOptionsPrefix(PREFIX)
         ksp.setPC(pc)
@@ -92,11 +112,11 @@ class ReusingSolver:
         ksp.setFromOptions()
         return ksp
 
-    def _factors(self, pc):
+    def _factors(self, pc: Any) -> None:
         pc.setType("cholesky" if self.symmetric else "lu")
         pc.setFactorSolverType("mumps")
 
-    def _multigrid(self, pc):
+    def _multigrid(self, pc: Any) -> None:
         options = PETSc.Options()
         for key, value in (
             ("pc_gamg_threshold", 0.005),
@@ -112,7 +132,7 @@ class ReusingSolver:
             options["matptap_via"] = "rap"
         pc.setType("gamg")
 
-    def solve(self, matrix, pattern, rhs, out, tolerance):
+    def solve(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         """out = matrix^-1 rhs to a relative residual; returns PETSc's reason, negative on failure, the same on all ranks.
 
         pattern: number that changes with the matrix's nonzero pattern. After a failure nothing is kept: MUMPS goes on
@@ -126,9 +146,9 @@ class ReusingSolver:
             self.use(self.method)
         return reason
 
-    def _tried(self, matrix, pattern, rhs, out, tolerance):
+    def _tried(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         reason = -1
-        if self._reuses and self._worth_trying(matrix):
+        if self._reuses and self._reuse is not None and self._worth_trying(matrix, self._reuse):
             reason = self._run(self._krylov, matrix, rhs, out, tolerance, self._reuse.limit(tolerance))
         if reason < 0:
             old = self._reuse is None or self._state != matrix.stateGet()
@@ -137,15 +157,15 @@ class ReusingSolver:
             reason = self._run(self._fresh, matrix, rhs, out, tolerance, self._longest)
         return reason
 
-    def _worth_trying(self, matrix):
+    def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
         """Whether what is kept should still serve."""
-        if self._reuse is None or self._reuse.stale:
+        if reuse.stale:
             return False
         growth = np.abs(matrix.getDiagonal().array_r / self._diagonal)
         changed = self.comm.allreduce(int(((growth > CHANGED) | (growth < 1 / CHANGED)).sum()))
-        return 2 * changed < self._reuse.build_cost
+        return 2 * changed < reuse.build_cost
 
-    def _build(self, matrix, pattern):
+    def _build(self, matrix: Mat, pattern: int) -> int:
         """New factorisation or hierarchy of a matrix; returns zero or PETSc's error as a negative reason."""
         with self.timers("factorisation"):
             if self.method == "iterative":  # PETSc keeps the soft modes of the first set-up: it needs a new object
@@ -156,7 +176,7 @@ class ReusingSolver:
             self._pattern, self._state = pattern, matrix.stateGet()
             if self.symmetric:
                 self._copy.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-            if self.method == "iterative":
+            if self.method == "iterative" and self._near_null_space is not None:
                 self._copy.setNearNullSpace(self._near_null_space(matrix))
             self._diagonal = matrix.getDiagonal().array_r.copy()
             self._reuse = Reuse(BUILD_COST[self.method])
@@ -164,7 +184,7 @@ class ReusingSolver:
             self._fresh.setOperators(matrix, self._copy)
             return _code(self._fresh.setUp)
 
-    def _run(self, ksp, matrix, rhs, out, tolerance, limit):
+    def _run(self, ksp: Solver, matrix: Mat, rhs: Vec, out: Vec, tolerance: float, limit: int) -> int:
         with self.timers("solve"):
             ksp.setOperators(matrix, self._copy)
             ksp.setTolerances(rtol=tolerance, max_it=limit)
@@ -172,19 +192,20 @@ class ReusingSolver:
                 return error
         iterations, reason = ksp.getIterationNumber(), ksp.getConvergedReason()
         self.iterations += iterations
-        self._reuse.solved(iterations, tolerance)
+        if self._reuse is not None:
+            self._reuse.solved(iterations, tolerance)
         return reason
 
-    def mumps_code(self):
+    def mumps_code(self) -> int:
         """MUMPS' INFOG(1) of the solve that failed last, 0 where there is none."""
         return self._cause
 
-    def _infog(self):
+    def _infog(self) -> int:
         pc = self._fresh.getPC()
         return pc.getFactorMatrix().getMumpsInfog(1) if self.method == "direct" and self._reuse is not None else 0
 
 
-def _code(call):
+def _code(call: Callable[[], object]) -> int:
     """0, or PETSc's error code as a negative number: PETSc raises the same on all ranks."""
     try:
         call()

@@ -2,22 +2,27 @@
 
 import numpy as np
 
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.softness import AHEAD, fold_ahead
 from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Floats
 
 FAR, WANDERING = 0.1, 6  # of the force; after so many solves that leave more of it a step is looked at more closely
 HALVINGS = 6  # of the step, to see whether it is the path or the step that goes so far
 MOST = 0.5  # of the step's way: a sixty-fourth of the step that has more of it is a jump
 
+Place = tuple[Floats, Floats]  # displacement (local array) and travel (tools, 3) [length]
 
-def wandered(report):
+
+def wandered(report: StepReport) -> bool:
     """Whether a step's way to balance was so long that it may have passed through a snap; multipliers take long anyway."""
     return report.augmentations == 0 and sum(size > FAR for size in report.residuals) >= WANDERING
 
 
-def snapped(system, goal):
+def snapped(system: System, goal: float) -> str | None:
     """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None. Collective.
 
     Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where none of them
@@ -53,7 +58,7 @@ def snapped(system, goal):
     )
 
 
-def _folds(system, newton, before, low, blocked):
+def _folds(system: System, newton: Newton, before: tuple[float, Place], low: tuple[float, Place], blocked: float) -> bool:
     """Whether the path folds back between its state `low` and t = blocked, which no step reaches. Collective."""
     if not low[0] > before[0]:
         return False
@@ -65,14 +70,14 @@ def _folds(system, newton, before, low, blocked):
     return fold_ahead(system, [(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
 
 
-def _place(system, u=None, travel=None):
+def _place(system: System, u: Floats | None = None, travel: Floats | None = None) -> Place:
     """Displacement of owned nodes and travel, of the state by default."""
     u = system.state.u.x.array if u is None else u
     travel = system.state.travel if travel is None else travel
     return u[: system.vector.getLocalSize()].copy(), travel.copy()
 
 
-def _distance(system, one, other):
+def _distance(system: System, one: Place, other: Place) -> float:
     """Root of the mean square over the nodes, tools on top [length]. Collective."""
     (u, travel), (v, other_travel) = one, other
     square = system.comm.allreduce(float(np.sum((u - v) ** 2))) / (system.vector.getSize() / 3)

@@ -1,12 +1,16 @@
 """PETSc SNES on a System: its vector holds the displacement and the tools' travel, its tangent is the bordered one."""
 
+from typing import Any
+
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.system import TOLERANCE
-from fenics_contact.solvers.linear import LinearFailure
-from fenics_contact.solvers.newton import StepReport, relative_residual, solve_once
+from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.solvers.newton import relative_residual, solve_once
+from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Floats, Mat, Vec
 
 PREFIX = "fc_snes_"
 
@@ -14,14 +18,14 @@ PREFIX = "fc_snes_"
 class Snes:
     """A load step by SNES (newtonls, overridable with options prefixed fc_snes_), after the same predictor as Newton."""
 
-    def __init__(self, linear, tolerance=TOLERANCE, limit=20):
+    def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 20) -> None:
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
 
-    def settle(self, system, t):
+    def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after its multipliers have changed: SNES always starts from there."""
         return self.step(system, t)
 
-    def step(self, system, t):
+    def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if SNES does not converge."""
         du, dq = system.begin_step(t)
         system.assemble_residual()
@@ -47,7 +51,7 @@ class Snes:
 class _Problem:
     """SNES callbacks. The travel of the tools rides on the last rank behind its displacements."""
 
-    def __init__(self, system, linear, du, dq):
+    def __init__(self, system: System, linear: LinearSolver, du: Floats, dq: Floats) -> None:
         self.system, self.linear, self.du, self.dq = system, linear, du, dq
         self.owned = system.vector.getLocalSize()
         self.free = np.flatnonzero(system.tools.free.ravel())
@@ -55,7 +59,7 @@ class _Problem:
         self.tail = self.free.size if comm.rank == comm.size - 1 else 0
         self.root = comm.size - 1
 
-    def solver(self, absolute, limit):
+    def solver(self, absolute: float, limit: int) -> Any:
         snes = PETSc.SNES().create(self.system.comm)
         snes.setOptionsPrefix(PREFIX)
         residual = self._vector()
@@ -75,16 +79,16 @@ class _Problem:
         snes.setFromOptions()
         return snes
 
-    def _vector(self):
+    def _vector(self) -> Vec:
         return PETSc.Vec().createMPI((self.owned + self.tail, None), comm=self.system.comm)
 
-    def start(self):
+    def start(self) -> Vec:
         x = self._vector()
         x.array[: self.owned] = self.system.vector.array_r
         x.array[self.owned :] = self.system.state.travel.ravel()[self.free][: self.tail]
         return x
 
-    def put(self, x):
+    def put(self, x: Vec) -> None:
         """State <- SNES vector."""
         system = self.system
         du = system.new_vector()
@@ -94,18 +98,18 @@ class _Problem:
         dq[self.free] = travel - system.state.travel.ravel()[self.free]
         system.update(du, dq.reshape(-1, 3))
 
-    def _function(self, snes, x, f):
+    def _function(self, snes: Any, x: Vec, f: Vec) -> None:
         self.put(x)
         self.system.assemble_residual()
         f.array[: self.owned] = self.system.residual_vector.array_r
         f.array[self.owned :] = self.system.tool_residual.ravel()[self.free][: self.tail]
 
-    def _jacobian(self, snes, x, jacobian, preconditioner):
+    def _jacobian(self, snes: Any, x: Vec, jacobian: Mat, preconditioner: Mat) -> None:
         self.put(x)
         self.system.assemble_residual()
         self.system.assemble_tangent()
 
-    def apply(self, pc, b, y):
+    def apply(self, pc: Any, b: Vec, y: Vec) -> None:
         """Preconditioner of the one-iteration KSP: the exact bordered solve. SNES solves J y = F, y is subtracted."""
         du, dq = self.linear.solve(self.du, self.dq)
         y.array[: self.owned] = -du.array_r

@@ -1,7 +1,10 @@
 """Steps that stiff penalties keep Newton from solving: solved with softer ones first, from where the full ones take few."""
 
 from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
 ROUGH = 1e-3  # of the force: out of balance with the softer penalties, which only find who is in contact
@@ -18,10 +21,10 @@ class Softened:
     has been solved so.
     """
 
-    def __init__(self, stepper):
+    def __init__(self, stepper: Newton) -> None:
         self.stepper, self.rough, self.helps = stepper, Newton(stepper.linear, ROUGH, stepper.limit), False
 
-    def step(self, system, t):
+    def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         softer = {term: part for term in system.contacts if (part := term.penalties.softness(system.state)) < 1.0}
         if self.helps and softer:
@@ -38,11 +41,11 @@ class Softened:
         report.notes.append(f"solved with softer penalties first, as the steps after it ({tried})")
         return report
 
-    def settle(self, system, t):
+    def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after multipliers or penalties have changed."""
         return self.stepper.settle(system, t)
 
-    def _step(self, system, t, softer):
+    def _step(self, system: System, t: float, softer: dict[ContactTerm, float]) -> StepReport:
         for term, part in softer.items():
             term.take(term.penalties.softened(system.state, part))
         try:  # what an accepted state leaves for the first solve to carry, the points' pressures with it

@@ -5,10 +5,13 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
+from fenics_contact.assembly.system import Accepted, System
+from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.motions import resistance, rigid_motions, softest
+from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
 from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Vec
 
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
@@ -24,7 +27,7 @@ STILL = 1e-3  # of a motion: what moves supports by more is not one that they le
 TOPPLES = 1e-3  # of what its nodes resist each alone: less holds no body upright
 
 
-def soft_motion(system, goal=None):
+def soft_motion(system: System, goal: float | None = None) -> Finding | None:
     """A finding if the softest motion at the accepted state explains the failure, by what moves in it. Collective.
 
     goal: t at which the failing step was to end; None on an arc.
@@ -41,7 +44,7 @@ def soft_motion(system, goal=None):
 
 
 # -- a penalty too soft -----------------------------------------------------------------------------------------------
-def _sinking(system, mode):
+def _sinking(system: System, mode: Motion) -> Finding | None:
     """A finding if in a motion a pushed tool goes into bodies that stay behind: its penalty gives way more than they do."""
     found, largest = None, np.abs(mode.dq).max(initial=0.0)
     for contact in system.contacts if largest > 0.0 else []:
@@ -53,7 +56,7 @@ def _sinking(system, mode):
     return found
 
 
-def _gap_change(system, contact, mode, size):
+def _gap_change(system: System, contact: ContactTerm, mode: Motion, size: float) -> float:
     """Largest change of the gap of a closed point when the state moves by `size` times a motion [length]. Collective."""
     state, before = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
     here = contact.response(state)
@@ -67,7 +70,7 @@ def _gap_change(system, contact, mode, size):
 
 
 # -- a part that is loose or topples ----------------------------------------------------------------------------------
-def _loose(system, mode, share):
+def _loose(system: System, mode: Motion, share: float) -> Finding | None:
     """A finding if a part that is not joined to the rest moves freely, or a body that contact alone holds topples."""
     if abs(share) < LOOSE:
         name, place, _ = _where(system, mode)
@@ -86,10 +89,11 @@ def _loose(system, mode, share):
     )
 
 
-def _rigid_part(system, mode):
+def _rigid_part(system: System, mode: Motion) -> tuple[str, float, str]:
     """(body, share, words): the body whose rigid motions make up the greatest share of a motion's square; the share is zero
     where they would carry supports along. Collective."""
-    found, square = {}, max(mode.du.dot(mode.du), 1e-300)
+    found: dict[str, list[tuple[float, Vec, str]]] = {}
+    square = max(mode.du.dot(mode.du), 1e-300)
     for name, motion, words in rigid_motions(system):
         if not motion.dq.any():
             found.setdefault(name, []).append((motion.du.dot(mode.du), motion.du, words))
@@ -103,7 +107,7 @@ def _rigid_part(system, mode):
     return name, share, ", ".join(words for amount, _, words in found[name] if abs(amount) > 0.3 * largest)
 
 
-def _where(system, mode):
+def _where(system: System, mode: Motion) -> tuple[str, str, float]:
     """Body and reference position of the node that moves most in a motion, and how far [of its size]. Collective."""
     size = np.linalg.norm(mode.du.array_r.reshape(-1, 3), axis=1)
     here = (-1.0, "", "")
@@ -116,7 +120,7 @@ def _where(system, mode):
 
 
 # -- limit point ------------------------------------------------------------------------------------------------------
-def limit_point(system, mode, now, goal=None):
+def limit_point(system: System, mode: Motion, now: float, goal: float | None = None) -> Finding | None:
     """A finding if the softest motion, of stiffness `now`, has lost nearly all that it has in the unloaded bodies, and the
     path's rate says that the fold lies no further ahead than a few times the step to `goal`.
 
@@ -144,12 +148,12 @@ def limit_point(system, mode, now, goal=None):
     return Finding(LIMIT_POINT, text, ", ".join([*tools, f"body '{name}' at {place}"]), " or ".join(ways))
 
 
-def damping(system):
+def damping(system: System) -> list[str]:
     """The advice to let damping carry the bodies on, in a list, where that has not been asked for."""
     return [] if system.damping else ["let damping carry it on: solve(..., damping=True)"]
 
 
-def _loaded(system):
+def _loaded(system: System) -> bool:
     """Whether forces, and not only supports and tools on their ways, grow with t at the accepted state. Collective."""
     t = system.committed_t
     system.begin_step(t + LOAD_PROBE)
@@ -161,7 +165,7 @@ def _loaded(system):
     return change.norm() > 0.0
 
 
-def fold_ahead(system, states=None):
+def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
     """How far [t] ahead of the accepted state the load path folds back, as its last step and its rate tell. Collective.
 
     Before a fold at t_f displacements are u_f - a sqrt(t_f - t). So the rate du/dt over the mean rate of a last step of
@@ -181,11 +185,11 @@ def fold_ahead(system, states=None):
     except StepFailed:
         return 0.0
     moved = np.sqrt(step.dot(step) / (step.getSize() / 3) + np.sum((travel_now - travel) ** 2))
-    q = arc.per_load * (t_now - t) / moved if moved > 0.0 else np.inf
+    q = (arc.per_load or 0.0) * (t_now - t) / moved if moved > 0.0 else np.inf
     return (t_now - t) / (4.0 * q * (q - 1.0)) if q > 1.0 else np.inf
 
 
-def _unloaded_stiffness(system, mode):
+def _unloaded_stiffness(system: System, mode: Motion) -> float:
     """Rayleigh quotient of a motion in the undeformed bodies, contacts and loads away."""
     system.state.u.x.array[:] = 0.0
     system.matrix.zeroEntries()

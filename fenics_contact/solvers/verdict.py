@@ -4,17 +4,19 @@ import math
 from dataclasses import dataclass, field
 
 from fenics_contact.assembly.finding import CONVERGED, UNKNOWN, Finding
+from fenics_contact.assembly.system import System
+from fenics_contact.solvers.report import StepReport
 
 
 class StepFailed(RuntimeError):
     """A step did not converge; the message says why, and `finding` what is known of the cause."""
 
-    def __init__(self, reason, kind=UNKNOWN, place="", remedy=""):
+    def __init__(self, reason: str, kind: str = UNKNOWN, place: str = "", remedy: str = "") -> None:
         super().__init__(reason)
         self.finding = Finding(kind, reason, place, remedy)
 
     @classmethod
-    def of(cls, finding):
+    def of(cls, finding: Finding) -> "StepFailed":
         return cls(finding.reason, finding.kind, finding.place, finding.remedy)
 
 
@@ -40,13 +42,13 @@ class Verdict:
     iterations: int = 0
     corrections: int = 0
     augmentations: int = 0
-    residuals: list = field(default_factory=list)
-    notes: list = field(default_factory=list)
-    remarked: dict = field(default_factory=dict)
+    residuals: list[list[float]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    remarked: dict[str, list[str]] = field(default_factory=dict)
     smallest: float = 0.0
     size: float = math.inf
 
-    def accept(self, report, system):
+    def accept(self, report: StepReport, system: System) -> None:
         """A step has been accepted, which took what its report says; terms may remark on the state. Collective."""
         self.t = system.state.t
         self.iterations += report.iterations
@@ -61,7 +63,7 @@ class Verdict:
             said += remarks
         self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
 
-    def stop(self, finding, t, step=None):
+    def stop(self, finding: Finding, t: float, step: int | None = None) -> None:
         """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
         self.converged, self.step = False, step or len(self.residuals) + 1
         self.kind, reason, self.place, self.remedy = finding

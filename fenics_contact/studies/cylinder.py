@@ -6,7 +6,8 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
@@ -78,7 +79,7 @@ def cylinder(
     scene.fix(("front",) if free_end else ("front", "back"), "y")
     plate = rigid_plane((0, 0, radius), (0, 0, -1.0))
     scene.contact("rim", plate, points=points, penalty=Penalty(factor=factor), penetration=penetration or None, name="rim")
-    arc = {"until": Load(1.0)} if method == "arc_length" else {}
+    until = Load(1.0) if method == "arc_length" else None
     result = solve(
         scene,
         move={plate: (0, 0, -squeeze / 2)},
@@ -86,7 +87,7 @@ def cylinder(
         steps=steps,
         linear=linear,
         progress=False,
-        **arc,
+        until=until,
     )
     force = -2 * result.history[-1]["rim_force_z_N"] / length if result.history else float("nan")
     return metrics(result, error=abs(force / reference - 1), value=force)

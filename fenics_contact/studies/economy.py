@@ -9,7 +9,8 @@ from petsc4py import PETSc
 from fenics_contact.contact.tools import Tool, rigid_punch
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.statements import Body
 from fenics_contact.scene.tool_mesh import rigid_surface
 from fenics_contact.solid.materials import from_elastic, mooney_rivlin
 from fenics_contact.studies import cylinder as cylinders

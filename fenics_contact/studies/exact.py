@@ -119,8 +119,8 @@ def under_cone(field: Field, a: float) -> Field:
 
 def _under_rings(field: Field, a: float, count: int, force: Callable[[Floats], Floats]) -> Field:
     """Displacement under rings of the radii a sqrt(1 - q^2) that have the share force(q) dq of the load, 0 < q < 1."""
-    q, weights = np.polynomial.legendre.leggauss(count)
-    q, weights, turn = (1 + q) / 2, weights / 2, (np.arange(8) + 0.5) * np.pi / 4
+    points, halves = np.polynomial.legendre.leggauss(count)
+    q, weights, turn = (1 + points) / 2, halves / 2, (np.arange(8) + 0.5) * np.pi / 4
     r, shares = a * np.sqrt(1 - q**2)[:, None], force(q) * weights
     places = np.stack([r * np.cos(turn), r * np.sin(turn), 0 * r * turn], axis=-1).reshape(-1, 3)
     shares = np.repeat(shares / (8 * shares.sum()), 8)

@@ -4,6 +4,7 @@ The half-space is a block whose far faces are led along the displacement under t
 (point load) or Flamant's (line load) folded with it.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,13 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_cone, rigid_cylinder, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.run import Result, solve
-from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import from_elastic
 from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.exact import Field, boussinesq, flamant, under_cone, under_hertz
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
+from fenics_contact.types import Floats
 from meshes import graded_block
 
 E, NU = 1000.0, 0.3  # MPa
@@ -85,11 +88,16 @@ def indented(
     for face in ("xmax", "ymax", "zmin"):
         for axis, letter in enumerate("xyz"):
             if tool != "cylinder" or (letter != "y" and face != "ymax"):
-                scene.prescribe(face, letter, lambda X, t, axis=axis: t * field(X)[:, axis])
+                scene.prescribe(face, letter, _along(field, axis))
     if tool == "cylinder":
         scene.fix("ymax", "y")
     scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
     return solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False), exact
+
+
+def _along(field: Field, axis: int) -> Callable[[Floats, float], Floats]:
+    """A component of the far field, which grows with t."""
+    return lambda X, t: t * field(X)[:, axis]
 
 
 def sphere(cells: int) -> Problem:

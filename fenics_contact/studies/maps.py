@@ -9,7 +9,8 @@ import numpy as np
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_paper, mooney_rivlin
 from fenics_contact.studies.controls import CONTROLS, MULTIPLIERS
 from fenics_contact.studies.exact import A1, A2, Radial
@@ -111,7 +112,7 @@ def limit(reach: float, way: str, cells: int = 4, steps: int = 8) -> Row:
     for axis in "xyz":
         scene.fix(f"symmetry_{axis}", axis)
     exact = Radial("sphere", RUBBER["K"])
-    highest = max(exact.solve((RADIUS, RADIUS + WALL), RADIUS + u)[0] for u in np.arange(36.0, 45.0))
+    highest = max(exact.solve((RADIUS, RADIUS + WALL), RADIUS + float(u))[0] for u in np.arange(36.0, 45.0))
     aim = exact.solve((RADIUS, RADIUS + WALL), RADIUS + reach)[0]
     radial = inner_radial(scene)
     if way == "arc length":

@@ -127,7 +127,7 @@ class Study:
         for run, missing in tqdm(todo, desc=self.name, disable=not progress):
             parameters = {key: run.get(key, "") for key in self.parameters}
             self._write(path, [parameters | row for row in measure(run, len(missing))], missing)
-        self._worker = self._worker and self._worker.end()
+        self._dismiss()
         return path
 
     def _write(self, path: Path, rows: list[Row], numbers: list[int]) -> None:
@@ -158,14 +158,19 @@ class Study:
             answer, limit = Path(scratch) / "metrics.json", repeats * self.limit
             task = json.dumps([inspect.getfile(self.case), self.case.__name__, _arguments(run), repeats, str(answer)])
             if processes > 1:
-                self._worker = self._worker and self._worker.end()
+                self._dismiss()
             self._worker = self._worker or _Worker(processes, task)
             reason = self._worker.do(task, answer, limit)
             if reason or processes > 1 or not self.shared:
-                self._worker = self._worker.end()
+                self._dismiss()
             if not answer.exists():
                 return [{"converged": False, "verdict": f"stopped: {reason}", "processes": processes}]
             return json.loads(answer.read_text())
+
+    def _dismiss(self) -> None:
+        if self._worker is not None:
+            self._worker.end()
+        self._worker = None
 
     def _measure_here(self, run: Run, repeats: int) -> list[Row]:
         return [self.case(**_arguments(run)) for _ in range(repeats)]

@@ -7,7 +7,8 @@ from fenics_contact import compat
 from fenics_contact.assembly.term import State
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.run import solve
-from fenics_contact.scene.scene import Body, Scene
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, medians, work_precision
@@ -55,8 +56,8 @@ def sphere(cells: int, degree: int, element: str, method: str, steps: int, linea
     for axis in "xyz":
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", Radial("sphere", K).solve((RADIUS, RADIUS + WALL), RADIUS + reach)[0])
-    until = {"until": Load(1.0)} if method == "arc_length" else {}
-    result = solve(scene, method=method, steps=steps, linear=linear, progress=False, **until)
+    until = Load(1.0) if method == "arc_length" else None
+    result = solve(scene, method=method, steps=steps, linear=linear, progress=False, until=until)
     moved = inner_radial(scene)(result.system.state)
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 

@@ -1,0 +1,45 @@
+"""What a step is to those who ask for it: a Stepper takes it, and its StepReport says what that took."""
+
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+from fenics_contact.assembly.system import System
+
+
+@dataclass
+class StepReport:
+    """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
+    followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
+    augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
+    often the step was solved again with other penalties; work: taken by damping in a jump [force length]."""
+
+    iterations: int = 0
+    residuals: list[float] = field(default_factory=list)
+    corrections: int = 0
+    notes: list[str] = field(default_factory=list)
+    augmentations: int = 0
+    misfits: list[float] = field(default_factory=list)
+    raises: int = 0
+    work: float = 0.0
+
+    def add(self, more: "StepReport") -> None:
+        """What solving the step once more took."""
+        for name in ("iterations", "residuals", "corrections", "notes", "augmentations", "misfits", "raises"):
+            setattr(self, name, getattr(self, name) + getattr(more, name))
+
+
+GoalOf = TypeVar("GoalOf", contravariant=True)
+ReportOf = TypeVar("ReportOf", bound=StepReport, covariant=True)
+
+
+class StepperTo(Protocol[GoalOf, ReportOf]):
+    """What carries a System from its committed state to a goal, t or an arc; StepFailed if it does not get there."""
+
+    def step(self, system: System, goal: GoalOf, /) -> ReportOf: ...
+
+    def settle(self, system: System, goal: GoalOf, /) -> ReportOf:
+        """Into balance at the goal from the present state, after its multipliers or penalties have changed."""
+        ...
+
+
+Stepper = StepperTo[float, StepReport]
