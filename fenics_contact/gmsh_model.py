@@ -102,6 +102,7 @@ def _script_in_our_session() -> Iterator[None]:
 
 # -- reading ----------------------------------------------------------------------------------------------------------
 def known_group(name: str, groups: Mapping[str, object], kind: str) -> str:
+    """The name itself, where there is such a group; ValueError that lists those there are."""
     if name not in groups:
         known = ", ".join(sorted(groups)) or "none"
         raise ValueError(f"there is no {kind} group '{name}' in the mesh; its {kind} groups are: {known}")

@@ -20,6 +20,7 @@ from fenics_contact.types import Floats, Ints, Ints64
 
 @njit(cache=True, inline="always")
 def deciding_gap(q: int, projection: Projection, law: PointLaws, judged: Floats) -> float:
+    """What tells open from closed at point q [length]: its gap with its shift, or the judged one."""
     return judged[q] if len(judged) > 0 else projection[4][q] + law[4][q]
 
 

@@ -14,6 +14,7 @@ Pattern = tuple[Ints64, Ints64, Ints64, Ints64]  # blocks, first, end, columns
 
 @njit(cache=True)
 def equal_rows(table: Ints64, i: int, j: int) -> bool:
+    """True if rows i and j of a table (n, k) are the same."""
     same = True
     for column in range(table.shape[1]):
         same = same and table[i, column] == table[j, column]

@@ -15,16 +15,19 @@ AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @njit(cache=True)
 def row(x: Floats, i: int) -> Vector:
+    """Row i of x (n, 3)."""
     return x[i, 0], x[i, 1], x[i, 2]
 
 
 @njit(cache=True)
 def put(array: Floats, i: int, j: int, vector: Vector) -> None:
+    """array[i, j] = vector, in an array (m, n, 3)."""
     array[i, j, 0], array[i, j, 1], array[i, j, 2] = vector
 
 
 @njit(cache=True)
 def got(array: Floats, i: int, j: int) -> Vector:
+    """array[i, j] of an array (m, n, 3)."""
     return array[i, j, 0], array[i, j, 1], array[i, j, 2]
 
 

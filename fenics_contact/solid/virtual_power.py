@@ -13,10 +13,12 @@ from fenics_contact.types import Expr, Form, Function, Measure, Mesh
 
 
 def deviator(A: Expr) -> Expr:
+    """A - tr A / 3 I of a tensor (3, 3)."""
     return A - ufl.tr(A) / 3 * ufl.Identity(3)
 
 
 def deformation_gradient(u: Function) -> Expr:
+    """F = I + grad u (3, 3) of a displacement [length]."""
     return ufl.Identity(3) + ufl.grad(u)
 
 

@@ -107,4 +107,5 @@ def _frame(i: int, j: int) -> Rectangle:
 
 
 def short(value: Any) -> str:
+    """A parameter's value as a chart shows it."""
     return f"{value:g}" if isinstance(value, float | int) and not isinstance(value, bool) else str(value)

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 
 def run(file: str, name: str, arguments: dict[str, Any], repeats: int, answer: str) -> None:
+    """Metrics of a case's repeats, as a list in JSON, into the file `answer`: as many as converge, and a refusal as one."""
     spec = importlib.util.spec_from_file_location("study_case", file)
     if spec is None or spec.loader is None:
         raise ValueError(f"{file} is no Python file")
