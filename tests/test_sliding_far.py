@@ -31,7 +31,7 @@ def strip(size=0.7):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("points", [2, "nodes"])
+@pytest.mark.parametrize("points", [2, "corners"])
 def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
     mesh = read_gmsh(strip)
     scene = Scene(Body(mesh, "strip", from_elastic(100.0, 0.3)), Body(mesh, "block", from_elastic(100.0, 0.3)))

@@ -67,7 +67,6 @@ class FacetPartner:
     foresees = True
     grounded = False
     softens = False
-    reach = 0.0
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
     def __init__(
@@ -83,6 +82,7 @@ class FacetPartner:
         # along the slave's normal even frictionless forces have no potential
         self.smooth = surface.gradients is None
         self.search = max(surface.cell_height, master.longest)
+        self.reach = float(np.abs(master.X).max(initial=0.0))
         _, nq, k = surface.a.shape
         self._local = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         self._nodes = np.repeat(np.searchsorted(self._local, surface.nodes), nq, axis=0).astype(np.int64)
@@ -163,7 +163,8 @@ class FacetPartner:
     def _law(self, trial: Trial, touch: float | None = None) -> PointLaws:
         law, nq = trial.law, self.surface.area.shape[1]
         penalties = np.repeat(law.eps_n, nq), np.repeat(law.eps_t, nq)
-        return *penalties, law.friction, float(law.touch if touch is None else touch), trial.history.shift.reshape(-1)
+        touch = float(law.touch if touch is None else touch)
+        return *penalties, law.friction, touch, trial.history.shift.reshape(-1), trial.judged
 
     def _pairs(self, feet: FacetFeet, trial: Trial, area: Floats | None = None) -> Pairs:
         """What the kernels take of the pairs of points and facets."""
@@ -173,7 +174,7 @@ class FacetPartner:
         forces, (ne, nq) = np.zeros_like(feet.coords), self.surface.area.shape
         traction, excess, status = np.empty((ne * nq, 3)), np.empty(ne * nq), np.empty(ne * nq, dtype=np.int32)
         out = forces, status, traction, excess
-        add_forces(*self._pairs(feet, trial, trial.area), self._law(trial), trial.judged, out)
+        add_forces(*self._pairs(feet, trial, trial.area), self._law(trial), out)
         gap, points = np.minimum(feet.projection[4], self.search), (ne, nq)
         cover = np.ones(points)
         return Response(
@@ -191,7 +192,7 @@ class FacetPartner:
 
     def _tangent(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
-        pairs = *self._pairs(feet, trial, trial.area), self._law(trial), trial.judged
+        pairs = *self._pairs(feet, trial, trial.area), self._law(trial)
         rows, columns, blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
         if missing:
             raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
@@ -238,9 +239,8 @@ class FacetPartner:
         return self._committed(feet, trial, None)
 
     def _augmented(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        new, slips = self.no_anchors(), np.empty(self.surface.area.size)
-        augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(trial), new, slips)
-        return new, slips.reshape(self.surface.area.shape)
+        nodes, weights, slips = augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(trial))
+        return (nodes, weights), slips.reshape(self.surface.area.shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
         """What the penalty gave way in stick (ne, nq) [length]."""
@@ -252,9 +252,7 @@ class FacetPartner:
 
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
-        new = self.no_anchors()
-        stiffened_anchors(*self._pairs(feet, trial), own(rests), self._law(trial), factor, new)
-        return new
+        return stiffened_anchors(*self._pairs(feet, trial), own(rests), self._law(trial), factor)
 
     def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""

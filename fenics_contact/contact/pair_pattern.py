@@ -56,8 +56,8 @@ class PairPattern:
         self._meet(closed, facet, anchor_nodes)
 
     def filled(self, add: Callable[..., int]) -> tuple[Ints64, Ints64, Floats, int]:
-        """(rows (n,), rising, columns (n,), blocks (n, 3, 3), couplings missed) of what add(pattern, values, used) gives."""
-        missing = add(self.arrays, self._values, self._used)
+        """(rows (n,), rising, columns (n,), blocks (n, 3, 3), couplings missed) of add(pattern, (values, used))."""
+        missing = add(self.arrays, (self._values, self._used))
         places = np.flatnonzero(self._used)
         values = self._values[places]
         self._values[places], self._used[places] = 0.0, False

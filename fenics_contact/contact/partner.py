@@ -15,8 +15,8 @@ class Partner(Protocol):
     grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
     pressures be unknowns beside the displacement; softens: may penalties be softer on the way to a solution; smooth: have
     forces without friction a potential; edge: what the output says of its edges; search: gaps from this on are not told
-    apart [length]; reach: largest length that gaps are differences of, beside the coordinates [length]; slid_off: what to do
-    where the slave has left the master. Collective where a state is taken.
+    apart [length]; reach: largest length that gaps are differences of, beside the slave's coordinates [length]; slid_off:
+    what to do where the slave has left the master. Collective where a state is taken.
     """
 
     name: str

@@ -1,7 +1,6 @@
 """All pairs of slave points and master facets in one pass: forces, foreseen gaps, anchors to keep.
 
-Arrays as in kernels/deformable_element.py.  `judged` (np,) are the gaps, shifts added, that decide the points' status where
-they are not the present ones; (0,) where they are.  The tangent is in kernels/contact_tangent.py.
+Arrays as in kernels/deformable_element.py.  The tangent is in kernels/contact_tangent.py.
 """
 
 import numpy as np
@@ -19,15 +18,15 @@ from fenics_contact.types import Floats, Ints, Ints64
 
 
 @njit(cache=True, inline="always")
-def deciding_gap(q: int, projection: Projection, law: PointLaws, judged: Floats) -> float:
+def deciding_gap(q: int, projection: Projection, law: PointLaws) -> float:
     """What tells open from closed at point q [length]: its gap with its shift, or the judged one."""
-    return judged[q] if len(judged) > 0 else projection[4][q] + law[4][q]
+    return law[5][q] if len(law[5]) > 0 else projection[4][q] + law[4][q]
 
 
 @njit(cache=True, inline="always")
-def presses(q: int, projection: Projection, law: PointLaws, judged: Floats) -> bool:
+def presses(q: int, projection: Projection, law: PointLaws) -> bool:
     """True if point q has a partner and counts as closed; most points of a surface do not."""
-    return projection[1][q] != NONE and deciding_gap(q, projection, law, judged) <= law[3]
+    return projection[1][q] != NONE and deciding_gap(q, projection, law) <= law[3]
 
 
 @njit(cache=True)
@@ -58,7 +57,6 @@ def add_forces(
     projection: Projection,
     anchors: Anchors,
     law: PointLaws,
-    judged: Floats,
     out: tuple[Floats, Ints, Floats, Floats],
 ) -> None:
     """Add the virtual power area T.(dv_S - dv_M) of (14) to forces (nx, 3).  Pure.
@@ -74,11 +72,11 @@ def add_forces(
     for q in range(len(status)):
         status[q], excesses[q] = OPEN, 0.0
         tractions[q, 0] = tractions[q, 1] = tractions[q, 2] = 0.0
-        if not presses(q, projection, law, judged):
+        if not presses(q, projection, law):
             continue
         pair = place(q, coords, slaves, surface, projection, anchors)
         press = pair.g + law[4][q]
-        gaps = Gaps(press, judged[q] if len(judged) > 0 else press)
+        gaps = Gaps(press, law[5][q] if len(law[5]) > 0 else press)
         found = traction(point_law(q, law, anchors), gaps, pair.n, pair.w)
         status[q] = found.status
         if found.status == OPEN:
@@ -179,19 +177,16 @@ def augmented_anchors(
     anchors: Anchors,
     rests: Anchors,
     law: PointLaws,
-    new_anchors: Anchors,
-    slips: Floats,
-) -> None:
+) -> tuple[Ints64, Floats, Floats]:
     """Uzawa's update of friction: the anchors that give sticking points a traction greater by eps_T times their slip.
 
-    rests: like anchors, where the points last came to rest.  slips (np,) = |P(n) (x_M - x_rest)| of sticking points, what
-    the penalty gave way [length], else 0.  The new anchors lie on the points' present facets; those of other points stay.
+    rests: like anchors, where the points last came to rest.  Returns nodes and weights of new anchors, and slips (np,) =
+    |P(n) (x_M - x_rest)| of sticking points, what the penalty gave way [length], else 0.  They lie on the points'
+    present facets; those of other points stay.
     """
-    nodes, weights = new_anchors
+    nodes, weights, slips = anchors[0].copy(), anchors[1].copy(), np.zeros(len(anchors[0]))
     eps_t = law[1]
-    nodes[:, :], weights[:, :] = anchors[0], anchors[1]
     for q in range(len(slips)):
-        slips[q] = 0.0
         if projection[1][q] == NONE or anchors[0][q, 0] < 0:
             continue
         pair = place_apart(q, coords, slaves, surface, projection, anchors)
@@ -203,6 +198,7 @@ def augmented_anchors(
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
         slide_anchor(q, pair, plus(found.trial, times(eps_t[q], slip)), eps_t[q], weights)
+    return nodes, weights, slips
 
 
 @njit(cache=True, error_model="numpy")
@@ -215,16 +211,14 @@ def stiffened_anchors(
     rests: Anchors,
     law: PointLaws,
     factor: float,
-    new_anchors: Anchors,
-) -> None:
-    """The anchors that tangential penalties greater by `factor` need for points that slip on from rest as they do.
+) -> Anchors:
+    """Anchors that tangential penalties greater by `factor` need for points that slip on from rest as they do.
 
-    rests: like anchors, places x_rest of the same traction under either penalty.  New anchors lie on the points' present
+    rests: like anchors, places x_rest of the same traction under either penalty.  They lie on the points' present
     facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
     """
-    nodes, weights = new_anchors
+    nodes, weights = anchors[0].copy(), anchors[1].copy()
     eps_t = law[1]
-    nodes[:, :], weights[:, :] = anchors[0], anchors[1]
     for q in range(len(nodes)):
         if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
             continue
@@ -236,3 +230,4 @@ def stiffened_anchors(
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
         slide_anchor(q, pair, plus(found.trial, times((factor - 1.0) * eps_t[q], slip)), factor * eps_t[q], weights)
+    return nodes, weights

@@ -40,26 +40,25 @@ def add_tangents(
     projection: Projection,
     anchors: Anchors,
     law: PointLaws,
-    judged: Floats,
     pattern: Pattern,
-    values: Floats,
-    used: Bools,
+    out: tuple[Floats, Bools],
 ) -> int:
-    """Add the exact derivative of the forces, with the foot on the master following, to blocks values (nb, 3, 3).  Pure.
+    """Add the exact derivative of the forces, with the foot on the master following, to blocks of a matrix.  Pure.
 
-    pattern: as in kernels/couplings.py.  Marks used (nb,).  With judged gaps the points press with these, which are
-    then the pressures of a mixed method.  Returns the number of blocks that were not in the pattern.
+    pattern: as in kernels/couplings.py; out = (values (nb, 3, 3), used (nb,)), which it marks.  With judged gaps the
+    points press with these, which are then the pressures of a mixed method.  Returns the number of blocks
+    that were not in the pattern.
     """
     points, k = slaves[0].shape
     corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
-    shift = law[4]
+    shift, judged = law[4], law[5]
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
     beta, dn, rates = np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 9))
     share, spread = np.zeros((4, k + 8)), np.zeros((3, 9 * (k + 8)))
     ray, lean = len(slaves[3]) > 0, (0.0, 0.0)
     done, missing = np.zeros(points, np.bool_), 0
     for first in range(points):
-        if done[first] or not presses(first, projection, law, judged):
+        if done[first] or not presses(first, projection, law):
             continue
         felt, has_anchor = felt_nodes(first, slaves[0], corners, facet, anchors[0], nodes), anchors[0][first, 0] >= 0
         matrix[:] = 0.0
@@ -68,7 +67,7 @@ def add_tangents(
             if not equal_rows(slaves[0], first, q):
                 break  # the points of an element come one after the other
             same = facet[q] == facet[first] and equal_rows(anchors[0], first, q)
-            if done[q] or not same or not presses(q, projection, law, judged):
+            if done[q] or not same or not presses(q, projection, law):
                 continue
             done[q] = True
             pair = place(q, coords, slaves, surface, projection, anchors)
@@ -90,7 +89,7 @@ def add_tangents(
             _add_point(q, slaves[1], 9 * felt, pair, spread, matrix)
             pressed = True
         if pressed:
-            missing += _insert(matrix, nodes, felt, pattern, values, used)
+            missing += _insert(matrix, nodes, felt, pattern, out[0], out[1])
     return missing
 
 

@@ -20,8 +20,9 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64):
                kernels/closest_point.py or kernels/slave_ray.py at the same coordinates
     anchors    (nodes (np, 4), weights W (np, 4)); nodes[:, 0] = -1: no anchor yet
     law        (eps_n (np,), eps_t (np,) [pressure/length], Friction of kernels/law.py, touch [length], shift (np,)
-               [length]); shift: multiplier over eps_n, by which a point presses more than its gap does; touch: gap + shift
-               up to it counts as closed
+               [length], judged (np,) or (0,) [length]); shift: multiplier over eps_n, by which a point presses more
+               than its gap does; touch: gap + shift up to it counts as closed; judged: gaps, shifts added, that decide
+               the points' status where they are not the present ones; (0,): they are
     pairs      (coords (nx, 3) present positions of nodes [length], slaves, surface, projection, anchors)
 """
 
@@ -57,7 +58,7 @@ from fenics_contact.types import Floats, Ints64
 # The groups that no other kernel names
 Slaves = tuple[Ints64, Floats, Floats, Floats]
 Anchors = tuple[Ints64, Floats]
-PointLaws = tuple[Floats, Floats, Friction, float, Floats]
+PointLaws = tuple[Floats, Floats, Friction, float, Floats, Floats]
 Pairs = tuple[Floats, Slaves, Surface, Projection, Anchors]
 
 # Modes.

@@ -13,7 +13,7 @@ from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, plus, times
 from fenics_contact.types import Floats
 
-ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative, where slips are a millionth of the coordinates
+ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative
 
 
 class Friction(NamedTuple):
@@ -108,8 +108,10 @@ def traction(law: Law, gaps: Gaps, n: Vector, w: Vector) -> Traction:
     limit, slope = friction_limit(law.friction, -law.eps_n * gaps.decides)
     size = norm(trial)
     # A way within round-off has no direction to slip in. A point that slipped when the last step was accepted starts the
-    # next one on the cone to round-off: it slips, so that the next step's first tangent lets it go on.
-    if size <= law.eps_t * law.touch or size <= limit * (1.0 - ON_CONE):
+    # next one on the cone to round-off, of the traction or of the way: it slips, so that the next step's first tangent lets
+    # it go on.
+    crumb = law.eps_t * law.touch
+    if size <= crumb or size <= limit * (1.0 - ON_CONE) - crumb:
         return Traction(STICK, N, limit, slope, trial, trial, plus(times(N, n), trial))
     share = _strength(law, gaps, N, limit, slope) / size
     tangential = times(min(share, 1.0) if gaps.decides == gaps.press else share, trial)

@@ -11,7 +11,7 @@ ALL_GAPS = np.empty(0)
 def evaluated(coords, slaves, surface, projection, anchors, law, judged=ALL_GAPS, want_tangent=True):
     """Forces (3 nx,), tangent (3 nx, 3 nx), and per point status, traction (np, 3), excess."""
     n, points = len(coords), len(slaves[2])
-    pairs = coords, slaves, surface, projection, anchors, law, judged
+    pairs = coords, slaves, surface, projection, anchors, (*law, judged)
     forces, status, excess = np.zeros((n, 3)), np.full(points, 7), np.full(points, np.nan)
     traction = np.full((points, 3), np.nan)
     add_forces(*pairs, (forces, status, traction, excess))
@@ -19,7 +19,7 @@ def evaluated(coords, slaves, surface, projection, anchors, law, judged=ALL_GAPS
     if want_tangent:
         rows = np.arange(n) * n
         pattern = (np.arange(n), rows, rows + n, np.tile(np.arange(n), n))
-        assert add_tangents(*pairs, pattern, values, used) == 0
+        assert add_tangents(*pairs, pattern, (values, used)) == 0
         assert not values[~used].any()
     tangent = values.reshape(n, n, 3, 3).transpose(0, 2, 1, 3).reshape(3 * n, 3 * n)
     return forces.ravel(), tangent, status, traction, excess

@@ -270,16 +270,18 @@ def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
     """Uzawa: T_T' = T_T + eps_T P(n) (x_M - x_rest), whatever facet the new anchor lies on."""
     pair, r = build(name)
     rest = (np.array([[0, 1, 2, 3]]), np.array([[0.3, 0.3, 0.2, 0.2]]))
-    new, slips = (np.zeros((1, 4), np.int64), np.zeros((1, 4))), np.zeros(1)
     pairs = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords), pair.anchors)
-    element.augmented_anchors(*pairs, rest, pair.law, new, slips)
+    *new, slips = element.augmented_anchors(*pairs, rest, pair.law)
     point = pair.slaves[1][0] @ pair.coords[pair.slaves[0][0]]
     foot = point - r["gap"] * r["normal"]
     moved = foot - rest[1][0] @ pair.coords[rest[0][0]]
     slip = moved - (moved @ r["normal"]) * r["normal"]
     np.testing.assert_allclose(slips[0], np.linalg.norm(slip), rtol=1e-12)
     assert slips[0] > 1e-3
-    pair.anchors, pair.law = new, (*pair.law[:2], coulomb(1e3), *pair.law[3:])  # a cone that holds the greater traction too
+    pair.anchors, pair.law = (
+        tuple(new),
+        (*pair.law[:2], coulomb(1e3), *pair.law[3:]),
+    )  # a cone that holds the greater traction too
     after = pair.evaluate(want_tangent=False)
     assert after["status"] == STICK
     np.testing.assert_allclose(after["T"], r["T"] + EPS_T * slip, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
