@@ -100,7 +100,8 @@ def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated
     begun = solve(scene(**stated), steps=times[:-1], out=folder / "parts", **kept).require()
     assert begun.summary["damping"]["jumps"] > 0
     parts = solve(scene(**stated), steps=times, out=folder / "parts", resume=True, **kept).require()
-    for name in ("t", "damping_work_Nmm", "iterations"):
+    # on several processes MUMPS adds up in another order each time: behind a jump solves may be some more or fewer
+    for name in ("t", "damping_work_Nmm", *(["iterations"] if COMM.size == 1 else [])):
         np.testing.assert_allclose(parts.column(name), whole.column(name), rtol=1e-9)  # steps end at 1e-11 of the force
     assert parts.system.vector.norm() == pytest.approx(whole.system.vector.norm(), rel=1e-9)
     assert parts.summary["damping"] == pytest.approx(whole.summary["damping"], rel=1e-9)
