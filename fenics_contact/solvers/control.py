@@ -91,7 +91,7 @@ def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
     report = stepper.step(system, goal)
     if wrong := system.objection():
         raise StepFailed.of(wrong)
-    if wandered(report):
+    if wandered(system, report):
         words = snapped(system, goal)
         stepper.step(system, goal)  # a step tried and dropped leaves no trace: this is the same one again
         report.notes += [words] if words else []

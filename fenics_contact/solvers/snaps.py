@@ -17,9 +17,20 @@ MOST = 0.5  # of the step's way: a sixty-fourth of the step that has more of it 
 Place = tuple[Floats, Floats]  # displacement (local array) and travel (tools, 3) [length]
 
 
-def wandered(report: StepReport) -> bool:
-    """Whether a step's way to balance was so long that it may have passed through a snap; multipliers take long anyway."""
-    return report.augmentations == 0 and sum(size > FAR for size in report.residuals) >= WANDERING
+def wandered(system: System, report: StepReport) -> bool:
+    """Whether a step's way to balance was so long that it may have passed through a snap; multipliers take long anyway.
+
+    Not where the step goes on as the one before it, but for less than a jump would have of it. Collective.
+    """
+    if report.augmentations or sum(size > FAR for size in report.residuals) < WANDERING:
+        return False
+    if len(system.accepted) < 2:
+        return True
+    (old, old_travel, before), (u, travel, t) = system.accepted[-2:]
+    ratio = (system.state.t - t) / (t - before)
+    start, end = _place(system, u, travel), _place(system)
+    foreseen = _place(system, u + ratio * (u - old), travel + ratio * (travel - old_travel))
+    return _distance(system, end, foreseen) > (1.0 - MOST) * _distance(system, end, start)
 
 
 def snapped(system: System, goal: float) -> str | None:
@@ -33,6 +44,8 @@ def snapped(system: System, goal: float) -> str | None:
     low, high, before, blocked = (t, start), (goal, _place(system)), (t, start), False
     total = _distance(system, start, high[1])
     for _ in range(HALVINGS):
+        if _distance(system, low[1], high[1]) <= MOST * total:
+            break  # no jump in between has that much of the step's way
         middle = 0.5 * (low[0] + high[0])
         system.rollback()
         try:
