@@ -46,6 +46,25 @@ def test_a_failed_factorisation_leaves_nothing(symmetric):
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_a_matrix_of_another_pattern_is_factorised_anew(symmetric):
+    """PETSc has counted as many changes in either."""
+    system = block(2).system()
+    system.assemble_tangent()
+    one, other = system.matrix.copy(), system.matrix.copy()
+    one.shift(1.0), other.shift(100.0)
+    assert one.stateGet() == other.stateGet()
+    solver = ReusingSolver(COMM, 3 * 27, symmetric, "direct", None, Timers())
+    right, out, rest = (system.new_vector() for _ in range(3))
+    right.set(1.0)
+    for pattern, matrix in enumerate([one, other]):
+        assert solver.solve(matrix, pattern, right, out, 1e-8) >= 0
+        matrix.mult(out, rest)
+        rest.axpy(-1.0, right)
+        assert rest.norm() < 1e-12 * right.norm()
+
+
+@pytest.mark.parallel
 @pytest.mark.parametrize("linear", ["direct", "iterative"])
 def test_no_petsc_error_escapes(linear):
     system = block(2).system()

@@ -151,8 +151,9 @@ class ReusingSolver:
         if self._reuses and self._reuse is not None and self._worth_trying(matrix, self._reuse):
             reason = self._run(self._krylov, matrix, rhs, out, tolerance, self._reuse.limit(tolerance))
         if reason < 0:
-            old = self._reuse is None or self._state != matrix.stateGet()
-            if old and (error := self._build(matrix, pattern)):
+            # PETSc counts the changes of each matrix by itself: another one may have as many behind it
+            kept = self._reuse is not None and pattern == self._pattern and self._state == matrix.stateGet()
+            if not kept and (error := self._build(matrix, pattern)):
                 return error
             reason = self._run(self._fresh, matrix, rhs, out, tolerance, self._longest)
         return reason
