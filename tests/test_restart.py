@@ -94,6 +94,8 @@ SCENES = {
     "punch, mixed element": lambda: pushed_punch(1, "mixed"),
     "blocks by nodes": lambda: sliding_blocks("nodes"),
     "blocks by Gauss points": lambda: sliding_blocks(2),
+    "blocks by averages": lambda: sliding_blocks("averages"),
+    "blocks by averages, augmented": lambda: sliding_blocks("averages", penetration=1e-3),
     "tetrahedra, stabilised": dropped_tetrahedra,
     "punch, augmented": lambda: pushed_punch(penetration=1e-4),
     "blocks, augmented": lambda: sliding_blocks(1, penetration=1e-3),
@@ -186,7 +188,7 @@ def folder(tmp_path):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("name", ["punch", "blocks by Gauss points"])
+@pytest.mark.parametrize("name", ["punch", "blocks by Gauss points", "blocks by averages"])
 def test_a_resumed_run_equals_a_continuous_one(name, folder):
     continuous = numbers(carry(name, folder / "whole", ALL))
     carry(name, folder / "parts", ALL[:2])

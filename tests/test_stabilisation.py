@@ -175,7 +175,7 @@ def test_springs_that_would_pull_too_long_are_given_up_at_once():
     assert stepper.calls < 10 < LONGEST
 
 
-@pytest.mark.parametrize("points", ["a tool", "nodes", "corners", 2])
+@pytest.mark.parametrize("points", ["a tool", "nodes", "corners", "averages", 2])
 def test_what_is_drawn_in_contact_touches_and_does_not_pull(points):
     """Surfaces drawn with hardly a gap between them are closed at first; opened by as much they let go."""
     far = 2e-12  # a hundred times the round-off of these coordinates

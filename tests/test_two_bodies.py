@@ -63,7 +63,7 @@ def stacked(points, penalty, lower, upper):
     return result.history[-1]["c_force_z_N"], np.ptp(pressure) / pressure.mean()
 
 
-@pytest.mark.parametrize("points", ["nodes", "corners", 2])
+@pytest.mark.parametrize("points", ["nodes", "corners", "averages", 2])
 def test_matching_blocks_are_exact_up_to_the_penalty(points):
     errors = []
     for penalty in (50.0, 500.0):
@@ -118,7 +118,7 @@ def deformed(points, friction, shift):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("points", ["nodes", "corners", 2])
+@pytest.mark.parametrize("points", ["nodes", "corners", "averages", 2])
 @pytest.mark.parametrize(
     "friction, shift, status",
     [(0.0, (0.4, 0.1, -0.02), CLOSED), (0.1, (1.5, 0.3, -0.02), SLIP), (5.0, (0.03, 0.01, -0.02), STICK)],
@@ -152,7 +152,7 @@ def test_tangent_is_the_derivative_of_the_residual(points, friction, shift, stat
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("points", ["nodes", "corners", 2])
+@pytest.mark.parametrize("points", ["nodes", "corners", "averages", 2])
 def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
     system, contact = deformed(points, 5.0, (0.03, 0.01, -0.02))
     state = system.state
@@ -214,7 +214,7 @@ def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
 def numbers(bodies=None):
     """What must not depend on the ranks, for all kinds of slave points. bodies: {body: rank that holds all of it}."""
     rows = []
-    for points in ("nodes", "corners", 2):
+    for points in ("nodes", "corners", "averages", 2):
         result = sliding(drag=1.0, steps=4, tolerance=1e-11, points=points, penalty=10.0, ranks=bodies)
         names = [f"c_force_{a}_N" for a in "xyz"] + ["c_area_mm2", "c_active_points", "c_sticking_points"]
         rows += [row[name] for row in result.history for name in names]
@@ -317,7 +317,7 @@ def test_master_facets_without_area_are_found():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("points", ["nodes", "corners", 2])
+@pytest.mark.parametrize("points", ["nodes", "corners", "averages", 2])
 def test_foreseen_gaps_are_linear_in_the_motion(points):
     """What Newton judges by: the gaps' first-order change, second order away from the true gaps."""
     system, contact = deformed(points, 0.3, (0.4, 0.1, -0.02))
@@ -329,7 +329,7 @@ def test_foreseen_gaps_are_linear_in_the_motion(points):
         system.assemble_tangent()
         state.u.x.array[:] = start + step * way
         system.foresee()
-        foreseen = contact.trial.judged
+        foreseen = contact.trial.judged.reshape(contact.surface.points, -1)[:, 0]
         system.release()
         gaps = contact.response(state).gap.ravel()
         errors.append(np.linalg.norm(foreseen - gaps))

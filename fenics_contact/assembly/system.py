@@ -84,6 +84,7 @@ class System:
         self._foreseeing = [contact for contact in contacts if contact.foresees]
         self._linearised: dict[Term, Any] = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
+        self.settles = bool(contacts) and all(contact.settles for contact in contacts)  # do these say who is in contact?
         if grounding:
             grounding.bind(self)
 
@@ -145,9 +146,9 @@ class System:
         """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
 
         owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where
-        an element would turn inside out, or where no term foresees the kinks of a contact.
+        an element would turn inside out, or where no term foresees the kinks of a contact, or one settles them by itself.
         """
-        if not self._foreseeing or self.condensed or len(self.tools):
+        if not self._foreseeing or any(contact.settles for contact in self._foreseeing) or self.condensed or len(self.tools):
             return False
         u, dofs = self._committed[0], self.supports.dofs
         for count in (3, 2):

@@ -107,6 +107,9 @@ class ContactTerm(Term, Protocol):
     def foresees(self) -> bool: ...
 
     @property
+    def settles(self) -> bool: ...
+
+    @property
     def master_name(self) -> str: ...
 
     @property

@@ -65,6 +65,7 @@ class FacetPartner:
 
     edge = "none"
     foresees = True
+    settles = False
     grounded = False
     softens = False
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
@@ -253,6 +254,12 @@ class FacetPartner:
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         return stiffened_anchors(*self._pairs(feet, trial), own(rests), self._law(trial), factor)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some points (ne, nq), the others elsewhere."""
+        return tuple(
+            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
+        )
 
     def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""

@@ -66,7 +66,7 @@ class MasterSurface(_Surface):
     """
 
     def __init__(self, space: Space, facets: Ints) -> None:
-        self.comm, self._space = space.mesh.comm, space
+        self.comm, self.size = space.mesh.comm, space.dofmap.index_map.size_global  # of the System, in blocks
         nodes, size, key = oriented_facets(space, facets)
         to_global = compat.global_blocks(space)
         rows = np.column_stack([key, size, to_global[nodes].reshape(-1, 4)]).astype(np.int64)

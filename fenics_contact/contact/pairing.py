@@ -7,7 +7,7 @@ import numpy as np
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.slave_ray import slave_rays
+from fenics_contact.kernels.slave_ray import facet_directions, slave_rays
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Ints64
 
@@ -72,6 +72,13 @@ def seek_closest(
     closest_points(points, normals, coords, facets, lists, search, FACING, out)
 
 
+def seek_along(
+    points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+) -> None:
+    """Where the master is met along given unit normals (np, 3) out of the slave."""
+    slave_rays(points, -normals, coords, facets, lists, search, BEYOND, out)
+
+
 def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
     """Seeker for points of facets: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k); corners:
     points may lie on the border of their surface."""
@@ -80,6 +87,8 @@ def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
     def seek(
         points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
     ) -> None:
-        slave_rays(points, (nodes, gradients), coords, facets, lists, search, beyond, out)
+        directions = np.empty((len(points), 3))
+        facet_directions(coords, nodes, gradients, directions)
+        slave_rays(points, directions, coords, facets, lists, search, beyond, out)
 
     return seek

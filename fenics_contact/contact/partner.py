@@ -13,10 +13,12 @@ class Partner(Protocol):
     """Feet are where the points are at a state, as the partner sees them; all below depends on feet and a Trial alone.
 
     grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
-    pressures be unknowns beside the displacement; softens: may penalties be softer on the way to a solution; smooth: have
-    forces without friction a potential; edge: what the output says of its edges; search: gaps from this on are not told
-    apart [length]; reach: largest length that gaps are differences of, beside the slave's coordinates [length]; slid_off:
-    what to do where the slave has left the master. Collective where a state is taken.
+    pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no
+    increment need be shortened and no step starts on a curve through the last states; softens: may penalties be softer on
+    the way to a solution; smooth: have forces without friction a potential; edge: what the output says of its edges;
+    search: gaps from this on are not told apart [length]; reach: largest length that gaps are differences of, beside the
+    slave's coordinates [length]; slid_off: what to do where the slave has left the master. Collective where a state is
+    taken.
     """
 
     name: str
@@ -24,6 +26,7 @@ class Partner(Protocol):
     edge: str
     grounded: bool
     foresees: bool
+    settles: bool
     softens: bool
     smooth: bool
     reach: float
@@ -55,6 +58,8 @@ class Partner(Protocol):
     def augmented(self, feet: Any, trial: Trial, status: Ints) -> Anchors: ...
 
     def stiffened(self, feet: Any, trial: Trial, rests: Anchors, factor: float) -> Anchors: ...
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors: ...
 
     def packed(self, anchors: Anchors, name: str) -> dict[str, Array]: ...
 

@@ -149,8 +149,6 @@ class Penalties:
         trial = contact.trial.remembering(anchors=h.before)
         feet, sticks = contact.partner.feet(state), contact.response(state, trial).status == STICK
         new = contact.partner.stiffened(feet, trial, h.rests, factor)
-        anchors = tuple(
-            np.where(sticks.reshape(old.shape[:-1])[..., None], ours, old) for ours, old in zip(new, h.before, strict=True)
-        )
+        anchors = contact.partner.chosen(sticks, new, h.before)
         trial = trial.remembering(anchors=anchors, shift=h.shift / factor)
         return trial.under(trial.law.times(factor))

@@ -40,6 +40,7 @@ class RigidPartner:
 
     grounded = True
     foresees = False
+    settles = False
     search = np.inf  # gaps from this on are not told apart [length]
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
@@ -149,6 +150,12 @@ class RigidPartner:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         foot, anchor = self.places(feet, trial)[0], trial.history.anchors[0]
         return (foot - (foot - anchor + (factor - 1.0) * self._slip(feet, trial, rests)) / factor,)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some points (ne, nq), the others elsewhere."""
+        return tuple(
+            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
+        )
 
     def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
         """Anchors as arrays (ne, ...) that no partition changes."""

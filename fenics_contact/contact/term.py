@@ -121,6 +121,11 @@ class Contact:
         """Whether pressures may be unknowns beside the displacement."""
         return self.partner.foresees
 
+    @property
+    def settles(self) -> bool:
+        """Whether these pressures alone say who is in contact."""
+        return self.partner.settles
+
     def foresee(self, state: State, at: Any) -> None:
         """Take the pressures that the tangent at the places `at` foresees at the state as unknowns until `release`."""
         gaps = self.partner.foreseen(self.partner.feet(state), at, self.trial)
@@ -147,9 +152,7 @@ class Contact:
         rests = h.rests
         if trial.rough or self.tolerance is not None:
             here, stuck = partner.places(feet, trial), response.status == STICK
-            rests = tuple(
-                np.where(stuck.reshape(old.shape[:-1])[..., None], old, new) for old, new in zip(rests, here, strict=True)
-            )
+            rests = partner.chosen(stuck, rests, here)
         anchors, slid = partner.committed(feet, trial)
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]
         met, path = h.met | (response.status != OPEN), h.slip_path + slid

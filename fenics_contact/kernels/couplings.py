@@ -174,3 +174,34 @@ def unique_pairs(rows: Ints64, columns: Ints64, count: int) -> tuple[Ints64, Int
                 order[kept], row_of[kept] = column, i
                 kept += 1
     return row_of[:kept], order[:kept]
+
+
+@njit(cache=True)
+def lists_lack(asked: Bools, slaves: Ints64, masters: Ints64, anchors: Ints64, pattern: Pattern) -> bool:
+    """True if the pattern has not all couplings of the nodes listed in each row that is asked for (n,), -1: none there.
+
+    Rows of the matrix are those of slaves (n, k) and masters (n, l), columns also those of anchors (n, m).
+    """
+    blocks, first, end, columns = pattern
+    nodes, seen = np.empty(len(blocks), np.int64), np.full(len(blocks), -1)
+    for q in range(len(asked)):
+        if not asked[q]:
+            continue
+        n = _listed(slaves, q, nodes, 0, seen)
+        height = _listed(masters, q, nodes, n, seen)
+        n = _listed(anchors, q, nodes, height, seen)
+        for i in range(height):
+            for j in range(n):
+                if find(columns, first[nodes[i]], end[nodes[i]], blocks[nodes[j]]) < 0:
+                    return True
+    return False
+
+
+@njit(cache=True)
+def _listed(table: Ints64, row: int, nodes: Ints64, n: int, seen: Ints64) -> int:
+    for i in range(table.shape[1]):
+        node = table[row, i]
+        if node >= 0 and seen[node] != row:
+            seen[node], nodes[n] = row, node
+            n += 1
+    return n

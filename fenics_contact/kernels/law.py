@@ -13,6 +13,7 @@ from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, plus, times
 from fenics_contact.types import Floats
 
+FREE = -1  # no status: the way decides
 ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative
 
 
@@ -96,8 +97,8 @@ def _strength(law: Law, gaps: Gaps, N: float, limit: float, slope: float) -> flo
 
 
 @njit(cache=True, error_model="numpy")
-def traction(law: Law, gaps: Gaps, n: Vector, w: Vector) -> Traction:
-    """The Traction T = N n + T_T of a point."""
+def traction(law: Law, gaps: Gaps, n: Vector, w: Vector, told: int = FREE) -> Traction:
+    """The Traction T = N n + T_T of a point; told: STICK or SLIP, where the way itself is not to decide."""
     if gaps.decides > law.touch:
         return Traction(OPEN, 0.0, 0.0, 0.0, ZERO, ZERO, ZERO)
     N = law.eps_n * gaps.press  # penalty of (15)
@@ -111,10 +112,11 @@ def traction(law: Law, gaps: Gaps, n: Vector, w: Vector) -> Traction:
     # next one on the cone to round-off, of the traction or of the way: it slips, so that the next step's first tangent lets
     # it go on.
     crumb = law.eps_t * law.touch
-    if size <= crumb or size <= limit * (1.0 - ON_CONE) - crumb:
+    sticks = size <= crumb or size <= limit * (1.0 - ON_CONE) - crumb
+    if told == STICK or (told == FREE and sticks):
         return Traction(STICK, N, limit, slope, trial, trial, plus(times(N, n), trial))
     share = _strength(law, gaps, N, limit, slope) / size
-    tangential = times(min(share, 1.0) if gaps.decides == gaps.press else share, trial)
+    tangential = times(min(share, 1.0) if gaps.decides == gaps.press and told == FREE else share, trial)
     return Traction(SLIP, N, limit, slope, trial, tangential, plus(times(N, n), tangential))
 
 

@@ -99,7 +99,7 @@ def _faces(n: Vector, s: float, t: float, c1: Vector, c2: Vector, c3: Vector) ->
 @njit(cache=True, error_model="numpy")
 def slave_rays(
     points: Floats,
-    slaves: tuple[Ints64, Floats],
+    directions: Floats,
     coords: Floats,
     surface: Surface,
     lists: Lists,
@@ -109,12 +109,10 @@ def slave_rays(
 ) -> None:
     """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within `search`.
 
-    slaves = (nodes (np, k), gradients (np, 2, k)): nodes of the slave facet and derivatives of their shape functions in
-    the point, counter-clockwise seen from outside; surface, lists, projection as in kernels/closest_point.py,
-    kind INTERIOR or NONE. Facets that look the slave's own way are no partners. beyond: a ray that meets no facet is paired
+    directions (np, 3): unit normals into the slave; surface, lists, projection as in kernels/closest_point.py, kind INTERIOR
+    or NONE. Facets that look the slave's own way are no partners. beyond: a ray that meets no facet is paired
     with the one it misses least, continued, if it misses that by no more than `beyond` of the radius of the facet's ball.
     """
-    slave_nodes, gradients = slaves
     size = surface[1]
     offsets, listed = lists
     facet, kind, feature, xi, gap, normal = projection
@@ -123,9 +121,7 @@ def slave_rays(
     for q in range(points.shape[0]):
         facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
         xi[q, 0] = xi[q, 1] = 0.0
-        t1, t2 = slave_tangents(q, coords, slave_nodes, gradients)
-        n, x = cross(t2, t1), row(points, q)
-        n = times(1.0 / max(norm(n), 1e-300), n)
+        n, x = row(directions, q), row(points, q)
         normal[q, 0], normal[q, 1], normal[q, 2] = n
         mine, nearest = listed[offsets[q] : offsets[q + 1]], np.inf
         for f in mine:
@@ -175,6 +171,18 @@ def _off_facet(p: Vector, f: int, coords: Floats, surface: Surface) -> float:
         along = min(max(dot(d, edge) / max(dot(edge, edge), 1e-300), 0.0), 1.0)
         nearest = min(nearest, norm(less(d, along, edge)))
     return nearest
+
+
+@njit(cache=True, error_model="numpy")
+def facet_directions(coords: Floats, nodes: Ints64, gradients: Floats, directions: Floats) -> None:
+    """Fill directions (np, 3) with the unit normals of the points' own facets, into the slave.
+
+    nodes (np, k) of the facet; gradients (np, 2, k) of their shape functions, counter-clockwise seen from outside.
+    """
+    for q in range(len(directions)):
+        t1, t2 = slave_tangents(q, coords, nodes, gradients)
+        n = cross(t2, t1)
+        directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / max(norm(n), 1e-300), n)
 
 
 @njit(cache=True)

@@ -22,6 +22,7 @@ from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolPartner
+from fenics_contact.contact.mortar import MortarPartner
 from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import SlaveSurface, slave_surface
@@ -153,7 +154,8 @@ def _contact(
 ) -> Contact:
     """The term of a stated contact. Collective."""
     points = stated.points if isinstance(stated.points, str) else int(stated.points)
-    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points)
+    where = "nodes" if points == "averages" else points
+    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, where)
     partner = _partner(scene, stated, surface, timers)
     friction, penalty = stated.friction, stated.penalty
     return Contact(stated.name, partner, friction, penalty, stated.penetration, supports.dofs, state, timers)
@@ -169,9 +171,11 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
         return MeshedToolPartner(surface, facets, master, scene.tools.index(master), scene.space, timers)
     if isinstance(master, Tool):
         raise TypeError(f"no partner is known for a {type(master).__name__}")
-    return FacetPartner(
-        master_name(master), surface, facets, _master_surface(scene, stated, master, surface), scene.space, timers
-    )
+    surface_of_master = _master_surface(scene, stated, master, surface)
+    if stated.points == "averages":
+        skin = MasterSurface(scene.space, scene.mesh.facets(*stated.slave))
+        return MortarPartner(master_name(master), surface, skin, surface_of_master, 3, timers)
+    return FacetPartner(master_name(master), surface, facets, surface_of_master, scene.space, timers)
 
 
 def _master_surface(

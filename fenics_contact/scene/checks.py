@@ -66,8 +66,8 @@ def refuse_numbers(
             positive(value, f"{what}: {label}" if label == "penetration" else f"{what}: Penalty({label}=)")
     if penalty.normal and penalty.factor or penalty.tangential and penalty.share:
         raise SceneError(f"{what}: {penalty} states a penalty twice: give normal or factor, and tangential or share")
-    if points not in ("nodes", "corners"):
-        count(points, f"{what}: points", remedy=", a count of Gauss points, or 'nodes' or 'corners'")
+    if points not in ("nodes", "corners", "averages"):
+        count(points, f"{what}: points", remedy=", a count of Gauss points, or 'nodes', 'corners' or 'averages'")
     return friction_of(friction), penalty
 
 
@@ -82,6 +82,8 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
         if degree != 1:
             raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
+    if isinstance(master, Tool) and points == "averages":
+        raise SceneError(f"{what}: averages meet the facets of another body; a tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
         raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
     if bare_corners and isinstance(points, str):
@@ -89,7 +91,8 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
         raise SceneError(f"{what}: {text}; use Gauss points, points=3, which is the default there")
     if isinstance(master, MeshedTool) and degree != 1 and isinstance(points, str):
         raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use Gauss points, e.g. points=3")
-    if contact.penetration is not None and isinstance(points, str) and not isinstance(master, RigidTool):
+    meets_facets = points in ("nodes", "corners") and not isinstance(master, RigidTool)
+    if contact.penetration is not None and meets_facets:
         raise SceneError(
             f'{what}: penetration= with points="{points}" needs an analytic tool: flat facets cannot follow multipliers at '
             "every node, and a closest point without penetration has no normal at an edge between them; use Gauss points, "

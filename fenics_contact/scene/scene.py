@@ -110,10 +110,11 @@ class Scene:
         friction: Coulomb's mu, or `coulomb(...)` for one that depends on the pressure, or for a shear limit.
         penalty: a number [pressure/length] or a `Penalty`; by default from the stiffness beneath each slave point, raised
         where points sink in too far.
-        points: Gauss points per direction of each facet, which look along its normal; "corners" of the facets, which look so
-        too; or "nodes", which look for the closest point on the master (the paper): right on tools, which have one normal at
-        a place, and on a body where it is smooth, for the force jumps at the edges of its facets. By default nodes on an
-        analytic tool, 3 on a body or a meshed tool.
+        points: Gauss points per direction of each facet, which look along its normal; "corners" of the facets, which
+        look so too; "averages", one pressure per slave node from means over samples of the facets around it, against
+        another body: smooth pressures and few iterations; or "nodes", which look for the closest point on the master
+        (the paper): right on tools, which have one normal at a place, and on a body where it is smooth, for the force
+        jumps at the edges of its facets. By default nodes on an analytic tool, 3 on a body or a meshed tool.
         penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
         step: multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with
         one point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone.

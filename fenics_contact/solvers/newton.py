@@ -15,6 +15,7 @@ FARTHEST = 10.0  # sizes of the bodies; a solve that moves a node by more than t
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
+UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
@@ -59,7 +60,8 @@ class Newton:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
-        before, stalled, rises = np.inf, 0, 0
+        before, stalled, rises, left = np.inf, 0, 0, 0.0
+        owed = du.copy(), dq.copy()
         patient = bool(system.contacts) and not system.foresees and not system.condensed
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
@@ -67,10 +69,14 @@ class Newton:
             report.iterations += 1
             system.release()
             size = _finite_residual(system)
+            left = 0.0
+            if system.settles and not np.isfinite(size):
+                size, left = self._upright(system, du, dq)
             if solve == 1 and not np.isfinite(size):
                 raise StepFailed("an element turned inside out")
             allowed = ASTRAY if rises > 0 and not watch.cycling else 0.0
             shorten = size > before and not (solve <= whole and np.isfinite(size)) and size > allowed
+            shorten = shorten and not system.settles
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
@@ -82,13 +88,14 @@ class Newton:
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
             report.residuals.append(size)
-            if balanced(system, size, self.tolerance):
+            if left == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
             if size > HELD and not shorten:
                 system.foresee()
                 system.assemble_residual()
-            du, dq = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
+            owed = left * owed[0], left * owed[1]
+            du, dq = owed
         watch.blame()
         raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
 
@@ -107,6 +114,15 @@ class Newton:
         system.update(du, dq)
         corrected = _finite_residual(system)
         return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0)
+
+    def _upright(self, system: System, du: Vec, dq: Floats) -> tuple[float, float]:
+        """Halve an increment until no element is inside out; returns the out-of-balance force and the share left undone."""
+        share, size = 1.0, np.inf
+        for _ in range(UPRIGHT):
+            size, share = _move(system, du, dq, share, 0.5 * share), 0.5 * share
+            if np.isfinite(size):
+                return size, 1.0 - share
+        raise StepFailed("an element turned inside out")
 
     def _shorten(self, system: System, du: Vec, dq: Floats, before: float, size: float, strict: bool) -> float:
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.

@@ -7,7 +7,7 @@ from dense import evaluated
 from fenics_contact import coulomb
 from fenics_contact.kernels.closest_point import INTERIOR, NONE
 from fenics_contact.kernels.deformable_element import slave_points
-from fenics_contact.kernels.slave_ray import slave_rays
+from fenics_contact.kernels.slave_ray import facet_directions, slave_rays
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 AREA, EPS_N, EPS_T = 0.3, 50.0, 20.0
@@ -24,6 +24,13 @@ def shapes(s, t):
     N = 0.25 * (1 + corners[:, 0] * s) * (1 + corners[:, 1] * t)
     gradient = 0.25 * np.array([corners[:, 0] * (1 + corners[:, 1] * t), corners[:, 1] * (1 + corners[:, 0] * s)])
     return N, gradient
+
+
+def directions(coords, nodes, gradients):
+    """Unit normals into the slave."""
+    found = np.empty((len(nodes), 3))
+    facet_directions(coords, nodes, gradients, found)
+    return found
 
 
 class Pair:
@@ -45,7 +52,9 @@ class Pair:
         slave_points(coords, self.slaves[0], self.slaves[1], point)
         out = (*(np.zeros(1, np.int64) for _ in range(3)), np.zeros((1, 2)), np.zeros(1), np.zeros((1, 3)))
         lists = (np.array([0, n]), np.arange(n))
-        slave_rays(point, (self.slaves[0], self.slaves[3]), coords, self.surface, lists, 2.0, self.beyond, out)
+        slave_rays(
+            point, directions(coords, self.slaves[0], self.slaves[3]), coords, self.surface, lists, 2.0, self.beyond, out
+        )
         pairs = (coords, self.slaves, self.surface, out, self.anchors, self.law)
         residual, tangent, status, T, _ = evaluated(*pairs)
         gap = out[4]
@@ -179,7 +188,9 @@ def projected(pair):
     slave_points(pair.coords, *pair.slaves[:2], points)
     out = (*(np.zeros(n, np.int64) for _ in range(3)), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3)))
     lists = (nf * np.arange(n + 1), np.tile(np.arange(nf), n))
-    slave_rays(points, (pair.slaves[0], pair.slaves[3]), pair.coords, pair.surface, lists, 2.0, 0.0, out)
+    slave_rays(
+        points, directions(pair.coords, pair.slaves[0], pair.slaves[3]), pair.coords, pair.surface, lists, 2.0, 0.0, out
+    )
     return out
 
 
@@ -217,7 +228,7 @@ def test_rays_hit_the_triangles_that_the_closed_form_finds():
     out = (*(np.zeros(200, np.int64) for _ in range(3)), np.zeros((200, 2)), np.zeros(200), np.zeros((200, 3)))
     lists = (60 * np.arange(201), np.tile(np.arange(60), 200))
     nodes = np.arange(180, 780).reshape(-1, 3)
-    slave_rays(points, (nodes, gradients), coords, (facets, np.full(60, 3)), lists, 3.0, 0.0, out)
+    slave_rays(points, directions(coords, nodes, gradients), coords, (facets, np.full(60, 3)), lists, 3.0, 0.0, out)
     n = -np.cross(slave[:, 1] - slave[:, 0], slave[:, 2] - slave[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)

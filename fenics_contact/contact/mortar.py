@@ -1,0 +1,349 @@
+"""Another body's facets as a contact's master, met with one pressure per slave node: means over the samples around it."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, unit
+from fenics_contact.contact.master import MasterSurface
+from fenics_contact.contact.node_pattern import NodePattern
+from fenics_contact.contact.pairing import Pairing, seek_along
+from fenics_contact.contact.samples import Samples
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.trial import DRAWN, Response, Trial
+from fenics_contact.kernels import mortar as kernel
+from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.couplings import Pattern
+from fenics_contact.kernels.mortar_tangent import add_held_tangents, add_node_tangents, foreseen_averages
+from fenics_contact.kernels.status import SLIP, STICK
+from fenics_contact.timing import Timers
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
+
+SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
+# Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
+# (c of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006; 0.1 ... 1 E/h alike)
+WEIGHT = 1.0
+FLAT = 1e-12  # of the tangential directions: what normals may differ by and count as one
+
+
+class MortarFeet(NamedTuple):
+    """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
+    their mean normals and turns (ns, 3, 3) of kernels/normals.py; the projection along these normals."""
+
+    coords: Floats
+    points: Floats
+    lengths: Floats
+    turns: Floats
+    projection: Projection
+
+
+class Linearised(NamedTuple):
+    """What a tangent knew: where the samples were, tractions N (ns,), T_T (ns, 3) of the nodes, and their rates."""
+
+    feet: MortarFeet
+    N: Floats
+    T: Floats
+    rates: Floats
+
+
+class MortarPartner:
+    """Slave nodes against the facets of another body, through samples of the facets around them.
+
+    surface: SlaveSurface of nodes; skin: all facets of the slave; master: those of the master; count: samples per direction
+    of a facet. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of
+    the others; forces go back by sums over the surfaces' nodes. Methods that take a state are collective.
+    """
+
+    edge = "none"
+    foresees = True
+    settles = True
+    grounded = False
+    softens = False
+    smooth = False
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+
+    def __init__(
+        self, name: str, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface, count: int, timers: Timers
+    ) -> None:
+        self.name, self.surface, self.skin, self.master, self.timers = name, surface, skin, master, timers
+        self.search = SEARCH * max(surface.cell_height, master.longest)
+        self.reach = float(np.abs(master.X).max(initial=0.0))
+        self.samples = Samples(skin, count)
+        self._first = len(skin.X)
+        self._facets = master.facets[0] + self._first, master.facets[1]
+        blocks = np.concatenate([skin.blocks, master.blocks]).astype(np.int64)
+        self._pattern = NodePattern(self.samples, self._facets[0], blocks, skin.size)
+        self._comm = skin.comm
+        self._watched = np.unique(np.concatenate([skin.owned, master.owned]))  # what positions rest on
+        self._pairing = Pairing(self._facets, seek_along, self.search, MARGIN * master.edge)
+        self._seen: tuple[Floats, Floats] | None = None
+        self._feet: MortarFeet | None = None
+
+    # -- where the samples are ------------------------------------------------------------------------------------
+    def _feet_at(self, state: State, project: Callable[[Floats, Floats, Floats], Projection]) -> MortarFeet:
+        """Where the samples are and what project(points, normals, coords) gives for them. Collective."""
+        coords = np.concatenate([self.skin.positions(state), self.master.positions(state)])
+        normals, turns = self.samples.normals(coords)
+        n = self.samples.count
+        points, directions, lengths = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        kernel.sample_places(coords, self.samples.slaves, normals, points, directions, lengths)
+        return MortarFeet(coords, points, lengths, turns, project(points, -directions, coords))
+
+    def feet(self, state: State) -> MortarFeet:
+        """The places at a state; the same object while these do not change on any rank. Collective."""
+        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
+        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
+        moved = np.array([not same], dtype=np.int32)
+        self._comm.Allreduce(MPI.IN_PLACE, moved)
+        feet = self._feet
+        if moved[0] or feet is None:
+            with self.timers("projection"):
+                feet = self._feet = self._feet_at(
+                    state, lambda x, n, coords: self._pairing.project(x, n, coords, self.timers)
+                )
+            self._seen = now
+        return feet
+
+    def first_feet(self, state: State) -> MortarFeet:
+        """The places of the first search, which looks farther. Collective."""
+        search = FIRST_SEARCH * self.search
+        return self._feet_at(state, lambda x, n, coords: self._pairing.far(x, n, coords, search))
+
+    # -- forces and tangent ---------------------------------------------------------------------------------------
+    def _averaged(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
+        return kernel.averages(feet.coords, self.samples.slaves, self._facets, feet.projection, own(anchors))
+
+    def _law(self, trial: Trial) -> kernel.NodeLaws:
+        law, shift = trial.law, trial.history.shift.ravel()
+        return law.eps_n, law.eps_t, law.friction, float(law.touch), shift, trial.judged.reshape(-1, 4)
+
+    def _share(self, trial: Trial) -> Floats:
+        return (trial.area / self.surface.area).ravel()
+
+    def _turned(self, feet: MortarFeet) -> tuple[Ints64, Ints64, Floats, Floats]:
+        return self.samples.groups[3], self.samples.groups[4], feet.turns, feet.lengths
+
+    def _tractions(self, feet: MortarFeet, trial: Trial) -> tuple[kernel.Averaged, Ints, Floats, Floats, Floats, Floats]:
+        """Averages, and status, N, T_T, T_T^tr, excess of the slave nodes."""
+        averaged = self._averaged(feet, trial.history.anchors)
+        return averaged, *kernel.node_tractions(self._law(trial), averaged, self._share(trial))
+
+    def response(self, feet: MortarFeet, trial: Trial) -> Response:
+        averaged, status, N, T, _, excess = self._tractions(feet, trial)
+        forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 3)), self.samples, self.surface.area
+        kernel.add_node_forces(s.slaves, self._facets, feet.projection, (N, T, s.number), forces, sums)
+        gap = np.minimum(averaged[0], self.search)[:, None]
+        return Response((sums / area)[:, None], gap, status[:, None], excess[:, None], np.ones_like(area), forces)
+
+    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
+        """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
+        self.skin.add_forces(response.forces[: self._first], residual, tool_residual)
+        self.master.add_forces(response.forces[self._first :], residual, tool_residual)
+
+    def tangent(self, feet: MortarFeet, trial: Trial) -> Blocks:
+        averaged, _, N, T, _, _ = self._tractions(feet, trial)
+        rates, pressed, rubbed = kernel.node_rates(self._law(trial), averaged, self._share(trial))
+        s, turned, anchors = self.samples, self._turned(feet), own(trial.history.anchors)
+        where = feet.coords, s.slaves, self._facets, feet.projection
+
+        def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
+            missing = add_held_tangents(*where, turned, (pressed, rubbed, s.number), (*pattern, *out))
+            return missing + add_node_tangents(*where, anchors, turned, (rates, averaged[2], averaged[3]), (*pattern, *out))
+
+        rows, columns, blocks, missing = self._pattern.filled(add)
+        if missing:
+            raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
+        return Blocks(pairs=(rows, columns, blocks), at=Linearised(feet, N, T, rates))
+
+    def couplings(self, feet: MortarFeet, trial: Trial) -> Ints64 | None:
+        """None while all closed nodes lie in the pattern asked for last; else keys row * N + column of a new one."""
+        averaged = self._averaged(feet, trial.history.anchors)
+        gaps = averaged[0] + trial.history.shift.ravel()
+        gaps = np.minimum(gaps, trial.judged.reshape(-1, 4)[:, 0]) if len(trial.judged) else gaps
+        closed = np.isfinite(averaged[0]) & (gaps <= 2.0 * trial.law.touch)
+        facet, anchor_nodes = feet.projection[0], own(trial.history.anchors)[0]
+        if self._pattern.suffices(closed, facet, anchor_nodes):
+            return None
+        with self.timers("search"):
+            near = self._pairing.within(feet.points, feet.coords, MARGIN * self.master.edge)
+        self._pattern.provide(*near, closed, facet, anchor_nodes)
+        return self._pattern.keys
+
+    def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
+        """Gaps, shifts added, and ways (4 ns,) that decide: of the tractions which the tangent `before` foresees at these
+        places, with a share of what is found there."""
+        then, law, anchors = before.feet, trial.law, trial.history.anchors
+        where = then.coords, self.samples.slaves, self._facets, then.projection
+        change = foreseen_averages(*where, own(anchors), self._turned(then), feet.coords - then.coords)
+        eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t])
+        foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
+        gaps, ways, _, _ = self._averaged(feet, anchors)
+        found = np.column_stack([np.minimum(gaps, self.search) + trial.history.shift.ravel(), ways])
+        share = np.minimum(WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
+        return (foreseen + share * (found - foreseen)).ravel()
+
+    # -- anchors --------------------------------------------------------------------------------------------------
+    def no_anchors(self) -> tuple[Ints64, Floats]:
+        n = self.samples.count * self.samples.nodes.shape[1]
+        return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
+
+    def _behind(self, feet: MortarFeet, anchors: Anchors, kept: Bools, renewed: Bools, slips: Floats) -> Anchors:
+        """Anchors of which those that are new, all of renewed nodes and those missing at kept ones, trail their feet so that
+        the node's way is its slip (ns, 3) [length]."""
+        s, (nodes, weights), n = self.samples, own(anchors), feet.projection[5]
+        new = (s.table >= 0) & (feet.projection[1] != NONE)[s.table]
+        new &= renewed[:, None] | (kept[:, None] & (nodes[s.anchor, 0] < 0))
+        share = np.where(new, s.share, 0.0)
+        # a mean of P(n_q) slip is shorter than the slip where normals differ
+        along = np.einsum("nj,njc,njd->ncd", share, n[s.table], n[s.table])
+        whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
+        apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
+        slips = np.ascontiguousarray(np.einsum("ncd,nd->nc", apart, slips))
+        where = feet.coords, s.slaves, self._facets, feet.projection
+        return kernel.anchors_behind(*where, (nodes, weights), (kept, renewed, slips))
+
+    def places(self, feet: MortarFeet, trial: Trial) -> Anchors:
+        """The samples' places on the master."""
+        n = len(self.surface.area)
+        every = np.ones(n, dtype=bool)
+        return self._behind(feet, self.no_anchors(), ~every, every, np.zeros((n, 3)))
+
+    def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length]."""
+        averaged, status, _, T, _, _ = self._tractions(feet, trial)
+        slips, stuck = T / trial.law.eps_t[:, None], status == STICK
+        slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
+        return self._behind(feet, trial.history.anchors, stuck, ~stuck, slips), slid[:, None]
+
+    def _rested(self, feet: MortarFeet, rests: Anchors) -> tuple[Floats, Bools]:
+        """Ways (ns, 3) since the samples came to rest, and which nodes have such."""
+        _, ways, _, anchored = self._averaged(feet, rests)
+        return ways, anchored > 0.0
+
+    def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
+        """What the penalty gave way in stick (ns, 1) [length]."""
+        ways, _ = self._rested(feet, trial.history.rests)
+        return np.where(status.ravel() == STICK, np.linalg.norm(ways, axis=1), 0.0)[:, None]
+
+    def augmented(self, feet: MortarFeet, trial: Trial, status: Ints) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking nodes a traction greater by eps_T times their slip."""
+        ways, rested = self._rested(feet, trial.history.rests)
+        _, found, _, _, pulled, _ = self._tractions(feet, trial)
+        slips, grown = pulled / trial.law.eps_t[:, None] + ways, (found == STICK) & rested
+        return self._behind(feet, trial.history.anchors, np.zeros_like(grown), grown, slips)
+
+    def stiffened(self, feet: MortarFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Anchors that greater penalties need for nodes that slip on from rest as they do."""
+        ways, rested = self._rested(feet, rests)
+        _, found, _, _, pulled, _ = self._tractions(feet, trial)
+        slips = (pulled / trial.law.eps_t[:, None] + (factor - 1.0) * ways) / factor
+        return self._behind(feet, trial.history.anchors, np.zeros_like(rested), (found >= STICK) & rested, slips)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some nodes (ns, 1), the others elsewhere."""
+        at = np.zeros(len(own(ours)[0]), dtype=bool)
+        table = self.samples.anchor[points.ravel()]
+        at[table[table >= 0]] = True
+        return tuple(np.where(at[:, None], one, two) for one, two in zip(ours, others, strict=True))
+
+    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+        """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ns, ...) that no partition changes."""
+        nodes, weights = own(anchors)
+        table = self.samples.anchor
+        at = np.where((table < 0)[..., None], -1, nodes[table])
+        keys = np.append(self.master.keys, -1)[np.where(at < 0, -1, at - self._first)]
+        return {name: keys, f"{name}_weight": np.where(at < 0, 0.0, weights[table])}
+
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
+        keys, order, table = values[name], np.argsort(self.master.keys), self.samples.anchor
+        at = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + self._first
+        nodes, weights = self.no_anchors()
+        nodes[table[table >= 0]] = np.where(keys < 0, -1, at)[table >= 0]
+        weights[table[table >= 0]] = values[f"{name}_weight"][table >= 0]
+        return nodes, weights
+
+    # -- what else is asked of a master ---------------------------------------------------------------------------
+    def _mean(self, feet: MortarFeet, of: Bools) -> Floats:
+        """Unit means (ns, 1, 3) of the samples' normals; of (np,): those that count."""
+        s = self.samples
+        share = np.where(s.table < 0, 0.0, s.share * of[s.table])
+        return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
+
+    def normals(self, feet: MortarFeet) -> Floats:
+        """Unit normals (ns, 1, 3) along which pressure acts on this rank's slave nodes; zero without a partner."""
+        return self._mean(feet, feet.projection[1] != NONE)
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ns, 1, 3) in which this rank's slave nodes look for the master: their normals. Collective."""
+        feet = self.feet(state)
+        return -self._mean(feet, np.ones(len(feet.points), dtype=bool))
+
+    def unpaired(self, feet: MortarFeet) -> Bools:
+        """Mask (ns,) of the nodes none of whose samples has a partner."""
+        s = self.samples
+        return ~((feet.projection[1] != NONE)[s.table] & (s.table >= 0)).any(axis=1)
+
+    def features(self, feet: MortarFeet) -> Array:
+        """Codes (ns, ...): where one changes the traction has a kink."""
+        s = self.samples
+        return np.where(s.table < 0, -9, feet.projection[0][s.table])
+
+    def touches(self, blocks: Array) -> int:
+        """Number of this rank's slave and master nodes among the local nodes `blocks`."""
+        return int(np.isin(self.skin.owned, blocks).sum() + np.isin(self.master.owned, blocks).sum())
+
+    def gives(self, held: Array) -> bool:
+        """Whether the master could move where the dofs `held` do not."""
+        return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()
+
+    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
+        normals = np.abs(self.looks(state)).max(axis=(0, 1), initial=0.0)
+        largest = np.max(self._comm.allgather(normals), axis=0)
+        return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
+        """Depth [length] of the deepest sample inside the master, and zero: no node is asked behind it. Collective."""
+        gaps = self.first_feet(state).projection[4]
+        return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
+
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
+        """Endless gaps (n,): means over samples leave nothing between them to ask for."""
+        return np.full(len(nodes), np.inf)
+
+    def beside(self, state: State) -> tuple[Ints64, Floats] | None:
+        """None: nodes off the slave surface are not looked for."""
+
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Depth [length] of the deepest sample inside the master that is too deep to have a partner, else zero.
+
+        As for other masters, kernels apart: see FacetPartner. Collective.
+        """
+        now, then, comm = self.feet(state), trial.history.feet, self._comm
+        unpaired = now.projection[1] == NONE
+        if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
+            return 0.0
+        gaps = self.first_feet(state).projection[4]
+        way, first = np.abs(now.coords - then.coords), self._first
+        moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
+        reach = self.search + np.sqrt(3.0) * moved
+        if reach > FIRST_SEARCH * self.search:
+            far, before = (self._pairing.far(at.points, -at.projection[5], at.coords, reach) for at in (now, then))
+            gaps = np.where(
+                (before[1] != NONE) & (before[4] > -DRAWN * self.surface.cell_height), np.minimum(gaps, far[4]), gaps
+            )
+        return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+
+    def back_share(self, state: State) -> float:
+        """Zero: normals of a body's facets point out of it."""
+        return 0.0
+
+
+def own(anchors: Anchors) -> tuple[Ints64, Floats]:
+    """Anchors on facets: nodes (n, 4) and their weights (n, 4)."""
+    nodes, weights = anchors
+    return nodes, weights

@@ -1,0 +1,80 @@
+"""Samples of a slave surface whose contact is averaged at its nodes: the facets around these, and their normals."""
+
+import basix
+import numpy as np
+
+from fenics_contact.contact.master import MasterSurface
+from fenics_contact.kernels.mortar import Slaves
+from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
+from fenics_contact.types import Floats
+
+CREASE = 30.0  # degrees between facets from which on they do not share a normal
+
+
+class Samples:
+    """Facets of a slave surface that this process evaluates, those around its own nodes, with their samples.
+
+    slaves, groups: as the kernels take them; number (nf, m): the own node at each corner, or -1; table, corner (ns,
+    J): samples around each own node and its corner's place among those of their facet, -1 where there are fewer.
+    """
+
+    def __init__(self, skin: MasterSurface, count: int) -> None:
+        nodes, size = skin.facets
+        m = int(size[0]) if len(size) else 4
+        every = np.ascontiguousarray(nodes[:, :m])
+        own = (every >= skin.mine.start) & (every < skin.mine.stop)
+        mine = own.any(axis=1)
+        self.nodes = np.ascontiguousarray(every[mine])
+        places, weights, N, gradients = sampled(m, count)
+        at_corners = sampled(m, 0)[3]
+        tangents = np.einsum("qti,fic->fqtc", gradients, skin.X[self.nodes])
+        area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2) * weights
+        group = np.empty((len(every), m), dtype=np.int64)
+        cosine = np.cos(np.radians(CREASE))
+        starts, facets, corners = grouped_corners(skin.X, every, at_corners, mine, cosine, group)
+        angles = corner_angles(skin.X, every, m, facets, corners)
+        self.groups: Groups = starts, facets, corners, *group_slots(starts, facets, corners, every, at_corners), angles
+        self._every, self._at_corners = every, at_corners
+        self.number = np.where(own[mine], self.nodes - skin.mine.start, -1)
+        f, c = np.nonzero(self.number >= 0)
+        order = np.argsort(self.number[f, c], kind="stable")
+        f, c, owner = f[order], c[order], self.number[f, c][order]
+        n = skin.mine.stop - skin.mine.start
+        first = np.searchsorted(owner, np.arange(n + 1))
+        on = np.ascontiguousarray(area), N, N, np.ascontiguousarray(group[mine])
+        self.slaves: Slaves = self.nodes, *on, first, f, c
+        most = max(skin.comm.allgather(int(np.diff(first).max(initial=0))))
+        nq = len(N)
+        self.table, self.corner = np.full((n, most * nq), -1), np.full((n, most * nq), -1)
+        column = (np.arange(len(owner)) - first[owner])[:, None] * nq + np.arange(nq)
+        self.table[owner[:, None], column] = f[:, None] * nq + np.arange(nq)
+        self.corner[owner[:, None], column] = c[:, None]
+        self.share = np.where(self.table < 0, 0.0, area.ravel()[self.table] * N[self.table % nq, self.corner])
+        self.anchor = np.where(self.table < 0, -1, self.table * m + self.corner)
+
+    @property
+    def count(self) -> int:
+        return self.slaves[1].size
+
+    def normals(self, coords: Floats) -> tuple[Floats, Floats]:
+        """Unit normals of the groups and their turns."""
+        normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 3))
+        group_normals(coords, self._every, self._at_corners, self.groups, normals, turns)
+        return normals, turns
+
+
+def sampled(m: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Places (nq, 2), weights (nq,), shape functions (nq, m) and gradients (nq, 2, m) of facets with m corners, which run
+    counter-clockwise: at count Gauss points per direction, or with 0 at the corners."""
+    if m == 4:
+        s, w = basix.make_quadrature(basix.CellType.quadrilateral, 2 * max(count, 1) - 1)
+        s, w = 2.0 * s - 1.0, 4.0 * w
+        ring = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        s = s if count else ring
+        one, two = (1.0 + s[:, None, i] * ring[:, i] for i in (0, 1))
+        gradients = np.stack([0.25 * ring[:, 0] * two, 0.25 * ring[:, 1] * one], axis=1)
+        return s, w, 0.25 * one * two, gradients
+    s, w = basix.make_quadrature(basix.CellType.triangle, 2 * max(count, 1) - 1)
+    s = s if count else np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    N = np.column_stack([1.0 - s.sum(axis=1), s])
+    return s, w, N, np.tile([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], (len(s), 1, 1))

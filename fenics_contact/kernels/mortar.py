@@ -1,0 +1,292 @@
+"""Contact averaged at slave nodes: gaps, ways, forces and anchors of a mortar method with plain shape functions.
+
+Sample points q of the slave's facets look along averaged normals and meet the master at a foot.  Gap and way of a node A are
+means over the samples around it, weighted with its shape function N_A; its traction acts through all of them.
+
+Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3) are present positions of nodes [length]:
+    slaves     (nodes (nf, k) of the facets, corners first, weights (nf, nq) reference areas of the samples [length^2],
+               shape (nq, k) of the facet's nodes, N (nq, m) of its corners, group (nf, m) of kernels/normals.py, and where
+               each slave node is a corner: starts (ns + 1,), facets (ne,), places (ne,))
+    surface, projection as in kernels/closest_point.py, of np = nf nq samples that look along the normals of the projection
+    anchors    (nodes (np m, 4), weights (np m, 4)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
+    averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
+               master, and those with anchors (ns,) [length^2]) of the slave nodes
+    law        (eps_n (ns,), eps_t (ns,) [pressure/length], Friction of kernels/law.py, touch [length], shift (ns,) [length],
+               judged (ns, 4) or (0, 4): gap, shift added, and way that decide who is closed and who slips [length])
+A node's anchors trail the feet of its samples by its elastic slip: its friction is felt again wherever these go on.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.facets import Surface, shape, shape_gradient
+from fenics_contact.kernels.law import FREE, FRICTIONLESS, Friction, Gaps, Law, excess, partials, traction
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
+from fenics_contact.kernels.vectors import (
+    ZERO,
+    Four,
+    Vector,
+    cross,
+    dot,
+    less,
+    minus,
+    norm,
+    of_four,
+    of_nodes,
+    plus,
+    row,
+    times,
+)
+from fenics_contact.types import Bools, Floats, Ints, Ints64
+
+Slaves = tuple[Ints64, Floats, Floats, Floats, Ints64, Ints64, Ints64, Ints64]
+Anchors = tuple[Ints64, Floats]
+Averaged = tuple[Floats, Floats, Floats, Floats]
+NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats]
+
+
+class Foot(NamedTuple):
+    """A sample and its foot: gap, normal; x_M; tangents r_1, r_2 of the master; c_1, c_2 with dxi^a = c_a . (d(x_S - x_M) -
+    g dn); shape functions there with their gradients."""
+
+    g: float
+    n: Vector
+    x: Vector
+    r1: Vector
+    r2: Vector
+    c1: Vector
+    c2: Vector
+    N: Four
+    N1: Four
+    N2: Four
+
+
+@njit(cache=True, error_model="numpy")
+def sample_places(
+    coords: Floats, slaves: Slaves, normals: Floats, points: Floats, directions: Floats, lengths: Floats
+) -> None:
+    """Fill points (np, 3), directions (np, 3) in which they look, against the mean of the normals (ng, 3) at the corners,
+    and lengths (np,) of these means."""
+    nodes, table, N, group = slaves[0], slaves[2], slaves[3], slaves[4]
+    count, m = N.shape
+    for f in range(len(nodes)):
+        for s in range(count):
+            x, y = ZERO, ZERO
+            for i in range(nodes.shape[1]):
+                x = less(x, -table[s, i], row(coords, nodes[f, i]))
+            for c in range(m):
+                y = less(y, N[s, c], row(normals, group[f, c]))
+            q, length = f * count + s, max(norm(y), 1e-300)
+            points[q, 0], points[q, 1], points[q, 2] = x
+            directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / length, y)
+            lengths[q] = length
+
+
+@njit(cache=True, error_model="numpy")
+def foot_of(q: int, coords: Floats, surface: Surface, projection: Projection) -> Foot:
+    """The Foot of sample q."""
+    corners, size = surface
+    f, s, t = projection[0][q], projection[3][q, 0], projection[3][q, 1]
+    N, (N1, N2), n = shape(size[f], s, t), shape_gradient(size[f], s, t), row(projection[5], q)
+    x0, x1, x2 = row(coords, corners[f, 0]), row(coords, corners[f, 1]), row(coords, corners[f, 2])
+    x3 = row(coords, corners[f, 3])
+    x, r1, r2 = of_four(N, x0, x1, x2, x3), of_four(N1, x0, x1, x2, x3), of_four(N2, x0, x1, x2, x3)
+    one, two = cross(r2, n), cross(n, r1)
+    det = dot(r1, one)
+    return Foot(projection[4][q], n, x, r1, r2, times(1.0 / det, one), times(1.0 / det, two), N, N1, N2)
+
+
+@njit(cache=True, error_model="numpy")
+def averages(coords: Floats, slaves: Slaves, surface: Surface, projection: Projection, anchors: Anchors) -> Averaged:
+    """What the slave nodes have on average."""
+    weights, shapes, starts, facets, places = slaves[1], slaves[3], slaves[5], slaves[6], slaves[7]
+    count, m = shapes.shape
+    n = len(starts) - 1
+    gaps, ways, areas, anchored = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    for A in range(n):
+        gap, way = 0.0, ZERO
+        for e in range(starts[A], starts[A + 1]):
+            f, c = facets[e], places[e]
+            for s in range(count):
+                q, share = f * count + s, weights[f, s] * shapes[s, c]
+                if projection[1][q] == NONE:
+                    continue
+                areas[A] += share
+                gap += share * projection[4][q]
+                a = q * m + c
+                if anchors[0][a, 0] < 0:
+                    continue
+                foot = foot_of(q, coords, surface, projection)
+                w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords))
+                anchored[A] += share
+                way = less(way, -share, less(w, dot(foot.n, w), foot.n))
+        if areas[A] > 0.0:
+            gaps[A] = gap / areas[A]
+        if anchored[A] > 0.0:
+            ways[A, 0], ways[A, 1], ways[A, 2] = times(1.0 / anchored[A], way)
+    return gaps, ways, areas, anchored
+
+
+@njit(cache=True)
+def _node_law(A: int, law: NodeLaws, averaged: Averaged) -> Law:
+    """The Law of node A: without friction where none of its samples has an anchor."""
+    return Law(law[0][A], law[1][A], law[2] if averaged[3][A] > 0.0 else FRICTIONLESS, law[3])
+
+
+@njit(cache=True, error_model="numpy")
+def _told(A: int, law: NodeLaws, numbers: Law, w: Vector) -> int:
+    """Whether node A is to stick or slip by the way that was foreseen; it slips where its own way w goes there too."""
+    judged = law[5]
+    if len(judged) == 0 or numbers.friction.mu == 0.0:
+        return FREE
+    foreseen = judged[A, 1], judged[A, 2], judged[A, 3]
+    found = traction(numbers, Gaps(judged[A, 0], judged[A, 0]), ZERO, foreseen)
+    return SLIP if found.status == SLIP and dot(foreseen, w) > 0.0 else STICK
+
+
+@njit(cache=True, error_model="numpy")
+def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+    """status (ns,), N (ns,) and T_T (ns, 3) [pressure] times a share (ns,), T_T^tr (ns, 3), excess (ns,) of the nodes."""
+    gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
+    n = len(gaps)
+    status, N, excesses = np.zeros(n, np.int32), np.zeros(n), np.zeros(n)
+    T, trial = np.zeros((n, 3)), np.zeros((n, 3))
+    for A in range(n):
+        if gaps[A] == np.inf:
+            continue
+        numbers, press, w = _node_law(A, law, averaged), gaps[A] + shift[A], row(ways, A)
+        decides = judged[A, 0] if len(judged) > 0 else press
+        found = traction(numbers, Gaps(press, decides), ZERO, w, _told(A, law, numbers, w))
+        status[A], N[A], excesses[A] = found.status, share[A] * found.N, excess(found)
+        T[A, 0], T[A, 1], T[A, 2] = times(share[A], found.tangential)
+        trial[A, 0], trial[A, 1], trial[A, 2] = found.trial
+    return status, N, T, trial, excesses
+
+
+@njit(cache=True, error_model="numpy")
+def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats, Floats, Floats]:
+    """rates (ns, 4, 4) of N and T_T with gap and way, and N (ns,), T_T (ns, 3) that the judged gaps and ways stand for."""
+    gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
+    n = len(gaps)
+    rates, N, T = np.zeros((n, 4, 4)), np.zeros(n), np.zeros((n, 3))
+    for A in range(n):
+        if gaps[A] == np.inf:
+            continue
+        numbers, w = _node_law(A, law, averaged), row(ways, A)
+        g = judged[A, 0] if len(judged) > 0 else gaps[A] + shift[A]
+        gap = Gaps(g, g)
+        found = traction(numbers, gap, ZERO, w, _told(A, law, numbers, w))
+        if found.status == OPEN:
+            continue
+        by = partials(numbers, gap, ZERO, w, found)
+        rates[A, 0, 0], N[A] = share[A] * numbers.eps_n, share[A] * found.N
+        for a in range(3):
+            T[A, a] = share[A] * found.tangential[a]
+            rates[A, 1 + a, 0] = share[A] * by.g[a]
+        if found.status == STICK and len(judged) > 0:
+            for a in range(3):
+                T[A, a] = share[A] * numbers.eps_t * judged[A, 1 + a]
+        _put_rows(rates, A, share[A], by.w[0], by.w[1], by.w[2])
+    return rates, N, T
+
+
+@njit(cache=True)
+def _put_rows(rates: Floats, A: int, share: float, one: Vector, two: Vector, three: Vector) -> None:
+    for b in range(3):
+        rates[A, 1, 1 + b], rates[A, 2, 1 + b], rates[A, 3, 1 + b] = share * one[b], share * two[b], share * three[b]
+
+
+@njit(cache=True, error_model="numpy")
+def add_node_forces(
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    acting: tuple[Floats, Floats, Ints64],
+    forces: Floats,
+    sums: Floats,
+) -> None:
+    """Add the virtual power of (14) to forces (nx, 3), and the part of each slave node's traction to its sum (ns, 3).
+
+    acting: (N (ns,), T_T (ns, 3), number (nf, m) of the slave node at each corner, -1: another process answers for it).
+    """
+    nodes, weights, table, shapes = slaves[0], slaves[1], slaves[2], slaves[3]
+    N, T, number = acting
+    count, m = shapes.shape
+    for f in range(len(nodes)):
+        for s in range(count):
+            q = f * count + s
+            if projection[1][q] == NONE:
+                continue
+            total, tangential, n = 0.0, ZERO, row(projection[5], q)
+            for c in range(m):
+                A = number[f, c]
+                if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
+                    continue
+                t = row(T, A)
+                share = shapes[s, c] * weights[f, s]
+                total += share * N[A]
+                tangential = less(tangential, -share, t)
+                along = times(share, plus(times(N[A], n), less(t, dot(n, t), n)))
+                sums[A, 0] += along[0]
+                sums[A, 1] += along[1]
+                sums[A, 2] += along[2]
+            force = plus(times(total, n), less(tangential, dot(n, tangential), n))
+            for i in range(nodes.shape[1]):
+                _add(forces, nodes[f, i], table[s, i], force)
+            g, N_M = projection[0][q], shape(surface[1][projection[0][q]], projection[3][q, 0], projection[3][q, 1])
+            for i in range(4):
+                _add(forces, surface[0][g, i], -N_M[i], force)
+
+
+@njit(cache=True)
+def _add(array: Floats, i: int, share: float, vector: Vector) -> None:
+    array[i, 0] += share * vector[0]
+    array[i, 1] += share * vector[1]
+    array[i, 2] += share * vector[2]
+
+
+@njit(cache=True, error_model="numpy")
+def anchors_behind(
+    coords: Floats,
+    slaves: Slaves,
+    surface: Surface,
+    projection: Projection,
+    anchors: Anchors,
+    behind: tuple[Bools, Bools, Floats],
+) -> Anchors:
+    """New anchors. behind: (kept (ns,), renewed (ns,), slips (ns, 3) [length]).
+
+    Anchors of kept nodes stay; their samples without one, and all of those renewed, get one that trails the foot by the
+    slip.  Samples without a foot have none afterwards, and so have those of all other nodes that did not have one.
+    """
+    starts, facets, places = slaves[5], slaves[6], slaves[7]
+    kept, renewed, slips = behind
+    count, m = slaves[3].shape
+    nodes, weights = anchors[0].copy(), anchors[1].copy()
+    for A in range(len(starts) - 1):
+        for e in range(starts[A], starts[A + 1]):
+            f, c = facets[e], places[e]
+            for s in range(count):
+                q = f * count + s
+                a = q * m + c
+                if projection[1][q] == NONE:
+                    nodes[a, :] = -1
+                    weights[a, :] = 0.0
+                    continue
+                if not (renewed[A] or (kept[A] and nodes[a, 0] < 0)):
+                    continue
+                foot = foot_of(q, coords, surface, projection)
+                one, two = _in_facet(foot, row(slips, A))
+                for i in range(4):
+                    nodes[a, i] = surface[0][projection[0][q], i]
+                    weights[a, i] = foot.N[i] - one * foot.N1[i] - two * foot.N2[i]
+    return nodes, weights
+
+
+@njit(cache=True, error_model="numpy")
+def _in_facet(foot: Foot, slip: Vector) -> tuple[float, float]:
+    """Coordinates of the vector e' of the master's plane with P(n) e' = P(n) slip."""
+    return dot(foot.c1, slip), dot(foot.c2, slip)

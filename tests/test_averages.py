@@ -1,0 +1,163 @@
+"""One pressure per slave node, averaged over samples of the facets around it, between deformable bodies."""
+
+import gmsh
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_two_bodies import EXACT, RUBBER, blocks, deformed, stacked
+
+from demos import ironing
+from fenics_contact import Body, Penalty, Scene, SceneError, compat, from_elastic, read_gmsh, rigid_plane, solve
+from fenics_contact.assembly.blocks import insert
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from meshes import ironing as mesh_script
+from meshes import two_blocks
+
+COMM = MPI.COMM_WORLD
+
+
+# ---- patch test
+@pytest.mark.serial
+@pytest.mark.parametrize("lower, upper", [((5, 5, 2), (3, 3, 2)), ((3, 3, 2), (5, 5, 2))])
+def test_blocks_that_do_not_match(lower, upper):
+    """The force, and a pressure that Gauss points scatter by a fifth of the mean and more."""
+    force, spread = stacked("averages", 500.0, lower, upper)
+    assert abs(force / EXACT - 1.0) < 2e-4  # the compliance of the penalty costs 1.5e-4, samples across edges the rest
+    assert spread < 0.03  # their integration error with 3 x 3 samples
+    assert stacked(3, 500.0, lower, upper)[1] > 0.2
+
+
+# ---- tangent where the slave has an edge, on tetrahedra
+def boxes():
+    """Two boxes of irregular tetrahedra, one on the other."""
+    occ = gmsh.model.occ
+    volumes = [occ.addBox(0, 0, -2, 6, 5, 2), occ.addBox(1, 1, 0, 3, 3, 2)]
+    occ.synchronize()
+    for name, volume in zip(("lower", "upper"), volumes, strict=True):
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
+        for face, (axis, place) in {"zmin": (2, 0), "zmax": (2, 3), "xmax": (0, 3)}.items():
+            box = gmsh.model.getBoundingBox(3, volume)
+            level = box[axis + (3 if place else 0)]
+            tags = [t for _, t in gmsh.model.getBoundary([(3, volume)], oriented=False)]
+            mine = [t for t in tags if abs(gmsh.model.occ.getCenterOfMass(2, t)[axis] - level) < 1e-5]
+            gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, mine), f"{name}_{face}")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.9)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 1.1)
+    gmsh.model.mesh.generate(3)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "friction, shift, status",
+    [(0.0, (0.4, 0.1, -0.02), CLOSED), (0.02, (1.2, 0.4, -0.02), SLIP), (9.0, (0.03, 0.01, -0.02), STICK)],
+)
+def test_tangent_on_tetrahedra_with_an_edge_among_the_slaves(friction, shift, status):
+    mesh = read_gmsh(boxes)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), accept_locking=True)
+    scene.fix("lower_zmin")
+    scene.fix("upper_zmax")
+    scene.contact(("upper_zmin", "upper_xmax"), "lower_zmax", friction, points="averages", name="c")
+    system = scene.system()
+    state, contact = system.state, system.contacts[0]
+    cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag("upper")]
+    upper = np.unique(compat.cell_dofs(scene.space)[cells])
+    u = 0.03 * np.random.default_rng(1).uniform(-1, 1, (len(state.u.x.array) // 3, 3))
+    u[upper, 2] -= 0.3
+    state.u.x.array[:] = u.ravel()
+    contact.commit(state)
+    u[upper] += shift
+    state.u.x.array[:] = u.ravel()
+    start = state.u.x.array.copy()
+
+    def residual():
+        out = np.zeros(len(start))
+        contact.add_residual(state, out, np.zeros((0, 3)))
+        return out
+
+    system.assemble_tangent()
+    system.matrix.zeroEntries()
+    insert(contact.tangent(state), system.matrix, None)
+    system.matrix.assemble()
+    at_start, way, before = residual(), system.new_vector(), contact.statuses()
+    assert (before[before != OPEN] == status).all() and (before != OPEN).sum() > 10 and (before == OPEN).any()
+    way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
+    slope = (system.matrix * way).array.copy()
+    remainders = []
+    for step in 2e-4 / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start + step * way.array
+        remainders.append(np.linalg.norm(residual() - at_start - step * slope))
+        assert (contact.statuses() == before).all()
+    assert np.log2(np.array(remainders[:-1]) / remainders[1:]).min() > 1.98
+
+
+# ---- history
+@pytest.mark.serial
+def test_what_slips_goes_on_from_the_traction_it_had():
+    """On rough, bent faces: the means of directions that differ are shorter than their parts."""
+    system, contact = deformed("averages", 0.1, (1.5, 0.3, -0.02))
+    before = contact.response(system.state)
+    contact.commit(system.state)
+    after = contact.response(system.state)
+    assert (before.status == SLIP).all() and (after.status == SLIP).all()
+    np.testing.assert_allclose(after.traction, before.traction, atol=1e-10 * np.abs(before.traction).max())
+
+
+# ---- Newton's method
+def ironed(press, draw, **contact):
+    """The ironing of demos/ironing.py, pressed and drawn by 0.5 mm."""
+    mesh = read_gmsh(mesh_script.build, depth=ironing.DEPTH, **ironing.QUICK)
+    block, indenter = from_elastic(ironing.BLOCK, ironing.NU), from_elastic(ironing.INDENTER, ironing.NU)
+    scene = Scene(Body(mesh, "foundation", block), Body(mesh, "indenter", indenter))
+    scene.fix("foundation_bottom")
+    scene.fix("ends", "y")
+    scene.prescribe("indenter_top", "x", ironing.path([0, 0, ironing.SHORT, ironing.SHORT]))
+    scene.prescribe("indenter_top", "z", ironing.path([0, -ironing.PRESS, -ironing.PRESS, 0]))
+    scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), points="averages", name="c", **contact)
+    times = np.concatenate([np.linspace(0, 1, press + 1)[1:], np.linspace(1, 2, draw + 1)[1:]]) / 3
+    result = solve(scene, steps=times, progress=False).require()
+    return result, np.array([result.history[-1][f"c_force_{axis}_N"] for axis in "xz"])
+
+
+@pytest.mark.parallel
+def test_ironing_takes_few_solves_and_twice_the_steps_give_the_same():
+    result, force = ironed(10, 4, friction=0.3)
+    assert result.verdict.cuts == 0 and result.verdict.iterations <= 6 * 14  # facet points: 20 cut-backs, 200
+    _, finer = ironed(20, 8, friction=0.3)
+    assert np.abs(finer / force - 1).max() < 2e-3  # slip in part: the step's own error
+
+
+@pytest.mark.serial
+def test_solves_do_not_grow_with_the_penalty():
+    counts = [ironed(10, 4, friction=0.3, penalty=Penalty(factor=f))[0].verdict for f in (100.0, 10000.0)]
+    assert counts[1].cuts == 0 and counts[1].iterations <= 2 * counts[0].iterations
+
+
+# ---- the slave beyond the master's end
+@pytest.mark.parallel
+def test_a_slave_is_pushed_over_the_end_of_its_master():
+    """Half of it hangs over at last; pressures stay pressures, and forces are those of the supports."""
+    size = {"lower": (10, 6, 4), "lower_origin": (0, 0, -4), "upper": (4, 4, 2), "upper_origin": (5, 1, 0)}
+    mesh, scene = blocks(**size, lower_cells=(10, 4, 4), upper_cells=(5, 4, 2))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "y")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.3 * min(4 * t, 1)))
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 3.0 * max(t - 0.25, 0) / 0.75))
+    scene.contact("upper_bottom", "lower_top", 0.3, points="averages", name="c")
+    result = solve(scene, steps=16, progress=False).require()
+    force = result.column("c_force_z_N")
+    assert result.verdict.cuts == 0 and 0.4 * force.max() < force[-1] < 0.7 * force.max()
+    contact, state = result.system.contacts[0], result.system.state
+    pressure = contact.split_traction(state)[0]
+    assert pressure.min(initial=0.0) > -1e-9 * COMM.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
+    out = np.zeros(len(state.u.x.array))
+    contact.add_residual(state, out, np.zeros((0, 3)))
+    owned = 3 * scene.space.dofmap.index_map.size_local
+    total = COMM.allreduce(out[:owned].reshape(-1, 3).sum(axis=0))
+    assert np.abs(total).max() < 1e-10 * force[-1]
+
+
+def test_a_tool_has_no_averages():
+    mesh = read_gmsh(two_blocks.build, lower_cells=(2, 2, 1), upper_cells=(2, 2, 1))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    with pytest.raises(SceneError, match="averages meet the facets of another body"):
+        scene.contact("upper_top", rigid_plane((0, 0, 9)), points="averages")
