@@ -1,6 +1,6 @@
 """Facets of another body as a contact's master: where slave points meet them, forces, tangents, anchors."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -10,7 +10,7 @@ from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
-from fenics_contact.contact.pairing import Pairing, seek_along_normals, seek_closest
+from fenics_contact.contact.pairing import Pairing, Watch, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import DRAWN, Response, Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -94,12 +94,12 @@ class FacetPartner:
         self._comm = space.mesh.comm
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
-        self._watched = np.unique(np.concatenate([self._local, master.owned, self._ring.ravel()]))  # what positions rest on
+        watched = np.unique(np.concatenate([self._local, master.owned, self._ring.ravel()]))  # what positions rest on
+        self._watch = Watch(self._comm, watched)
         along = surface.gradients is not None
         seek = seek_along_normals(self._nodes, self._gradients, surface.corners) if along else seek_closest
         self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
         self._closest = Pairing(self._facets, seek_closest, self.search, 0.0)  # of nodes between Gauss points
-        self._seen: tuple[Floats, Floats] | None = None
         self._feet: FacetFeet | None = None
 
     def _new_pattern(self, space: Space) -> PairPattern:
@@ -139,22 +139,21 @@ class FacetPartner:
 
     def feet(self, state: State) -> FacetFeet:
         """The places at a state; the same object while these do not change on any rank. Collective."""
-        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
-        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
-        moved = np.array([not same], dtype=np.int32)
-        self._comm.Allreduce(MPI.IN_PLACE, moved)
-        feet = self._feet
-        if moved[0] or feet is None:
+        moved, feet = self._watch.moved(state), self._feet
+        if moved or feet is None:
             with self.timers("projection"):
                 coords, points, normals = placed = self._placed(state)
                 feet = self._feet = FacetFeet(placed, self._pairing.project(points, normals, coords, self.timers))
-            self._seen = now
         return feet
 
     def first_feet(self, state: State) -> FacetFeet:
         """The places of the first search, which looks farther. Collective."""
         placed = self._placed(state)
         return FacetFeet(placed, self._far(placed, FIRST_SEARCH * self.search))
+
+    def far(self, feet: FacetFeet, search: float) -> Projection:
+        """Projection from the same places with another search distance."""
+        return self._far(feet.placed, search)
 
     def _far(self, placed: Placed, search: float) -> Projection:
         coords, points, normals = placed
@@ -320,30 +319,48 @@ class FacetPartner:
         """None: nodes off the slave surface are not looked for."""
 
     def lost_depth(self, state: State, trial: Trial) -> float:
-        """Depth [length] of the deepest slave point inside the master that is too deep to have a partner, else zero.
-
-        A Newton step that carries bodies through each other by more than the search distance ends in such a state, which
-        looks like an open contact. Beyond the first search's distance a point counts if it was in front of the master when
-        the last state was accepted: no point can be deeper than the bodies have moved since. Collective.
-        """
-        now, then, comm = self.feet(state), trial.history.feet, self._comm
-        unpaired = self.unpaired(now)
-        if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
-            return 0.0
-        gaps = self.first_feet(state).projection[4]
-        way, first = np.abs(now.coords - then.coords), len(self._local)
-        moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
-        reach = self.search + np.sqrt(3.0) * moved
-        if reach > FIRST_SEARCH * self.search:
-            far, before = self._far(now.placed, reach), self._far(then.placed, reach)
-            gaps = np.where(
-                (before[1] != NONE) & (before[4] > -DRAWN * self.surface.cell_height), np.minimum(gaps, far[4]), gaps
-            )
-        return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+        """Depth [length] of the deepest slave point too deep in the master to have a partner, else zero. Collective."""
+        return deepest_lost(self, len(self._local), state, trial)
 
     def back_share(self, state: State) -> float:
         """Zero: normals of a body's facets point out of it."""
         return 0.0
+
+
+class Seeker(Protocol):
+    """A partner whose points, or samples, seek facets."""
+
+    surface: SlaveSurface
+    search: float
+
+    def feet(self, state: State) -> Any: ...
+
+    def first_feet(self, state: State) -> Any: ...
+
+    def far(self, feet: Any, search: float) -> Projection: ...
+
+
+def deepest_lost(seeker: Seeker, first: int, state: State, trial: Trial) -> float:
+    """Depth [length] of the deepest point inside the master that is too deep to have a partner, else zero.
+
+    first: where the master's nodes begin among the coordinates. A Newton step that carries bodies through each other by more
+    than the search distance ends in such a state, which looks like an open contact. Beyond the first search's distance a
+    point counts if it was in front of the master when the last state was accepted: no point can be deeper than the bodies
+    have moved since. Collective.
+    """
+    now, then, comm = seeker.feet(state), trial.history.feet, state.u.function_space.mesh.comm
+    unpaired = now.projection[1] == NONE
+    if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
+        return 0.0
+    gaps = seeker.first_feet(state).projection[4]
+    way = np.abs(now.coords - then.coords)
+    moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
+    reach = seeker.search + np.sqrt(3.0) * moved
+    if reach > FIRST_SEARCH * seeker.search:
+        far, before = seeker.far(now, reach), seeker.far(then, reach)
+        in_front = (before[1] != NONE) & (before[4] > -DRAWN * seeker.surface.cell_height)
+        gaps = np.where(in_front, np.minimum(gaps, far[4]), gaps)
+    return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
 
 
 def own(anchors: Anchors) -> tuple[Ints64, Floats]:

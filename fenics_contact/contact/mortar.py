@@ -4,17 +4,16 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, unit
+from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, deepest_lost, own, unit
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.contact.node_pattern import NodePattern
-from fenics_contact.contact.pairing import Pairing, seek_along
+from fenics_contact.contact.pairing import Pairing, Watch, seek_along
 from fenics_contact.contact.samples import Samples
 from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import DRAWN, Response, Trial
+from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.couplings import Pattern
@@ -78,10 +77,11 @@ class MortarPartner:
         blocks = np.concatenate([skin.blocks, master.blocks]).astype(np.int64)
         self._pattern = NodePattern(self.samples, self._facets[0], blocks, skin.size)
         self._comm = skin.comm
-        self._watched = np.unique(np.concatenate([skin.owned, master.owned]))  # what positions rest on
+        watched = np.unique(np.concatenate([skin.owned, master.owned]))  # what positions rest on
+        self._watch = Watch(self._comm, watched)
         self._pairing = Pairing(self._facets, seek_along, self.search, MARGIN * master.edge)
-        self._seen: tuple[Floats, Floats] | None = None
         self._feet: MortarFeet | None = None
+        self._last: tuple[MortarFeet, Anchors, kernel.Averaged] | None = None  # feet, anchors and averages asked for last
 
     # -- where the samples are ------------------------------------------------------------------------------------
     def _feet_at(self, state: State, project: Callable[[Floats, Floats, Floats], Projection]) -> MortarFeet:
@@ -95,17 +95,12 @@ class MortarPartner:
 
     def feet(self, state: State) -> MortarFeet:
         """The places at a state; the same object while these do not change on any rank. Collective."""
-        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
-        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
-        moved = np.array([not same], dtype=np.int32)
-        self._comm.Allreduce(MPI.IN_PLACE, moved)
-        feet = self._feet
-        if moved[0] or feet is None:
+        moved, feet = self._watch.moved(state), self._feet
+        if moved or feet is None:
             with self.timers("projection"):
                 feet = self._feet = self._feet_at(
                     state, lambda x, n, coords: self._pairing.project(x, n, coords, self.timers)
                 )
-            self._seen = now
         return feet
 
     def first_feet(self, state: State) -> MortarFeet:
@@ -113,9 +108,18 @@ class MortarPartner:
         search = FIRST_SEARCH * self.search
         return self._feet_at(state, lambda x, n, coords: self._pairing.far(x, n, coords, search))
 
+    def far(self, feet: MortarFeet, search: float) -> Projection:
+        """Projection from the same places with another search distance."""
+        return self._pairing.far(feet.points, -feet.projection[5], feet.coords, search)
+
     # -- forces and tangent ---------------------------------------------------------------------------------------
     def _averaged(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
-        return kernel.averages(feet.coords, self.samples.slaves, self._facets, feet.projection, own(anchors))
+        """What the slave nodes have on average; residual, couplings, tangent and what is foreseen ask for the same."""
+        last = self._last
+        if last is None or last[0] is not feet or last[1] is not anchors:
+            averaged = kernel.averages(feet.coords, self.samples.slaves, self._facets, feet.projection, own(anchors))
+            last = self._last = feet, anchors, averaged
+        return last[2]
 
     def _law(self, trial: Trial) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()
@@ -319,31 +323,9 @@ class MortarPartner:
         """None: nodes off the slave surface are not looked for."""
 
     def lost_depth(self, state: State, trial: Trial) -> float:
-        """Depth [length] of the deepest sample inside the master that is too deep to have a partner, else zero.
-
-        As for other masters, kernels apart: see FacetPartner. Collective.
-        """
-        now, then, comm = self.feet(state), trial.history.feet, self._comm
-        unpaired = now.projection[1] == NONE
-        if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
-            return 0.0
-        gaps = self.first_feet(state).projection[4]
-        way, first = np.abs(now.coords - then.coords), self._first
-        moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
-        reach = self.search + np.sqrt(3.0) * moved
-        if reach > FIRST_SEARCH * self.search:
-            far, before = (self._pairing.far(at.points, -at.projection[5], at.coords, reach) for at in (now, then))
-            gaps = np.where(
-                (before[1] != NONE) & (before[4] > -DRAWN * self.surface.cell_height), np.minimum(gaps, far[4]), gaps
-            )
-        return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+        """Depth [length] of the deepest sample that is too deep in the master to have a partner, else zero. Collective."""
+        return deepest_lost(self, self._first, state, trial)
 
     def back_share(self, state: State) -> float:
         """Zero: normals of a body's facets point out of it."""
         return 0.0
-
-
-def own(anchors: Anchors) -> tuple[Ints64, Floats]:
-    """Anchors on facets: nodes (n, 4) and their weights (n, 4)."""
-    nodes, weights = anchors
-    return nodes, weights

@@ -3,7 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
+from mpi4py import MPI
 
+from fenics_contact.assembly.term import State
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
 from fenics_contact.kernels.facets import Surface
@@ -18,6 +20,24 @@ BEYOND = 0.1
 
 # points, their normals, coords, facets, lists, search, projection to fill
 Seek = Callable[[Floats, Floats, Floats, Surface, Lists, float, Projection], None]
+
+
+class Watch:
+    """Says whether any of the local nodes `watched`, or a tool, has moved on any rank since it was asked last."""
+
+    def __init__(self, comm: MPI.Comm, watched: Ints64) -> None:
+        self._comm, self._watched = comm, watched
+        self._seen: tuple[Floats, Floats] | None = None
+
+    def moved(self, state: State) -> bool:
+        """Collective."""
+        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
+        same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
+        moved = np.array([not same], dtype=np.int32)
+        self._comm.Allreduce(MPI.IN_PLACE, moved)
+        if moved[0]:
+            self._seen = now
+        return bool(moved[0])
 
 
 class Pairing:

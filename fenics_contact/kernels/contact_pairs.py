@@ -13,7 +13,7 @@ from fenics_contact.kernels.law import FRICTIONLESS, Gaps, Law, Traction, excess
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import Four, Vector, dot, less, minus, norm, of_four, of_nodes, plus, row, times
+from fenics_contact.kernels.vectors import Four, add_row, dot, less, minus, norm, of_four, of_nodes, plus, row, times
 from fenics_contact.types import Floats, Ints, Ints64
 
 
@@ -40,13 +40,6 @@ def _present_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> T
     """The Traction of point q at its present gap."""
     press = pair.g + law[4][q]
     return traction(point_law(q, law, anchors), Gaps(press, press), pair.n, pair.w)
-
-
-@njit(cache=True)
-def _add(array: Floats, i: int, share: float, vector: Vector) -> None:
-    array[i, 0] += share * vector[0]
-    array[i, 1] += share * vector[1]
-    array[i, 2] += share * vector[2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -85,11 +78,11 @@ def add_forces(
         tractions[q, 0], tractions[q, 1], tractions[q, 2] = found.T
         force, f = times(area[q], found.T), facet[q]
         for i in range(nodes.shape[1]):
-            _add(forces, nodes[q, i], weights[q, i], force)
-        _add(forces, corners[f, 0], -pair.N[0], force)
-        _add(forces, corners[f, 1], -pair.N[1], force)
-        _add(forces, corners[f, 2], -pair.N[2], force)
-        _add(forces, corners[f, 3], -pair.N[3], force)
+            add_row(forces, nodes[q, i], weights[q, i], force)
+        add_row(forces, corners[f, 0], -pair.N[0], force)
+        add_row(forces, corners[f, 1], -pair.N[1], force)
+        add_row(forces, corners[f, 2], -pair.N[2], force)
+        add_row(forces, corners[f, 3], -pair.N[3], force)
 
 
 @njit(cache=True)

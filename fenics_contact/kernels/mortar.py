@@ -29,6 +29,7 @@ from fenics_contact.kernels.vectors import (
     ZERO,
     Four,
     Vector,
+    add_row,
     cross,
     dot,
     less,
@@ -235,17 +236,10 @@ def add_node_forces(
                 sums[A, 2] += along[2]
             force = plus(times(total, n), less(tangential, dot(n, tangential), n))
             for i in range(nodes.shape[1]):
-                _add(forces, nodes[f, i], table[s, i], force)
+                add_row(forces, nodes[f, i], table[s, i], force)
             g, N_M = projection[0][q], shape(surface[1][projection[0][q]], projection[3][q, 0], projection[3][q, 1])
             for i in range(4):
-                _add(forces, surface[0][g, i], -N_M[i], force)
-
-
-@njit(cache=True)
-def _add(array: Floats, i: int, share: float, vector: Vector) -> None:
-    array[i, 0] += share * vector[0]
-    array[i, 1] += share * vector[1]
-    array[i, 2] += share * vector[2]
+                add_row(forces, surface[0][g, i], -N_M[i], force)
 
 
 @njit(cache=True, error_model="numpy")

@@ -20,6 +20,14 @@ def row(x: Floats, i: int) -> Vector:
 
 
 @njit(cache=True)
+def add_row(x: Floats, i: int, share: float, vector: Vector) -> None:
+    """x[i] += share vector, in an array (n, 3)."""
+    x[i, 0] += share * vector[0]
+    x[i, 1] += share * vector[1]
+    x[i, 2] += share * vector[2]
+
+
+@njit(cache=True)
 def put(array: Floats, i: int, j: int, vector: Vector) -> None:
     """array[i, j] = vector, in an array (m, n, 3)."""
     array[i, j, 0], array[i, j, 1], array[i, j, 2] = vector
