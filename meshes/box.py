@@ -3,7 +3,12 @@
 import gmsh
 
 
-def build(size=(1.0, 1.0, 1.0), cells=(1, 1, 1), origin=(0.0, 0.0, 0.0), name="box"):
+def build(
+    size: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    cells: tuple[int, int, int] = (1, 1, 1),
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    name: str = "box",
+) -> None:
     """Lengths `size`, `cells` per edge, lowest corner `origin` [all lengths in one unit]."""
     x, y, z = origin
     base = gmsh.model.occ.addRectangle(x, y, z, size[0], size[1])

@@ -3,7 +3,7 @@
 import gmsh
 
 
-def build(cells=16, thickness=1.0, layers=1):
+def build(cells: int = 16, thickness: float = 1.0, layers: int = 1) -> None:
     """Corners (0, 0), (48, 44), (48, 60), (0, 44) in the plane x, y; cells per edge [lengths in mm].
 
     Surfaces: left (x = 0), right (x = 48), front and back (z = 0, thickness).

@@ -5,7 +5,7 @@ import math
 import gmsh
 
 
-def build(radius=20.0, depth=1.0, cells=8, layers=1):
+def build(radius: float = 20.0, depth: float = 1.0, cells: int = 8, layers: int = 1) -> None:
     """Quarter disc x, z >= 0 of `radius`, 0 <= y <= depth [length]; cells: along each side of the three blocks.
 
     Surfaces: symmetry_x (x = 0), symmetry_z (z = 0), front, back (y = 0, depth) and rim.
@@ -34,7 +34,7 @@ def build(radius=20.0, depth=1.0, cells=8, layers=1):
     volumes = [tag for dim, tag in out if dim == 3]
     gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, volumes), "disc")
     places = {"symmetry_x": (0, 0.0), "symmetry_z": (2, 0.0), "front": (1, 0.0), "back": (1, depth)}
-    groups = {name: [] for name in (*places, "rim")}
+    groups: dict[str, list[int]] = {name: [] for name in (*places, "rim")}
     for dim, face in gmsh.model.getBoundary([(3, v) for v in volumes], oriented=False):
         box = gmsh.model.getBoundingBox(dim, face)
         flat = [n for n, (axis, at) in places.items() if max(abs(box[axis] - at), abs(box[axis + 3] - at)) < 1e-4 * radius]

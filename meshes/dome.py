@@ -6,7 +6,14 @@ import numpy as np
 from meshes import disc
 
 
-def build(radius=40.0, half_angle=45.0, thickness=1.5, boss=4.0, cells=5, layers=1):
+def build(
+    radius: float = 40.0,
+    half_angle: float = 45.0,
+    thickness: float = 1.5,
+    boss: float = 4.0,
+    cells: int = 5,
+    layers: int = 1,
+) -> None:
     """Quarter x, y >= 0 of a cap about the origin, its wall centred on `radius` and `half_angle` [degrees] wide.
 
     boss: extra thickness of the crown's inside, fading out between half and three quarters of the way to the rim [length];

@@ -3,7 +3,7 @@
 import gmsh
 
 
-def build(fine=1.5, cells=12, far=8.0, growth=1.3, depth=None):
+def build(fine: float = 1.5, cells: int = 12, far: float = 8.0, growth: float = 1.3, depth: float | None = None) -> None:
     """Quarter block 0 <= x, y <= far, -far <= z <= 0 [length], faces xmin, xmax, ymin, ymax, zmin, zmax.
 
     cells: number of equal cells from the origin to the distance `fine`; growth: size of each cell beyond over that of its
@@ -28,7 +28,7 @@ def build(fine=1.5, cells=12, far=8.0, growth=1.3, depth=None):
             gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), letter + end)
 
 
-def _grid_line(points):
+def _grid_line(points: list[tuple[float, float, float]]) -> list[tuple[int, int]]:
     """Chain of one-cell lines through points; returns their (dimension, tag)."""
     tags = [gmsh.model.geo.addPoint(*p) for p in points]
     lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, tags[1:], strict=False)]
@@ -37,7 +37,7 @@ def _grid_line(points):
     return [(1, line) for line in lines]
 
 
-def _sweep(entities, direction, places):
+def _sweep(entities: list[tuple[int, int]], direction: tuple[int, int, int], places: list[float]) -> list[tuple[int, int]]:
     """Extrude entities along a direction in one layer of cells per interval of places."""
     length = places[-1]
     heights = [p / length for p in places[1:]]
@@ -45,6 +45,6 @@ def _sweep(entities, direction, places):
     return [e for e in out if e[0] == entities[0][0] + 1]
 
 
-def _lies_at(face, axis, place):
+def _lies_at(face: int, axis: int, place: float) -> bool:
     box = gmsh.model.getBoundingBox(2, face)
     return all(abs(box[axis + 3 * i] - place) < 1e-6 * max(1.0, abs(place)) for i in (0, 1))

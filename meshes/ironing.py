@@ -5,8 +5,19 @@ import math
 import gmsh
 
 
-def build(length=12.0, height=4.0, foundation=(48, 8), width=1.2, left=0.2, sides=0.9, radius=0.75, gap=0.2,
-          indenter=(16, 6), depth=0.125, growth=1.1):  # fmt: skip
+def build(
+    length: float = 12.0,
+    height: float = 4.0,
+    foundation: tuple[int, int] = (48, 8),
+    width: float = 1.2,
+    left: float = 0.2,
+    sides: float = 0.9,
+    radius: float = 0.75,
+    gap: float = 0.2,
+    indenter: tuple[int, int] = (16, 6),
+    depth: float = 0.125,
+    growth: float = 1.1,
+) -> None:
     """Lengths; foundation, indenter: cells along x and z; growth: of the foundation's cells from its top downwards.
 
     Volumes foundation (top at z = 0, x from 0) and indenter (x from `left`, underside an arc of `radius` whose lowest
@@ -36,7 +47,9 @@ def build(length=12.0, height=4.0, foundation=(48, 8), width=1.2, left=0.2, side
     gmsh.model.mesh.generate(3)
 
 
-def _swept(corners, cells, depth, centre=None, growth=1.0):
+def _swept(
+    corners: list[tuple[float, float]], cells: tuple[int, int], depth: float, centre: int | None = None, growth: float = 1.0
+) -> tuple[int, list[int], list[int]]:
     """Quadrilateral in the x-z plane swept along y: volume, the faces of its four sides, and its two ends.
 
     centre: of the arc that replaces the first side; growth: of the cells from the third side to the first.

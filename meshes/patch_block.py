@@ -3,7 +3,7 @@
 import gmsh
 
 
-def build(size=1.0, cells=8):
+def build(size: float = 1.0, cells: int = 8) -> None:
     """Cube 0 <= x, y, z <= size [length] of `cells` (an even number) per edge.
 
     Surfaces: patch (top, x and z below size/2), top (the rest of it), bottom (y = 0), symmetry_x, symmetry_z.
@@ -25,7 +25,7 @@ def build(size=1.0, cells=8):
     geo.synchronize()
     gmsh.model.mesh.generate(3)
     gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag for dim, tag in out if dim == 3]), "block")
-    groups = {"patch": [], "top": [], "bottom": [], "symmetry_x": [], "symmetry_z": []}
+    groups: dict[str, list[int]] = {"patch": [], "top": [], "bottom": [], "symmetry_x": [], "symmetry_z": []}
     places = {"bottom": (1, 0.0), "top": (1, size), "symmetry_x": (0, 0.0), "symmetry_z": (2, 0.0)}
     for _, face in gmsh.model.getEntities(2):
         box = gmsh.model.getBoundingBox(2, face)

@@ -3,7 +3,16 @@
 import gmsh
 
 
-def build(half_width=40.0, height=10.0, punch=20.0, inside=14, outside=10, layers=8, ratio=1.15, patch=False):
+def build(
+    half_width: float = 40.0,
+    height: float = 10.0,
+    punch: float = 20.0,
+    inside: int = 14,
+    outside: int = 10,
+    layers: int = 8,
+    ratio: float = 1.15,
+    patch: bool = False,
+) -> None:
     """Quarter plate 0 <= x, y <= half_width, 0 <= z <= height [length].
 
     inside, outside: cells from the centre to the punch's edge and from there to the rim; layers: cells over the height;

@@ -5,7 +5,7 @@ import math
 import gmsh
 
 
-def build(radius=10.0, height=4.0, cells=4, layers=4):
+def build(radius: float = 10.0, height: float = 4.0, cells: int = 4, layers: int = 4) -> None:
     """Cylinder of `radius`, 0 <= z <= height [length]; cells: along each side of the five blocks, layers: along z."""
     geo = gmsh.model.geo
     centre = geo.addPoint(0, 0, 0)

@@ -1,12 +1,13 @@
 """One eighth of a thick spherical shell of hexahedra: three patches that meet at (1, 1, 1), none of them collapsed."""
 
 import math
+from typing import Any
 
 import gmsh
 import numpy as np
 
 
-def build(inner=95.0, thickness=1.0, cells=9, layers=4):
+def build(inner: float = 95.0, thickness: float = 1.0, cells: int = 9, layers: int = 4) -> None:
     """Octant x, y, z >= 0 between radii `inner` and `inner` + `thickness` [length].
 
     cells: per edge of each patch, so 3 cells^2 facets on each sphere (9 makes 243, about 16 x 16); layers: of cells through
@@ -50,14 +51,15 @@ CORNERS = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1), (1, 0, 1), (1,
 PATCHES = [(0, 3, 6, 5), (1, 4, 6, 3), (2, 5, 6, 4)]
 
 
-def _turned(corners):
+def _turned(corners: tuple[int, ...]) -> tuple[int, ...]:
     return (*corners[1:], corners[0])
 
 
-def _sphere(geo, radius, middle, cells):
+def _sphere(geo: Any, radius: float, middle: int, cells: int) -> dict[str, Any]:
     """Points, arcs by the numbers of their ends, and faces of the three patches on one sphere."""
     points = [geo.addPoint(*(radius * c / math.sqrt(sum(direction)) for c in direction)) for direction in CORNERS]
-    curves, faces = {}, []
+    curves: dict[tuple[int, int], int] = {}
+    faces: list[int] = []
     for corners in PATCHES:
         loop = []
         for a, b in zip(corners, _turned(corners), strict=True):
@@ -71,7 +73,7 @@ def _sphere(geo, radius, middle, cells):
     return {"points": points, "curves": curves, "faces": faces}
 
 
-def _onto_spheres(inner, thickness, layers):
+def _onto_spheres(inner: float, thickness: float, layers: int) -> None:
     """Interpolation between the patches leaves nodes a little off: put each onto its layer's sphere."""
     tags, x, _ = gmsh.model.mesh.getNodes()
     for tag, place in zip(tags, x.reshape(-1, 3), strict=True):

@@ -1,11 +1,18 @@
 """Surfaces of rigid tools, without volumes: a ball's lower half and a square punch's rounded face, facets looking out."""
 
 import math
+from collections.abc import Callable
 
 import gmsh
 
 
-def ball(radius=10.0, centre=(0.0, 0.0, 10.0), size=1.0, quadrilaterals=False, reach=0.5):
+def ball(
+    radius: float = 10.0,
+    centre: tuple[float, float, float] = (0.0, 0.0, 10.0),
+    size: float = 1.0,
+    quadrilaterals: bool = False,
+    reach: float = 0.5,
+) -> None:
     """The part of a ball around its lowest point out to `reach` times its radius [lengths], facets of `size`."""
     occ = gmsh.model.occ
     solid = occ.addSphere(*centre, radius)
@@ -17,7 +24,14 @@ def ball(radius=10.0, centre=(0.0, 0.0, 10.0), size=1.0, quadrilaterals=False, r
     _name("ball", lambda x: x[2] < top - 1e-6 * radius)
 
 
-def punch(half_width=10.0, height=10.0, face=(0.0, 0.0, 0.0), fillet=2.0, size=1.0, quadrilaterals=False):
+def punch(
+    half_width: float = 10.0,
+    height: float = 10.0,
+    face: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    fillet: float = 2.0,
+    size: float = 1.0,
+    quadrilaterals: bool = False,
+) -> None:
     """Square punch above `face`, the centre of its flat face, all edges rounded [lengths], facets of `size`."""
     occ = gmsh.model.occ
     x, y, z = face
@@ -28,7 +42,7 @@ def punch(half_width=10.0, height=10.0, face=(0.0, 0.0, 0.0), fillet=2.0, size=1
     _name("punch", lambda x: True)
 
 
-def _mesh_outwards(size, quadrilaterals):
+def _mesh_outwards(size: float, quadrilaterals: bool) -> None:
     gmsh.model.occ.synchronize()
     for _, volume in gmsh.model.getEntities(3):
         gmsh.model.mesh.setOutwardOrientation(volume)
@@ -39,7 +53,7 @@ def _mesh_outwards(size, quadrilaterals):
     gmsh.model.mesh.generate(2)
 
 
-def _name(name, chosen):
+def _name(name: str, chosen: Callable[[tuple[float, float, float]], bool]) -> None:
     """Group of the surfaces whose centre is chosen."""
     faces = [tag for _, tag in gmsh.model.getEntities(2) if chosen(gmsh.model.occ.getCenterOfMass(2, tag))]
     gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), name)

@@ -3,14 +3,14 @@
 import gmsh
 
 
-def build(tubes=None, depth=5.0):
+def build(tubes: dict[str, tuple[float, float, int, int]] | None = None, depth: float = 5.0) -> None:
     """tubes: {name: (inner radius, outer radius, cells around, cells through)}; radii and depth [length].
 
     Volumes: the names. Surfaces: symmetry_x (x = 0), symmetry_y (y = 0) and ends (z = 0, depth) of all tubes, and of each
     its name_inside and name_outside.
     """
     tubes = tubes or {"inner": (80.0, 90.0, 24, 3), "outer": (100.0, 110.0, 16, 3)}
-    groups = {"symmetry_x": [], "symmetry_y": [], "ends": []}
+    groups: dict[str, list[int]] = {"symmetry_x": [], "symmetry_y": [], "ends": []}
     for name, sizes in tubes.items():
         volume, faces = _quarter(*sizes, depth)
         gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
@@ -21,7 +21,7 @@ def build(tubes=None, depth=5.0):
     gmsh.model.mesh.generate(3)
 
 
-def _quarter(inner, outer, around, through, depth):
+def _quarter(inner: float, outer: float, around: int, through: int, depth: float) -> tuple[int, dict[str, list[int]]]:
     """Volume and {place: faces} of a quarter tube."""
     geo = gmsh.model.geo
     o, a, b, c, d = (geo.addPoint(x, y, 0) for x, y in ((0, 0), (inner, 0), (outer, 0), (0, outer), (0, inner)))

@@ -4,13 +4,13 @@ import gmsh
 
 
 def build(
-    lower=(40.0, 40.0, 10.0),
-    lower_cells=(16, 16, 4),
-    lower_origin=(0.0, 0.0, -10.0),
-    upper=(20.0, 20.0, 10.0),
-    upper_cells=(10, 10, 4),
-    upper_origin=(5.0, 10.0, 0.0),
-):
+    lower: tuple[float, float, float] = (40.0, 40.0, 10.0),
+    lower_cells: tuple[int, int, int] = (16, 16, 4),
+    lower_origin: tuple[float, float, float] = (0.0, 0.0, -10.0),
+    upper: tuple[float, float, float] = (20.0, 20.0, 10.0),
+    upper_cells: tuple[int, int, int] = (10, 10, 4),
+    upper_origin: tuple[float, float, float] = (5.0, 10.0, 0.0),
+) -> None:
     """Lengths, cells per edge and lowest corner of each block [all lengths in one unit]."""
     # gmsh lets a face inherit the mesh of another in the same place: mesh the blocks apart, then bring them together
     apart = 2.0 * (lower[2] + upper[2])
@@ -26,7 +26,9 @@ def build(
                 gmsh.model.mesh.setNode(tag, place - [0.0, 0.0, apart], [])
 
 
-def _block(name, size, cells, origin):
+def _block(
+    name: str, size: tuple[float, float, float], cells: tuple[int, int, int], origin: tuple[float, float, float]
+) -> None:
     base = gmsh.model.occ.addRectangle(*origin, size[0], size[1])
     out = gmsh.model.occ.extrude([(2, base)], 0, 0, size[2], numElements=[cells[2]], recombine=True)
     gmsh.model.occ.synchronize()

@@ -1,10 +1,22 @@
 """Two cylinders along y whose rims touch at the origin, cut off at their axes: one layer of structured hexahedra."""
 
+from typing import Any
+
 import gmsh
 import numpy as np
 
+from fenics_contact.types import Floats
 
-def build(radius=8.0, fine=1.0, cells=30, outside=9, through=16, depth=0.1, reach=1.0):
+
+def build(
+    radius: float = 8.0,
+    fine: float = 1.0,
+    cells: int = 30,
+    outside: int = 9,
+    through: int = 16,
+    depth: float = 0.1,
+    reach: float = 1.0,
+) -> None:
     """radius; fine: half the width of the zone of even cells around the contact, `cells` of them across it; outside: growing
     cells on either side of it; through: growing ones from rim to axis plane; depth: of the slice [lengths]; reach: angle
     [radians] of the rim on either side of the contact, beyond which the flanks are vertical.
@@ -27,7 +39,7 @@ def build(radius=8.0, fine=1.0, cells=30, outside=9, through=16, depth=0.1, reac
         _move(entities, sign, columns, height, radius, depth)
 
 
-def _box(name, rim, cells):
+def _box(name: str, rim: float, cells: tuple[int, int, int]) -> tuple[dict[str, Any], list[tuple[int, int]]]:
     """Unit box of structured cells from z = rim away from z = 0: faces by name, and all entities."""
     before = set(gmsh.model.getEntities())
     geo, axis = gmsh.model.geo, rim + (1.0 if rim > 0 else -1.0)
@@ -45,7 +57,7 @@ def _box(name, rim, cells):
     return {"rim": low, "axis": high, "ends": [base, end]}, entities
 
 
-def _move(entities, sign, columns, height, radius, depth):
+def _move(entities: list[tuple[int, int]], sign: int, columns: Floats, height: Floats, radius: float, depth: float) -> None:
     """Nodes of the unit box to their places on the cylinder."""
     for entity in entities:
         tags, places, _ = gmsh.model.mesh.getNodes(*entity)
@@ -57,14 +69,14 @@ def _move(entities, sign, columns, height, radius, depth):
             gmsh.model.mesh.setNode(tag, [across, depth * y, sign * up], [])
 
 
-def _graded(cells, outside, fine, reach):
+def _graded(cells: int, outside: int, fine: float, reach: float) -> Floats:
     """Angles from -reach to reach: even cells within `fine`, growing ones beyond."""
     inner = np.linspace(-fine, fine, cells + 1)
     beyond = fine + (reach - fine) * _rising(outside, (inner[1] - inner[0]) / (reach - fine))[1:]
     return np.concatenate([-beyond[::-1], inner, beyond])
 
 
-def _rising(count, first):
+def _rising(count: int, first: float) -> Floats:
     """Places from 0 to 1 in `count` cells that grow by a constant ratio, the first one `first` long."""
     low, high = 1.0, 10.0
     for _ in range(60):
