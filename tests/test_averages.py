@@ -72,6 +72,34 @@ def test_tangent_on_tetrahedra_with_an_edge_among_the_slaves(friction, shift, st
     assert np.log2(left[:-1] / left[1:]).min() > 1.98
 
 
+# ---- tangent where samples lie in part over the master
+@pytest.mark.serial
+@pytest.mark.parametrize("master", ["lower_top", ("lower_top", "lower_xmax", "lower_ymax")])
+@pytest.mark.parametrize(
+    "friction, shift, status",
+    [(0.0, (0.1, 0.05, -0.02), CLOSED), (0.02, (0.5, 0.2, -0.02), SLIP), (9.0, (0.03, 0.01, -0.02), STICK)],
+)
+def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
+    mesh, scene = blocks(
+        lower=(10, 8, 4),
+        lower_cells=(5, 4, 2),
+        lower_origin=(0, 0, -4),
+        upper=(6, 6, 2),
+        upper_cells=(4, 3, 1),
+        upper_origin=(6.2, 4.1, 0),
+    )
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    scene.contact("upper_bottom", master, friction, points="averages", name="c")
+    system, contact = roughened(mesh, scene, 0.03, shift)
+    state = system.state
+    feet = contact.partner.feet(state)
+    partly = (feet.met[6] > 0.0) & (feet.met[6] < 1.0)
+    assert partly.sum() >= 6 and (contact.response(state).status == status).sum() > 6
+    left = remainders(system, contact, direction(system), 2e-5)
+    assert np.log2(left[:-1] / left[1:]).min() > 1.98
+
+
 # ---- history
 @pytest.mark.serial
 def test_what_slips_goes_on_from_the_traction_it_had():
@@ -136,6 +164,23 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
     owned = 3 * scene.space.dofmap.index_map.size_local
     total = COMM.allreduce(out[:owned].reshape(-1, 3).sum(axis=0))
     assert np.abs(total).max() < 1e-10 * force[-1]
+
+
+@pytest.mark.serial
+def test_a_stiff_sharp_block_is_led_over_soft_slaves_and_off_their_end():
+    """The block's edges pass over sample after sample: where these counted whole or not at all, Newton's method cycled."""
+    size = {"lower": (10, 0.5, 4), "lower_origin": (0, 0, -4), "upper": (4, 0.5, 2), "upper_origin": (3, 0, 0)}
+    mesh = read_gmsh(two_blocks.build, **size, lower_cells=(20, 1, 6), upper_cells=(11, 1, 5))
+    scene = Scene(Body(mesh, "lower", from_elastic(1.0, 0.3)), Body(mesh, "upper", from_elastic(100.0, 0.3)))
+    scene.fix("lower_bottom")
+    scene.fix(("lower_ymin", "lower_ymax", "upper_ymin", "upper_ymax"), "y")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.3 * min(4 * t, 1)))
+    scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 7.5 * max(t - 0.25, 0) / 0.75))
+    scene.contact("lower_top", "upper_bottom", 0.3, points="averages", name="c")
+    result = solve(scene, steps=60, progress=False).require()
+    force = -result.column("c_force_z_N")
+    assert result.verdict.cuts == 0 and result.verdict.iterations <= 330
+    assert np.diff(force[20:]).max() < 0.01 * force.max() and force[-1] == 0.0  # drawn along, and off the end from t = 0.55
 
 
 def test_a_tool_has_no_averages():

@@ -8,16 +8,18 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, deepest_lost, own, unit
-from fenics_contact.contact.master import MasterSurface
+from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pairing import Pairing, Watch, seek_along
-from fenics_contact.contact.samples import Samples
+from fenics_contact.contact.samples import CREASE, Samples
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.couplings import Pattern
-from fenics_contact.kernels.mortar_tangent import add_held_tangents, add_node_tangents, foreseen_averages
+from fenics_contact.kernels.coverage import Ends, coverage, surface_ends
+from fenics_contact.kernels.mortar_rates import add_node_tangents, foreseen_averages
+from fenics_contact.kernels.mortar_tangent import add_held_tangents
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
@@ -31,13 +33,17 @@ FLAT = 1e-12  # of the tangential directions: what normals may differ by and cou
 
 class MortarFeet(NamedTuple):
     """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
-    their mean normals and turns (ns, 3, 3) of kernels/normals.py; the projection along these normals."""
+    their mean normals and turns (ns, 3, 3) of kernels/normals.py; what these normals meet."""
 
     coords: Floats
     points: Floats
     lengths: Floats
     turns: Floats
-    projection: Projection
+    met: kernel.Met
+
+    @property
+    def projection(self) -> Projection:
+        return self.met[:6]
 
 
 class Linearised(NamedTuple):
@@ -77,6 +83,9 @@ class MortarPartner:
         blocks = np.concatenate([skin.blocks, master.blocks]).astype(np.int64)
         self._pattern = NodePattern(self.samples, self._facets[0], blocks, skin.size)
         self._comm = skin.comm
+        normals = unit(area_vectors(master.X[master.facets[0]]))
+        starts, edges, sides = surface_ends(master.facets, normals, np.cos(np.radians(CREASE)))
+        self._ends: Ends = starts, edges + self._first, sides
         watched = np.unique(np.concatenate([skin.owned, master.owned]))  # what positions rest on
         self._watch = Watch(self._comm, watched)
         self._pairing = Pairing(self._facets, seek_along, self.search, MARGIN * master.edge)
@@ -91,7 +100,16 @@ class MortarPartner:
         n = self.samples.count
         points, directions, lengths = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         kernel.sample_places(coords, self.samples.slaves, normals, points, directions, lengths)
-        return MortarFeet(coords, points, lengths, turns, project(points, -directions, coords))
+        return MortarFeet(
+            coords, points, lengths, turns, self._covered(points, coords, project(points, -directions, coords))
+        )
+
+    def _covered(self, points: Floats, coords: Floats, projection: Projection) -> kernel.Met:
+        """The projection without what lies off the master, and how much of each sample lies over it."""
+        n, s = len(points), self.samples
+        cover = np.empty(n), np.empty((n, 4), dtype=np.int64), np.empty((n, 5, 3))
+        coverage(coords, s.corners, s.rim, points, self._facets, self._ends, projection, cover)
+        return *projection, *cover
 
     def feet(self, state: State) -> MortarFeet:
         """The places at a state; the same object while these do not change on any rank. Collective."""
@@ -110,20 +128,24 @@ class MortarPartner:
 
     def far(self, feet: MortarFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""
-        return self._pairing.far(feet.points, -feet.projection[5], feet.coords, search)
+        found = self._pairing.far(feet.points, -feet.projection[5], feet.coords, search)
+        return self._covered(feet.points, feet.coords, found)[:6]
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
+    def _averages(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
+        return kernel.averages(feet.coords, self.samples.slaves, self._facets, feet.met, own(anchors))
+
     def _averaged(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
         """What the slave nodes have on average; residual, couplings, tangent and what is foreseen ask for the same."""
         last = self._last
         if last is None or last[0] is not feet or last[1] is not anchors:
-            averaged = kernel.averages(feet.coords, self.samples.slaves, self._facets, feet.projection, own(anchors))
-            last = self._last = feet, anchors, averaged
+            last = self._last = feet, anchors, self._averages(feet, anchors)
         return last[2]
 
     def _law(self, trial: Trial) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()
-        return law.eps_n, law.eps_t, law.friction, float(law.touch), shift, trial.judged.reshape(-1, 4)
+        judged, body = trial.judged.reshape(-1, 4), self.surface.stiffness
+        return law.eps_n, law.eps_t, law.friction, float(law.touch), shift, judged, body
 
     def _share(self, trial: Trial) -> Floats:
         return (trial.area / self.surface.area).ravel()
@@ -139,9 +161,16 @@ class MortarPartner:
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _, excess = self._tractions(feet, trial)
         forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 3)), self.samples, self.surface.area
-        kernel.add_node_forces(s.slaves, self._facets, feet.projection, (N, T, s.number), forces, sums)
+        kernel.add_node_forces(s.slaves, self._facets, feet.met, (N, T, s.number), forces, sums)
         gap = np.minimum(averaged[0], self.search)[:, None]
-        return Response((sums / area)[:, None], gap, status[:, None], excess[:, None], np.ones_like(area), forces)
+        cover = self._softened(averaged, trial)[:, None]
+        return Response((sums / area)[:, None], gap, status[:, None], excess[:, None], cover, forces)
+
+    def _softened(self, averaged: kernel.Averaged, trial: Trial) -> Floats:
+        """Penalties of the nodes (ns,) over those of nodes that are covered whole."""
+        part = np.empty(len(averaged[0]))
+        kernel.softening(self._law(trial), averaged, part)
+        return part
 
     def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -152,11 +181,11 @@ class MortarPartner:
         averaged, _, N, T, _, _ = self._tractions(feet, trial)
         rates, pressed, rubbed = kernel.node_rates(self._law(trial), averaged, self._share(trial))
         s, turned, anchors = self.samples, self._turned(feet), own(trial.history.anchors)
-        where = feet.coords, s.slaves, self._facets, feet.projection
+        where = feet.coords, s.slaves, self._facets, feet.met
 
         def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
             missing = add_held_tangents(*where, turned, (pressed, rubbed, s.number), (*pattern, *out))
-            return missing + add_node_tangents(*where, anchors, turned, (rates, averaged[2], averaged[3]), (*pattern, *out))
+            return missing + add_node_tangents(*where, anchors, turned, (rates, *averaged), (*pattern, *out))
 
         rows, columns, blocks, missing = self._pattern.filled(add)
         if missing:
@@ -169,24 +198,26 @@ class MortarPartner:
         gaps = averaged[0] + trial.history.shift.ravel()
         gaps = np.minimum(gaps, trial.judged.reshape(-1, 4)[:, 0]) if len(trial.judged) else gaps
         closed = np.isfinite(averaged[0]) & (gaps <= 2.0 * trial.law.touch)
-        facet, anchor_nodes = feet.projection[0], own(trial.history.anchors)[0]
-        if self._pattern.suffices(closed, facet, anchor_nodes):
+        facet, anchor_nodes, ends = feet.projection[0], own(trial.history.anchors)[0], feet.met[7]
+        if self._pattern.suffices(closed, facet, anchor_nodes, ends):
             return None
         with self.timers("search"):
             near = self._pairing.within(feet.points, feet.coords, MARGIN * self.master.edge)
-        self._pattern.provide(*near, closed, facet, anchor_nodes)
+        self._pattern.provide(*near, closed, facet, anchor_nodes, ends)
         return self._pattern.keys
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
         """Gaps, shifts added, and ways (4 ns,) that decide: of the tractions which the tangent `before` foresees at these
         places, with a share of what is found there."""
         then, law, anchors = before.feet, trial.law, trial.history.anchors
-        where = then.coords, self.samples.slaves, self._facets, then.projection
-        change = foreseen_averages(*where, own(anchors), self._turned(then), feet.coords - then.coords)
-        eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t])
+        where = then.coords, self.samples.slaves, self._facets, then.met
+        means = self._averages(then, anchors)
+        change = foreseen_averages(*where, own(anchors), means, self._turned(then), feet.coords - then.coords)
+        averaged = self._averaged(feet, anchors)
+        part = self._softened(averaged, trial)
+        eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
-        gaps, ways, _, _ = self._averaged(feet, anchors)
-        found = np.column_stack([np.minimum(gaps, self.search) + trial.history.shift.ravel(), ways])
+        found = np.column_stack([np.minimum(averaged[0], self.search) + trial.history.shift.ravel(), averaged[1]])
         share = np.minimum(WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
         return (foreseen + share * (found - foreseen)).ravel()
 
@@ -201,13 +232,13 @@ class MortarPartner:
         s, (nodes, weights), n = self.samples, own(anchors), feet.projection[5]
         new = (s.table >= 0) & (feet.projection[1] != NONE)[s.table]
         new &= renewed[:, None] | (kept[:, None] & (nodes[s.anchor, 0] < 0))
-        share = np.where(new, s.share, 0.0)
+        share = np.where(new, s.share * feet.met[6][s.table], 0.0)
         # a mean of P(n_q) slip is shorter than the slip where normals differ
         along = np.einsum("nj,njc,njd->ncd", share, n[s.table], n[s.table])
         whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
         apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
         slips = np.ascontiguousarray(np.einsum("ncd,nd->nc", apart, slips))
-        where = feet.coords, s.slaves, self._facets, feet.projection
+        where = feet.coords, s.slaves, self._facets, feet.met
         return kernel.anchors_behind(*where, (nodes, weights), (kept, renewed, slips))
 
     def places(self, feet: MortarFeet, trial: Trial) -> Anchors:
@@ -225,7 +256,7 @@ class MortarPartner:
 
     def _rested(self, feet: MortarFeet, rests: Anchors) -> tuple[Floats, Bools]:
         """Ways (ns, 3) since the samples came to rest, and which nodes have such."""
-        _, ways, _, anchored = self._averaged(feet, rests)
+        _, ways, _, anchored, _ = self._averaged(feet, rests)
         return ways, anchored > 0.0
 
     def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
@@ -294,7 +325,8 @@ class MortarPartner:
     def features(self, feet: MortarFeet) -> Array:
         """Codes (ns, ...): where one changes the traction has a kink."""
         s = self.samples
-        return np.where(s.table < 0, -9, feet.projection[0][s.table])
+        codes = np.column_stack([feet.projection[0], feet.met[7]])[s.table]
+        return np.where((s.table < 0)[..., None], -9, codes).reshape(len(codes), 5 * s.table.shape[1])
 
     def touches(self, blocks: Array) -> int:
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""

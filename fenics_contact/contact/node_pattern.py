@@ -30,28 +30,32 @@ class NodePattern:
         """As PairPattern.filled."""
         return self._pairs.filled(add)
 
-    def suffices(self, closed: Bools, facet: Ints64, anchor_nodes: Ints64) -> bool:
-        """True while the pattern holds the couplings of all closed nodes (ns,)."""
-        now = closed, facet, anchor_nodes
+    def suffices(self, closed: Bools, facet: Ints64, anchor_nodes: Ints64, ends: Ints64) -> bool:
+        """True while the pattern holds the couplings of all closed nodes (ns,); ends (np, 4) of kernels/coverage.py."""
+        now = closed, facet, anchor_nodes, ends
         if self._met and all(np.array_equal(a, b) for a, b in zip(now, self._met, strict=True)):
             return True
         enough = len(self.keys) > 0 or not closed.any()
-        if enough and lists_lack(closed, *self._lists(facet, anchor_nodes), self._pairs.arrays):
+        if enough and lists_lack(closed, *self._lists(facet, anchor_nodes, ends), self._pairs.arrays):
             return False
         if enough:
             self._met = tuple(part.copy() for part in now)
         return enough
 
-    def _lists(self, facet: Ints64, anchor_nodes: Ints64) -> tuple[Ints64, Ints64, Ints64]:
-        """Nodes of the slave (ns, k), of the master (ns, l) and of the anchors (ns, n) around each slave node, -1: none."""
+    def _lists(self, facet: Ints64, anchor_nodes: Ints64, ends: Ints64) -> tuple[Ints64, Ints64, Ints64]:
+        """Nodes of the slave (ns, k), of the master (ns, l), of anchors and the master's ends (ns, n) around each slave
+        node, -1: none."""
         s = self._samples
         met = np.where(s.table < 0, -1, facet[s.table])
         shape = len(self._ring), 4 * s.table.shape[1]
         masters = np.where((met < 0)[..., None], -1, self._corners[met]).reshape(shape)
         anchors = np.where((s.anchor < 0)[..., None], -1, anchor_nodes[s.anchor]).reshape(shape)
-        return self._ring, masters, anchors
+        edges = np.where((s.table < 0)[..., None], -1, ends[s.table, :2]).reshape(len(self._ring), 2 * s.table.shape[1])
+        return self._ring, masters, np.concatenate([anchors, edges], axis=1)
 
-    def provide(self, offsets: Ints64, facets: Ints64, closed: Bools, facet: Ints64, anchor_nodes: Ints64) -> None:
+    def provide(
+        self, offsets: Ints64, facets: Ints64, closed: Bools, facet: Ints64, anchor_nodes: Ints64, ends: Ints64
+    ) -> None:
         """Renew the pattern: slave nodes with the facets of the samples' CSR lists around them and those that they meet."""
         s, n = self._samples, len(self._ring)
         owner, place = np.nonzero(s.table >= 0)
@@ -66,7 +70,7 @@ class NodePattern:
         pairs = np.unique(pairs, axis=0)
         starts = np.searchsorted(pairs[:, 0], np.arange(n + 1))
         ring = np.where(self._ring < 0, self._ring[:, :1], self._ring)
-        anchors = self._lists(facet, anchor_nodes)[2]
+        anchors = self._lists(facet, anchor_nodes, ends)[2]
         anchors = np.where(anchors < 0, ring[:, :1], anchors)
         lists = starts, np.ascontiguousarray(pairs[:, 1]), ring, self._corners, anchors
         none = np.empty(0, dtype=np.int64)
@@ -75,7 +79,7 @@ class NodePattern:
             coupled_pairs(*lists, heads, tails)
         rows, columns = unique_pairs(heads, tails, len(self._blocks))
         self._pairs.set(np.unique(self._blocks[rows] * self._count + self._blocks[columns]))
-        self._met = closed.copy(), facet.copy(), anchor_nodes.copy()
+        self._met = closed.copy(), facet.copy(), anchor_nodes.copy(), ends.copy()
 
 
 def _rings(samples: Samples) -> Ints64:

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
+from fenics_contact.kernels import coverage
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
 from fenics_contact.kernels.facets import Surface
@@ -17,6 +18,7 @@ FACING = 0.0  # cosine of outward normals above which a facet looks the slave's 
 # Of a facet's radius: by how much a normal from the border of a surface may miss the master. Surfaces that end together part
 # by less, and a point that far outside has left.
 BEYOND = 0.1
+FAR_BEYOND = 1.0  # the same for samples, of which some lies over the master while they miss it by less than their own size
 
 # points, their normals, coords, facets, lists, search, projection to fill
 Seek = Callable[[Floats, Floats, Floats, Surface, Lists, float, Projection], None]
@@ -96,7 +98,7 @@ def seek_along(
     points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
 ) -> None:
     """Where the master is met along given unit normals (np, 3) out of the slave."""
-    slave_rays(points, -normals, coords, facets, lists, search, BEYOND, out)
+    slave_rays(points, -normals, coords, facets, lists, (search, FAR_BEYOND, coverage.FACING), out)
 
 
 def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
@@ -109,6 +111,6 @@ def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
     ) -> None:
         directions = np.empty((len(points), 3))
         facet_directions(coords, nodes, gradients, directions)
-        slave_rays(points, directions, coords, facets, lists, search, beyond, out)
+        slave_rays(points, directions, coords, facets, lists, (search, beyond, FACING), out)
 
     return seek

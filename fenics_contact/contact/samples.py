@@ -6,7 +6,7 @@ import numpy as np
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints64
 
 CREASE = 30.0  # degrees between facets from which on they do not share a normal
 
@@ -15,7 +15,8 @@ class Samples:
     """Facets of a slave surface that this process evaluates, those around its own nodes, with their samples.
 
     slaves, groups: as the kernels take them; number (nf, m): the own node at each corner, or -1; table, corner (ns,
-    J): samples around each own node and its corner's place among those of their facet, -1 where there are fewer.
+    J): samples around each own node and its corner's place among those of their facet, -1 where there are fewer; corners
+    (nf, m): nodes of the facets; rim: the way on which a sample leaves the master, over its facet's size along it.
     """
 
     def __init__(self, skin: MasterSurface, count: int) -> None:
@@ -50,11 +51,18 @@ class Samples:
         self.table[owner[:, None], column] = f[:, None] * nq + np.arange(nq)
         self.corner[owner[:, None], column] = c[:, None]
         self.share = np.where(self.table < 0, 0.0, area.ravel()[self.table] * N[self.table % nq, self.corner])
+        # samples of surfaces that end together are covered whole: those nearest to the border, and a little more
+        aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
+        self.rim = 1.8 * float(aside.min())
         self.anchor = np.where(self.table < 0, -1, self.table * m + self.corner)
 
     @property
     def count(self) -> int:
         return self.slaves[1].size
+
+    @property
+    def corners(self) -> Ints64:
+        return np.ascontiguousarray(self.nodes[:, : self.slaves[3].shape[1]])
 
     def normals(self, coords: Floats) -> tuple[Floats, Floats]:
         """Unit normals of the groups and their turns."""

@@ -1,18 +1,23 @@
 """Contact averaged at slave nodes: gaps, ways, forces and anchors of a mortar method with plain shape functions.
 
 Sample points q of the slave's facets look along averaged normals and meet the master at a foot.  Gap and way of a node A are
-means over the samples around it, weighted with its shape function N_A; its traction acts through all of them.
+means over the samples around it, weighted with its shape function N_A and with how much of them lies over the master
+(kernels/coverage.py); its traction acts through all of them.  Where only a part s of a node's area is covered, its penalties
+are in series with the body beneath, 1/eps_A = 1/eps + (1 - s)/(s kappa E/h): what is nearly off the master hardly presses.
 
 Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3) are present positions of nodes [length]:
     slaves     (nodes (nf, k) of the facets, corners first, weights (nf, nq) reference areas of the samples [length^2],
                shape (nq, k) of the facet's nodes, N (nq, m) of its corners, group (nf, m) of kernels/normals.py, and where
                each slave node is a corner: starts (ns + 1,), facets (ne,), places (ne,))
-    surface, projection as in kernels/closest_point.py, of np = nf nq samples that look along the normals of the projection
+    surface    as in kernels/closest_point.py
+    met        (the projection of kernels/closest_point.py, of np = nf nq samples that look along its normals, and the cover
+               of kernels/coverage.py)
     anchors    (nodes (np m, 4), weights (np m, 4)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
     averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
-               master, and those with anchors (ns,) [length^2]) of the slave nodes
+               master, those with anchors (ns,), and all (ns,) [length^2]) of the slave nodes
     law        (eps_n (ns,), eps_t (ns,) [pressure/length], Friction of kernels/law.py, touch [length], shift (ns,) [length],
-               judged (ns, 4) or (0, 4): gap, shift added, and way that decide who is closed and who slips [length])
+               judged (ns, 4) or (0, 4): gap, shift added, and way that decide who is closed and who slips [length], body
+               (ns,): E/h of what lies beneath [pressure/length])
 A node's anchors trail the feet of its samples by its elastic slip: its friction is felt again wherever these go on.
 """
 
@@ -21,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface, shape, shape_gradient
 from fenics_contact.kernels.law import FREE, FRICTIONLESS, Friction, Gaps, Law, excess, partials, traction
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
@@ -43,10 +48,13 @@ from fenics_contact.kernels.vectors import (
 )
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 
+Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floats]
 Slaves = tuple[Ints64, Floats, Floats, Floats, Ints64, Ints64, Ints64, Ints64]
 Anchors = tuple[Ints64, Floats]
-Averaged = tuple[Floats, Floats, Floats, Floats]
-NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats]
+Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
+NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
+
+KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less robust
 
 
 class Foot(NamedTuple):
@@ -87,40 +95,43 @@ def sample_places(
 
 
 @njit(cache=True, error_model="numpy")
-def foot_of(q: int, coords: Floats, surface: Surface, projection: Projection) -> Foot:
+def foot_of(q: int, coords: Floats, surface: Surface, met: Met) -> Foot:
     """The Foot of sample q."""
     corners, size = surface
-    f, s, t = projection[0][q], projection[3][q, 0], projection[3][q, 1]
-    N, (N1, N2), n = shape(size[f], s, t), shape_gradient(size[f], s, t), row(projection[5], q)
+    f, s, t = met[0][q], met[3][q, 0], met[3][q, 1]
+    N, (N1, N2), n = shape(size[f], s, t), shape_gradient(size[f], s, t), row(met[5], q)
     x0, x1, x2 = row(coords, corners[f, 0]), row(coords, corners[f, 1]), row(coords, corners[f, 2])
     x3 = row(coords, corners[f, 3])
     x, r1, r2 = of_four(N, x0, x1, x2, x3), of_four(N1, x0, x1, x2, x3), of_four(N2, x0, x1, x2, x3)
     one, two = cross(r2, n), cross(n, r1)
     det = dot(r1, one)
-    return Foot(projection[4][q], n, x, r1, r2, times(1.0 / det, one), times(1.0 / det, two), N, N1, N2)
+    return Foot(met[4][q], n, x, r1, r2, times(1.0 / det, one), times(1.0 / det, two), N, N1, N2)
 
 
 @njit(cache=True, error_model="numpy")
-def averages(coords: Floats, slaves: Slaves, surface: Surface, projection: Projection, anchors: Anchors) -> Averaged:
+def averages(coords: Floats, slaves: Slaves, surface: Surface, met: Met, anchors: Anchors) -> Averaged:
     """What the slave nodes have on average."""
     weights, shapes, starts, facets, places = slaves[1], slaves[3], slaves[5], slaves[6], slaves[7]
     count, m = shapes.shape
     n = len(starts) - 1
-    gaps, ways, areas, anchored = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    gaps, ways, areas = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n)
+    anchored, whole = np.zeros(n), np.zeros(n)
     for A in range(n):
         gap, way = 0.0, ZERO
         for e in range(starts[A], starts[A + 1]):
             f, c = facets[e], places[e]
             for s in range(count):
-                q, share = f * count + s, weights[f, s] * shapes[s, c]
-                if projection[1][q] == NONE:
+                q = f * count + s
+                whole[A] += weights[f, s] * shapes[s, c]
+                share = weights[f, s] * shapes[s, c] * met[6][q]
+                if met[1][q] == NONE:
                     continue
                 areas[A] += share
-                gap += share * projection[4][q]
+                gap += share * met[4][q]
                 a = q * m + c
                 if anchors[0][a, 0] < 0:
                     continue
-                foot = foot_of(q, coords, surface, projection)
+                foot = foot_of(q, coords, surface, met)
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords))
                 anchored[A] += share
                 way = less(way, -share, less(w, dot(foot.n, w), foot.n))
@@ -128,13 +139,29 @@ def averages(coords: Floats, slaves: Slaves, surface: Surface, projection: Proje
             gaps[A] = gap / areas[A]
         if anchored[A] > 0.0:
             ways[A, 0], ways[A, 1], ways[A, 2] = times(1.0 / anchored[A], way)
-    return gaps, ways, areas, anchored
+    return gaps, ways, areas, anchored, whole
+
+
+@njit(cache=True, error_model="numpy")
+def _series(A: int, law: NodeLaws, averaged: Averaged) -> tuple[float, float]:
+    """Penalties of node A over those of one covered whole, and the slope of that ratio's logarithm with the share."""
+    s, ratio = averaged[2][A] / averaged[4][A], law[0][A] / (KAPPA * law[6][A])
+    both = s + ratio * (1.0 - s)
+    return s / both, ratio / (s * both)
+
+
+@njit(cache=True)
+def softening(law: NodeLaws, averaged: Averaged, part: Floats) -> None:
+    """Fill part (ns,) with the penalties over those of nodes that are covered whole; 0 where nothing is."""
+    for A in range(len(part)):
+        part[A] = _series(A, law, averaged)[0] if averaged[2][A] > 0.0 else 0.0
 
 
 @njit(cache=True)
 def _node_law(A: int, law: NodeLaws, averaged: Averaged) -> Law:
     """The Law of node A: without friction where none of its samples has an anchor."""
-    return Law(law[0][A], law[1][A], law[2] if averaged[3][A] > 0.0 else FRICTIONLESS, law[3])
+    part = _series(A, law, averaged)[0]
+    return Law(part * law[0][A], part * law[1][A], law[2] if averaged[3][A] > 0.0 else FRICTIONLESS, law[3])
 
 
 @njit(cache=True, error_model="numpy")
@@ -169,10 +196,10 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
 
 @njit(cache=True, error_model="numpy")
 def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats, Floats, Floats]:
-    """rates (ns, 4, 4) of N and T_T with gap and way, and N (ns,), T_T (ns, 3) that the judged gaps and ways stand for."""
+    """rates (ns, 4, 5) of N and T_T with gap, way and share, and N (ns,), T_T (ns, 3) that the judged gaps and ways mean."""
     gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
     n = len(gaps)
-    rates, N, T = np.zeros((n, 4, 4)), np.zeros(n), np.zeros((n, 3))
+    rates, N, T = np.zeros((n, 4, 5)), np.zeros(n), np.zeros((n, 3))
     for A in range(n):
         if gaps[A] == np.inf:
             continue
@@ -191,6 +218,11 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
             for a in range(3):
                 T[A, a] = share[A] * numbers.eps_t * judged[A, 1 + a]
         _put_rows(rates, A, share[A], by.w[0], by.w[1], by.w[2])
+        slope = _series(A, law, averaged)[1]  # both penalties grow alike: so does what sticks, and what slips with N
+        rates[A, 0, 4] = slope * N[A]
+        for a in range(3):
+            by_N = rates[A, 1 + a, 0] / (share[A] * numbers.eps_n) * N[A] if share[A] > 0.0 else 0.0
+            rates[A, 1 + a, 4] = slope * (T[A, a] if found.status == STICK else by_N)
     return rates, N, T
 
 
@@ -204,7 +236,7 @@ def _put_rows(rates: Floats, A: int, share: float, one: Vector, two: Vector, thr
 def add_node_forces(
     slaves: Slaves,
     surface: Surface,
-    projection: Projection,
+    met: Met,
     acting: tuple[Floats, Floats, Ints64],
     forces: Floats,
     sums: Floats,
@@ -219,15 +251,15 @@ def add_node_forces(
     for f in range(len(nodes)):
         for s in range(count):
             q = f * count + s
-            if projection[1][q] == NONE:
+            if met[1][q] == NONE:
                 continue
-            total, tangential, n = 0.0, ZERO, row(projection[5], q)
+            total, tangential, n = 0.0, ZERO, row(met[5], q)
             for c in range(m):
                 A = number[f, c]
                 if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
                     continue
                 t = row(T, A)
-                share = shapes[s, c] * weights[f, s]
+                share = shapes[s, c] * weights[f, s] * met[6][q]
                 total += share * N[A]
                 tangential = less(tangential, -share, t)
                 along = times(share, plus(times(N[A], n), less(t, dot(n, t), n)))
@@ -237,7 +269,7 @@ def add_node_forces(
             force = plus(times(total, n), less(tangential, dot(n, tangential), n))
             for i in range(nodes.shape[1]):
                 add_row(forces, nodes[f, i], table[s, i], force)
-            g, N_M = projection[0][q], shape(surface[1][projection[0][q]], projection[3][q, 0], projection[3][q, 1])
+            g, N_M = met[0][q], shape(surface[1][met[0][q]], met[3][q, 0], met[3][q, 1])
             for i in range(4):
                 add_row(forces, surface[0][g, i], -N_M[i], force)
 
@@ -247,7 +279,7 @@ def anchors_behind(
     coords: Floats,
     slaves: Slaves,
     surface: Surface,
-    projection: Projection,
+    met: Met,
     anchors: Anchors,
     behind: tuple[Bools, Bools, Floats],
 ) -> Anchors:
@@ -266,16 +298,16 @@ def anchors_behind(
             for s in range(count):
                 q = f * count + s
                 a = q * m + c
-                if projection[1][q] == NONE:
+                if met[1][q] == NONE:
                     nodes[a, :] = -1
                     weights[a, :] = 0.0
                     continue
                 if not (renewed[A] or (kept[A] and nodes[a, 0] < 0)):
                     continue
-                foot = foot_of(q, coords, surface, projection)
+                foot = foot_of(q, coords, surface, met)
                 one, two = _in_facet(foot, row(slips, A))
                 for i in range(4):
-                    nodes[a, i] = surface[0][projection[0][q], i]
+                    nodes[a, i] = surface[0][met[0][q], i]
                     weights[a, i] = foot.N[i] - one * foot.N1[i] - two * foot.N2[i]
     return nodes, weights
 

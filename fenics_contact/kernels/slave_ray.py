@@ -91,9 +91,10 @@ def _facet_patch(f: int, coords: Floats, surface: Surface) -> Patch:
 
 
 @njit(cache=True)
-def _faces(n: Vector, s: float, t: float, c1: Vector, c2: Vector, c3: Vector) -> bool:
-    """True where the patch does not look the slave's own way."""
-    return dot(cross(less(c1, -t, c3), less(c2, -s, c3)), n) > 0.0
+def _faces(n: Vector, s: float, t: float, c1: Vector, c2: Vector, c3: Vector, facing: float) -> bool:
+    """True where the cosine between the patch's normal and n is above `facing`."""
+    area = cross(less(c1, -t, c3), less(c2, -s, c3))
+    return dot(area, n) > facing * norm(area)
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,18 +104,19 @@ def slave_rays(
     coords: Floats,
     surface: Surface,
     lists: Lists,
-    search: float,
-    beyond: float,
+    reach: tuple[float, float, float],
     projection: Projection,
 ) -> None:
-    """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within `search`.
+    """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within a search distance.
 
     directions (np, 3): unit normals into the slave; surface, lists, projection as in kernels/closest_point.py, kind INTERIOR
-    or NONE. Facets that look the slave's own way are no partners. beyond: a ray that meets no facet is paired
-    with the one it misses least, continued, if it misses that by no more than `beyond` of the radius of the facet's ball.
+    or NONE. reach: (search [length]; beyond: a ray that meets no facet is paired with the one it misses least, continued, if
+    it misses that by no more than this share of the radius of the facet's ball; facing: cosine of the angle between n and
+    the normals of facets that are no partners up to it, 0: those that look the slave's own way).
     """
     size = surface[1]
     offsets, listed = lists
+    search, beyond, facing = reach
     facet, kind, feature, xi, gap, normal = projection
     centres, radii = np.empty((len(size), 3)), np.empty(len(size))
     facet_balls(coords, surface, centres, radii)
@@ -131,13 +133,13 @@ def slave_rays(
                 continue  # the ray passes by
             c0, c1, c2, c3 = _facet_patch(f, coords, surface)
             _, inside, s, t, g = _meet(x, n, size[f], c0, c1, c2, c3)
-            if not inside or not abs(g) <= search or abs(g) >= nearest or not _faces(n, s, t, c1, c2, c3):
+            if not inside or not abs(g) <= search or abs(g) >= nearest or not _faces(n, s, t, c1, c2, c3, facing):
                 continue
             nearest = abs(g)
             facet[q], kind[q], gap[q] = f, INTERIOR, g
             xi[q, 0], xi[q, 1] = s, t
         if kind[q] == NONE and beyond > 0.0:
-            f, s, t, g = _least_missed(x, n, mine, coords, surface, search, beyond, radii)
+            f, s, t, g = _least_missed(x, n, mine, coords, surface, reach, centres, radii)
             if f >= 0:
                 facet[q], kind[q], gap[q] = f, INTERIOR, g
                 xi[q, 0], xi[q, 1] = s, t
@@ -145,14 +147,26 @@ def slave_rays(
 
 @njit(cache=True, error_model="numpy")
 def _least_missed(
-    x: Vector, n: Vector, mine: Ints64, coords: Floats, surface: Surface, search: float, beyond: float, radii: Floats
+    x: Vector,
+    n: Vector,
+    mine: Ints64,
+    coords: Floats,
+    surface: Surface,
+    reach: tuple[float, float, float],
+    centres: Floats,
+    radii: Floats,
 ) -> tuple[int, float, float, float]:
     """(facet or -1, xi1, xi2, g): of the listed facets, continued, the one whose border the ray passes nearest."""
     best, least, place1, place2, gap = -1, np.inf, 0.0, 0.0, 0.0
+    search, beyond, facing = reach
     for f in mine:
+        arm = minus(row(centres, f), x)
+        along = dot(arm, n)
+        if dot(arm, arm) - along * along > (1.0 + beyond) ** 2 * radii[f]:
+            continue
         c0, c1, c2, c3 = _facet_patch(f, coords, surface)
         found, _, s, t, g = _meet(x, n, surface[1][f], c0, c1, c2, c3)
-        if not found or not abs(g) <= search or not _faces(n, s, t, c1, c2, c3):
+        if not found or not abs(g) <= search or not _faces(n, s, t, c1, c2, c3, facing):
             continue
         miss = _off_facet(less(x, g, n), f, coords, surface)
         if miss * miss <= beyond * beyond * radii[f] and miss < least:

@@ -1,0 +1,158 @@
+"""How much of a sample lies over the master: its share falls from one to zero while the master's end passes below it.
+
+Seen along the normal n of a sample x, an edge from a to b of the master ends it where nothing that looks towards the sample
+goes on beyond.  With nu = (b - a) x n / |...| out of the master, the sample's distance from the end is d = nu . (a - x) and
+its share clip(1/2 + d/w, 0, 1); w is a part of what its facet measures along nu, so that surfaces which end together cover
+each other whole.  The share is a function of x, n, a, b and of the two corners of the facet between which w is measured.
+
+    ends    (starts (nf + 1,) into the next two for each facet of the master; edges (ne, 2): nodes from a to b with the
+            surface on the left, seen from outside; sides (ne, 2): the facet it belongs to and that beyond, -1: none)
+    cover   (shares (np,), edges (np, 4): a, b and the far and near corner of the slave's facet, -1 where the share is
+            constant, slopes (np, 5, 3): rates of the share with x, n, a, b and the far corner, minus that with the near one)
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, plus, put, row, times
+from fenics_contact.types import Floats, Ints64
+
+Ends = tuple[Ints64, Ints64, Ints64]
+Cover = tuple[Floats, Ints64, Floats]
+
+# Cosine of the angle between a sample's normal and a facet that it can meet, about 80 degrees: along steeper ones a gap says
+# nothing of how near the surfaces are
+FACING = 0.17
+STEEP, LEVEL = 6.0, 0.05  # slope of such a facet, and of an edge's length: how far off an end of it may lie along the normal
+TIE = 1e-9  # relative: edges meet in a corner and are equally far from what lies outside of it
+
+
+@njit(cache=True, error_model="numpy")
+def faces(f: int, n: Vector, coords: Floats, surface: Surface) -> bool:
+    """Whether facet f as a whole looks towards samples of normal n."""
+    nodes = surface[0]
+    one = minus(row(coords, nodes[f, 2]), row(coords, nodes[f, 0]))
+    two = minus(row(coords, nodes[f, 3]), row(coords, nodes[f, 1]))
+    area = cross(one, two)
+    return dot(area, n) > FACING * norm(area)
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_end(
+    x: Vector, n: Vector, g: float, f: int, coords: Floats, surface: Surface, ends: Ends
+) -> tuple[int, float, Vector]:
+    """(Edge or -1, d, nu) of the end of the master that lies nearest around facet f, seen along n."""
+    starts, edges, sides = ends
+    best, least, distance, out = -1, math.inf, 0.0, n
+    for e in range(starts[f], starts[f + 1]):
+        if not faces(sides[e, 0], n, coords, surface) or (sides[e, 1] >= 0 and faces(sides[e, 1], n, coords, surface)):
+            continue
+        a = row(coords, edges[e, 0])
+        along = minus(row(coords, edges[e, 1]), a)
+        across = cross(along, n)
+        size = dot(across, across)  # of the edge as seen along n
+        if not size > 1e-20 * dot(along, along):
+            continue
+        y = minus(a, x)
+        nu = times(1.0 / math.sqrt(size), across)
+        seen, way = less(along, dot(n, along), n), less(y, dot(n, y), n)
+        s = min(max(-dot(way, seen) / size, 0.0), 1.0)
+        r = norm(less(way, -s, seen))
+        if abs(dot(n, less(y, -s, along)) + g) > STEEP * r + LEVEL * norm(along):
+            continue  # far above or below where the sample meets the master
+        d = dot(nu, y)
+        if r < least * (1.0 - TIE) or (r <= least * (1.0 + TIE) and abs(d) > abs(distance)):
+            best, least, distance, out = e, min(r, least), d, nu
+    return best, distance, out
+
+
+@njit(cache=True, error_model="numpy")
+def coverage(
+    coords: Floats,
+    corners: Ints64,
+    rim: float,
+    points: Floats,
+    surface: Surface,
+    ends: Ends,
+    projection: Projection,
+    cover: Cover,
+) -> None:
+    """Fill cover; samples of which nothing lies over the master lose their foot in the projection.
+
+    corners (nf, m): of the slave's facets, which have equally many samples; rim: w over what a facet measures; points (np,
+    3): the samples; surface, ends: of the master.
+    """
+    shares, around, slopes = cover
+    facet, kind, _, _, gap, normal = projection
+    around[:], slopes[:] = -1, 0.0
+    count = len(points) // max(len(corners), 1)
+    for q in range(len(points)):
+        shares[q] = 0.0
+        if kind[q] == NONE:
+            continue
+        x, n, shares[q] = row(points, q), row(normal, q), 1.0
+        e, d, nu = _nearest_end(x, n, gap[q], facet[q], coords, surface, ends)
+        if e < 0:
+            continue
+        far = near = corners[q // count, 0]
+        for c in range(1, corners.shape[1]):
+            node = corners[q // count, c]
+            far = node if dot(nu, minus(row(coords, node), row(coords, far))) > 0.0 else far
+            near = node if dot(nu, minus(row(coords, node), row(coords, near))) < 0.0 else near
+        span = times(rim, minus(row(coords, far), row(coords, near)))
+        w = max(dot(nu, span), 1e-300)
+        share = 0.5 + d / w
+        if share >= 1.0:
+            continue
+        if share <= 0.0:
+            shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
+            continue
+        shares[q] = share
+        a, b = row(coords, ends[1][e, 0]), row(coords, ends[1][e, 1])
+        along, stretch = minus(b, a), -d / (w * w)
+        turned = plus(times(1.0 / w, minus(a, x)), times(stretch, span))  # the share's rate with nu, which keeps its length
+        turned = times(1.0 / norm(cross(along, n)), less(turned, dot(nu, turned), nu))
+        by_along = cross(n, turned)
+        around[q, 0], around[q, 1], around[q, 2], around[q, 3] = ends[1][e, 0], ends[1][e, 1], far, near
+        put(slopes, q, 0, times(-1.0 / w, nu))
+        put(slopes, q, 1, cross(turned, along))
+        put(slopes, q, 2, less(times(1.0 / w, nu), 1.0, by_along))
+        put(slopes, q, 3, by_along)
+        put(slopes, q, 4, times(stretch * rim, nu))
+
+
+def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
+    """Edges that can end the master, listed for each facet that has a node of the edge's own facet.
+
+    normals (nf, 3): of the facets in the reference; cosine: of the angle between facets from which on one of them may be
+    out of sight.
+    """
+    nodes, size = surface
+    m = nodes.shape[1]
+    following = np.where(np.arange(m) + 1 < size[:, None], np.arange(m) + 1, 0)
+    f, i = np.nonzero(np.arange(m) < size[:, None])
+    a, b = nodes[f, i], nodes[f, following[f, i]]
+    count = int(nodes.max(initial=0)) + 1
+    key, back = a * count + b, b * count + a
+    order = np.argsort(key)
+    at = np.minimum(np.searchsorted(key[order], back), max(len(key) - 1, 0))
+    beyond = np.where(key[order][at] == back, f[order][at], -1) if len(key) else f
+    crease = (beyond < 0) | (np.einsum("ec,ec->e", normals[f], normals[beyond]) < cosine)
+    edges = np.column_stack([a, b])[crease].astype(np.int64)
+    sides = np.column_stack([f, beyond])[crease].astype(np.int64)
+    # facets of each node, then of each edge: those around any node of its own facet
+    corner_facet, corner_node = f, nodes[f, i]
+    order = np.argsort(corner_node, kind="stable")
+    starts = np.searchsorted(corner_node[order], np.arange(count + 1))
+    e, c = np.nonzero(np.arange(m) < size[sides[:, 0]][:, None])
+    node = nodes[sides[e, 0], c]
+    counts = starts[node + 1] - starts[node]
+    at = np.repeat(starts[node] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    pairs = np.unique(np.column_stack([corner_facet[order][at], np.repeat(e, counts)]), axis=0)
+    first = np.searchsorted(pairs[:, 0], np.arange(len(nodes) + 1))
+    listed = pairs[:, 1]
+    return first, np.ascontiguousarray(edges[listed]), np.ascontiguousarray(sides[listed])
