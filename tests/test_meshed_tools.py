@@ -104,7 +104,7 @@ def tetrahedra(size):
         gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [tag]), name)
 
 
-@pytest.mark.parametrize("cells, degree, points", [("hex", 1, "nodes"), ("hex", 2, 3), ("tet", 1, 2), ("tet", 2, 3)])
+@pytest.mark.parametrize("cells, degree, points", [("hex", 1, "nodes"), ("hex", 1, "averages"), ("tet", 1, "averages"), ("hex", 2, 3), ("tet", 1, 2), ("tet", 2, 3)])
 def test_flat_tool_squeezes_a_cube_homogeneously(cells, degree, points):
     """Uniaxial stress at stretch 0.9, classical Mooney-Rivlin: closed form -0.1288051 MPa (nominal)."""
     mesh = read_gmsh(tetrahedra, size=4.0) if cells == "tet" else read_gmsh(box.build, size=(4.0,) * 3, cells=(2, 2, 2))
@@ -137,7 +137,7 @@ def pressed(points, friction, shift):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("points", ["nodes", 2])
+@pytest.mark.parametrize("points", ["nodes", "averages", 2])
 @pytest.mark.parametrize(
     "friction, shift, status",
     [(0.0, (0.1, 0.05, -0.01), CLOSED), (0.05, (0.9, 0.2, -0.01), SLIP), (9.0, (0.02, 0.01, -0.01), STICK)],
@@ -247,7 +247,7 @@ def test_pushed_is_moved():
 
 def numbers():
     found = []
-    for points in ("nodes", 2):
+    for points in ("nodes", "averages", 2):
         tool = ball(1.5, sink=0.1)
         scene = block(tool, FRICTION, cells=(6, 6, 3), points=points)
         result = solve(scene, push={tool: (0.5, 0.0, -4.0)}, steps=2, tolerance=1e-11, progress=False)

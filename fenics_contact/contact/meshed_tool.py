@@ -1,31 +1,35 @@
-"""A meshed rigid tool as a contact's master: facets that travel as one and have no dofs."""
+"""A meshed rigid tool as a contact's master: facets that travel as one and have no dofs; met by points or by averages."""
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact.assembly.blocks import Blocks, TravelBlocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FacetFeet, FacetPartner, unit
-from fenics_contact.contact.master import ToolSurface, area_vectors
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.mortar import MortarFeet, MortarPartner
+from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.contact.trial import Trial
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Ints64, Space
+from fenics_contact.types import Array, Floats, Ints64, Space
 
 # A slave point and the facet nearest to it say on which side of the tool the body is if their normals are this parallel.
 DECISIVE = 0.5
 SAMPLES = 300  # slave points of a rank that are asked for it
+SLID_OFF = (
+    "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
+    "itself ends there, make its surface larger"
+)
 
 
 class MeshedToolPartner(FacetPartner):
     """Slave points against a meshed tool: its forces, rows and columns are summed to those of its travel."""
 
     grounded = True
-    slid_off = (
-        "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the "
-        "tool itself ends there, make its surface larger"
-    )
+    slid_off = SLID_OFF
 
     def __init__(
         self,
@@ -77,14 +81,70 @@ class MeshedToolPartner(FacetPartner):
             x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
             tangents = np.einsum("eqtk,ekc->eqtc", s.gradients, x).reshape(-1, 2, 3)
             normals = unit(np.cross(tangents[:, 0], tangents[:, 1]))
-        some = slice(None, None, max(len(points) // SAMPLES, 1))
-        corners = coords[self._facets[0]]
-        centres, outward = corners.mean(axis=1), unit(area_vectors(corners))
-        nearest = np.array([np.argmin(((centres - x) ** 2).sum(axis=1)) for x in points[some]], dtype=np.int64)
-        toward = np.einsum("pc,pc->p", points[some] - centres[nearest], outward[nearest])
-        facing = -np.einsum("pc,pc->p", normals[some], outward[nearest])
-        touch = s.cell_height  # so near to it, only the normals decide
-        behind = (facing < -DECISIVE) & (toward < touch)
-        before = (facing > DECISIVE) & (toward > -touch)
-        behind, before = self._comm.allreduce(np.array([behind.sum(), before.sum()]))
-        return behind / max(behind + before, 1)
+        return _seen_from_behind(self._comm, points, normals, coords[self._facets[0]], s.cell_height)
+
+
+class MeshedToolAverages(MortarPartner):
+    """Slave nodes against a meshed tool, through samples of the facets around them."""
+
+    grounded = True
+    slid_off = SLID_OFF
+
+    def __init__(self, surface: SlaveSurface, skin: MasterSurface, tool: MeshedTool, index: int, timers: Timers) -> None:
+        super().__init__(tool.name, surface, skin, ToolSurface(tool, index), timers)
+        self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
+
+    def _new_pattern(self) -> NodePattern:
+        # the tool's nodes travel as one: behind all blocks of the System they are one more
+        tool = self.skin.size
+        blocks = np.concatenate([self.skin.blocks, np.full(len(self.master.X), tool)]).astype(np.int64)
+        return NodePattern(self.samples, self._facets[0], blocks, tool + 1)
+
+    def couplings(self, feet: MortarFeet, trial: Trial) -> Ints64 | None:
+        keys = super().couplings(feet, trial)
+        if keys is None:
+            return None
+        tool = self.skin.size
+        rows, columns = np.divmod(keys, tool + 1)
+        inside = (rows < tool) & (columns < tool)
+        return rows[inside] * tool + columns[inside]
+
+    def tangent(self, feet: MortarFeet, trial: Trial) -> Blocks:
+        """Collective: what moves with the tool may belong to other ranks."""
+        rows, columns, values, at = self._tangent(feet, trial)
+        tool = self.skin.size
+        inside, by_travel, on_tool = (rows < tool) & (columns < tool), columns == tool, rows == tool
+        border = np.zeros((2, len(self.skin.X), 3, 3))
+        for part, here, nodes in ((border[0], by_travel & ~on_tool, rows), (border[1], on_tool & ~by_travel, columns)):
+            part[np.searchsorted(self.skin.blocks, nodes[here])] = values[here]
+        self._comm.Allreduce(MPI.IN_PLACE, border)
+        moved, pulled = border[:, self.skin.mine]
+        corner = values[on_tool & by_travel].sum(axis=0)
+        travel = TravelBlocks(self.index, self.skin.owned, np.ascontiguousarray(moved), np.ascontiguousarray(pulled), corner)
+        return Blocks(pairs=(rows[inside], columns[inside], values[inside]), travel=travel, at=at)
+
+    def gives(self, held: Array) -> bool:
+        """Whether the master could move where the dofs `held` do not: a tool is held."""
+        return False
+
+    def back_share(self, state: State) -> float:
+        """Share of the samples that see the nearest facet of the tool from behind. Collective."""
+        feet = self.feet(state)
+        normals, corners = -feet.projection[5], feet.coords[self._facets[0]]
+        return _seen_from_behind(self._comm, feet.points, normals, corners, self.surface.cell_height)
+
+
+def _seen_from_behind(comm: MPI.Comm, points: Floats, normals: Floats, corners: Floats, near: float) -> float:
+    """Share of points (np, 3) with outward normals (np, 3) that see the nearest facet, corners (nf, 4, 3), from behind.
+
+    near: how close [length] to it only the normals decide. Collective.
+    """
+    some = slice(None, None, max(len(points) // SAMPLES, 1))
+    centres, outward = corners.mean(axis=1), unit(area_vectors(corners))
+    nearest = np.array([np.argmin(((centres - x) ** 2).sum(axis=1)) for x in points[some]], dtype=np.int64)
+    toward = np.einsum("pc,pc->p", points[some] - centres[nearest], outward[nearest])
+    facing = -np.einsum("pc,pc->p", normals[some], outward[nearest])
+    behind = (facing < -DECISIVE) & (toward < near)
+    before = (facing > DECISIVE) & (toward > -near)
+    behind, before = comm.allreduce(np.array([behind.sum(), before.sum()]))
+    return behind / max(behind + before, 1)

@@ -8,10 +8,10 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, deepest_lost, own, unit
-from fenics_contact.contact.master import MasterSurface, area_vectors
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pairing import Pairing, Watch, seek_along
-from fenics_contact.contact.samples import CREASE, Samples
+from fenics_contact.contact.samples import CREASE, PER_DIRECTION, Samples
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
@@ -58,9 +58,9 @@ class Linearised(NamedTuple):
 class MortarPartner:
     """Slave nodes against the facets of another body, through samples of the facets around them.
 
-    surface: SlaveSurface of nodes; skin: all facets of the slave; master: those of the master; count: samples per direction
-    of a facet. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of
-    the others; forces go back by sums over the surfaces' nodes. Methods that take a state are collective.
+    surface: SlaveSurface of nodes; skin: all facets of the slave; master: those of the master. Each process evaluates all
+    samples around its own nodes against the whole master, and so needs nothing of the others; forces go back by sums over
+    the surfaces' nodes. Methods that take a state are collective.
     """
 
     edge = "none"
@@ -72,16 +72,15 @@ class MortarPartner:
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
     def __init__(
-        self, name: str, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface, count: int, timers: Timers
+        self, name: str, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers
     ) -> None:
         self.name, self.surface, self.skin, self.master, self.timers = name, surface, skin, master, timers
         self.search = SEARCH * max(surface.cell_height, master.longest)
         self.reach = float(np.abs(master.X).max(initial=0.0))
-        self.samples = Samples(skin, count)
+        self.samples = Samples(skin, PER_DIRECTION)
         self._first = len(skin.X)
         self._facets = master.facets[0] + self._first, master.facets[1]
-        blocks = np.concatenate([skin.blocks, master.blocks]).astype(np.int64)
-        self._pattern = NodePattern(self.samples, self._facets[0], blocks, skin.size)
+        self._pattern = self._new_pattern()
         self._comm = skin.comm
         normals = unit(area_vectors(master.X[master.facets[0]]))
         starts, edges, sides = surface_ends(master.facets, normals, np.cos(np.radians(CREASE)))
@@ -91,6 +90,10 @@ class MortarPartner:
         self._pairing = Pairing(self._facets, seek_along, self.search, MARGIN * master.edge)
         self._feet: MortarFeet | None = None
         self._last: tuple[MortarFeet, Anchors, kernel.Averaged] | None = None  # feet, anchors and averages asked for last
+
+    def _new_pattern(self) -> NodePattern:
+        blocks = np.concatenate([self.skin.blocks, self.master.blocks]).astype(np.int64)
+        return NodePattern(self.samples, self._facets[0], blocks, self.skin.size)
 
     # -- where the samples are ------------------------------------------------------------------------------------
     def _feet_at(self, state: State, project: Callable[[Floats, Floats, Floats], Projection]) -> MortarFeet:
@@ -178,6 +181,11 @@ class MortarPartner:
         self.master.add_forces(response.forces[self._first :], residual, tool_residual)
 
     def tangent(self, feet: MortarFeet, trial: Trial) -> Blocks:
+        rows, columns, blocks, at = self._tangent(feet, trial)
+        return Blocks(pairs=(rows, columns, blocks), at=at)
+
+    def _tangent(self, feet: MortarFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats, Linearised]:
+        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair once, and what it knew."""
         averaged, _, N, T, _, _ = self._tractions(feet, trial)
         rates, pressed, rubbed = kernel.node_rates(self._law(trial), averaged, self._share(trial))
         s, turned, anchors = self.samples, self._turned(feet), own(trial.history.anchors)
@@ -190,7 +198,7 @@ class MortarPartner:
         rows, columns, blocks, missing = self._pattern.filled(add)
         if missing:
             raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
-        return Blocks(pairs=(rows, columns, blocks), at=Linearised(feet, N, T, rates))
+        return rows, columns, blocks, Linearised(feet, N, T, rates)
 
     def couplings(self, feet: MortarFeet, trial: Trial) -> Ints64 | None:
         """None while all closed nodes lie in the pattern asked for last; else keys row * N + column of a new one."""

@@ -8,6 +8,7 @@ from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.types import Floats, Ints64
 
+PER_DIRECTION = 3  # samples of a quadrilateral
 CREASE = 30.0  # degrees between facets from which on they do not share a normal
 
 

@@ -21,7 +21,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.master import MasterSurface, oriented_facets
-from fenics_contact.contact.meshed_tool import MeshedToolPartner
+from fenics_contact.contact.meshed_tool import MeshedToolAverages, MeshedToolPartner
 from fenics_contact.contact.mortar import MortarPartner
 from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.rigid import RigidPartner
@@ -166,15 +166,19 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     master = stated.master
     if isinstance(master, RigidTool):
         return RigidPartner(surface, master, scene.tools.index(master))
-    facets = oriented_facets(scene.space, scene.mesh.facets(*stated.slave))
+    slave = scene.mesh.facets(*stated.slave)
+    facets = oriented_facets(scene.space, slave)
     if isinstance(master, MeshedTool):
+        if stated.points == "averages":
+            skin, index = MasterSurface(scene.space, slave), scene.tools.index(master)
+            return MeshedToolAverages(surface, skin, master, index, timers)
         return MeshedToolPartner(surface, facets, master, scene.tools.index(master), scene.space, timers)
     if isinstance(master, Tool):
         raise TypeError(f"no partner is known for a {type(master).__name__}")
     surface_of_master = _master_surface(scene, stated, master, surface)
     if stated.points == "averages":
-        skin = MasterSurface(scene.space, scene.mesh.facets(*stated.slave))
-        return MortarPartner(master_name(master), surface, skin, surface_of_master, 3, timers)
+        skin = MasterSurface(scene.space, slave)
+        return MortarPartner(master_name(master), surface, skin, surface_of_master, timers)
     return FacetPartner(master_name(master), surface, facets, surface_of_master, scene.space, timers)
 
 

@@ -82,8 +82,8 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
         if degree != 1:
             raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
-    if isinstance(master, Tool) and points == "averages":
-        raise SceneError(f"{what}: averages meet the facets of another body; a tool is met by nodes or Gauss points")
+    if isinstance(master, RigidTool) and points == "averages":
+        raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
         raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
     if bare_corners and isinstance(points, str):
