@@ -27,7 +27,7 @@ LARGEST = 140.0  # mm, inner radius at whose pressure the run ends; the pressure
 FIRM = 100.0  # mm, inner radius beyond which errors are taken relative to a contact pressure that starts at zero
 STEPS = 16
 MESHES = ((16, 12), (32, 24), (64, 48))  # cells around the inner and the outer tube
-LABELS = {"corners": "facets' corners", 3: "3 x 3 Gauss points"}
+LABELS = {"corners": "facets' corners", 3: "3 x 3 Gauss points", "averages": "averages"}
 
 
 def stress(radial, hoop):

@@ -1,6 +1,6 @@
 """Patch test: two stacked rubber blocks with meshes that do not match are squeezed by 10 % without friction.
 
-Both blocks are then in one homogeneous state whose force has a closed form. Corners against Gauss points of the
+Both blocks are then in one homogeneous state whose force has a closed form. Averages and corners against Gauss points of the
 slave's facets, and the error's fall with the penalty. Units: mm, N, MPa.
 
     python3 demos/stacked_blocks.py
@@ -19,7 +19,7 @@ OUT = Path("results/stacked_blocks")
 A1, A2, K = 0.1863, 0.0098, 5.0
 SIDE, SQUEEZE = 20.0, 0.1
 PENALTIES = np.array([10.0, 100.0, 1000.0])  # MPa/mm
-POINTS = {"corners": "facets' corners", 2: "2 x 2 Gauss points", 3: "3 x 3 Gauss points"}
+POINTS = {"averages": "averages", "corners": "facets' corners", 2: "2 x 2 Gauss points", 3: "3 x 3 Gauss points"}
 
 
 def exact_force():

@@ -8,6 +8,7 @@ from test_two_bodies import EXACT, RUBBER, blocks, deformed, direction, remainde
 
 from demos import ironing
 from fenics_contact import Body, Penalty, Scene, SceneError, from_elastic, read_gmsh, rigid_plane, solve
+from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from meshes import ironing as mesh_script
 from meshes import two_blocks
@@ -24,6 +25,14 @@ def test_blocks_that_do_not_match(lower, upper):
     assert abs(force / EXACT - 1.0) < 2e-4  # the compliance of the penalty costs 1.5e-4, samples across edges the rest
     assert spread < 0.03  # their integration error with 3 x 3 samples
     assert stacked(3, 500.0, lower, upper)[1] > 0.2
+
+
+@pytest.mark.serial
+def test_a_slave_much_coarser_than_its_master():
+    """More samples see what the master does between the slave's nodes; 3 x 3 Gauss points lose 1.8 % of the force."""
+    force, spread = stacked("averages", 500.0, (12, 12, 2), (3, 3, 2))
+    assert abs(force / EXACT - 1.0) < 5e-4 and spread < 0.01
+    assert samples_for(4.0, 1.0) == 6 and samples_for(1.0, 1.0) == samples_for(1.0, 4.0) == 3
 
 
 # ---- tangent where the slave has an edge, on tetrahedra
@@ -73,13 +82,8 @@ def test_tangent_on_tetrahedra_with_an_edge_among_the_slaves(friction, shift, st
 
 
 # ---- tangent where samples lie in part over the master
-@pytest.mark.serial
-@pytest.mark.parametrize("master", ["lower_top", ("lower_top", "lower_xmax", "lower_ymax")])
-@pytest.mark.parametrize(
-    "friction, shift, status",
-    [(0.0, (0.1, 0.05, -0.02), CLOSED), (0.02, (0.5, 0.2, -0.02), SLIP), (9.0, (0.03, 0.01, -0.02), STICK)],
-)
-def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
+def overhanging(master, friction, shift):
+    """A System and contact of rough blocks, the upper one over two ends of the lower one."""
     mesh, scene = blocks(
         lower=(10, 8, 4),
         lower_cells=(5, 4, 2),
@@ -91,7 +95,17 @@ def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
     scene.fix("lower_bottom")
     scene.fix("upper_top")
     scene.contact("upper_bottom", master, friction, points="averages", name="c")
-    system, contact = roughened(mesh, scene, 0.03, shift)
+    return roughened(mesh, scene, 0.03, shift)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("master", ["lower_top", ("lower_top", "lower_xmax", "lower_ymax")])
+@pytest.mark.parametrize(
+    "friction, shift, status",
+    [(0.0, (0.1, 0.05, -0.02), CLOSED), (0.02, (0.5, 0.2, -0.02), SLIP), (9.0, (0.03, 0.01, -0.02), STICK)],
+)
+def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
+    system, contact = overhanging(master, friction, shift)
     state = system.state
     feet = contact.partner.feet(state)
     partly = (feet.met[6] > 0.0) & (feet.met[6] < 1.0)
@@ -102,13 +116,17 @@ def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
 
 # ---- history
 @pytest.mark.serial
-def test_what_slips_goes_on_from_the_traction_it_had():
-    """On rough, bent faces: the means of directions that differ are shorter than their parts."""
-    system, contact = deformed("averages", 0.1, (1.5, 0.3, -0.02))
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_slips_goes_on_from_the_traction_it_had(whole):
+    """On rough, bent faces: the means of directions that differ are shorter than their parts; and over the master's ends."""
+    slid = (1.5, 0.3, -0.02)
+    system, contact = deformed("averages", 0.1, slid) if whole else overhanging("lower_top", 0.1, slid)
     before = contact.response(system.state)
     contact.commit(system.state)
     after = contact.response(system.state)
-    assert (before.status == SLIP).all() and (after.status == SLIP).all()
+    assert (before.status == SLIP).all() if whole else set(before.status.ravel()) == {OPEN, SLIP}
+    np.testing.assert_array_equal(after.status, before.status)
+    assert whole or ((before.cover < 0.99) & (before.status == SLIP)).any()
     np.testing.assert_allclose(after.traction, before.traction, atol=1e-10 * np.abs(before.traction).max())
 
 
@@ -156,6 +174,8 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
     result = solve(scene, steps=16, progress=False).require()
     force = result.column("c_force_z_N")
     assert result.verdict.cuts == 0 and 0.4 * force.max() < force[-1] < 0.7 * force.max()
+    # 2 x 4 mm lie over the master, and by how much the sole lags behind its top
+    assert 8.0 < result.history[-1]["c_area_mm2"] < 10.0 and result.history[-1]["c_penetration_mm"] > 0.0
     contact, state = result.system.contacts[0], result.system.state
     pressure = contact.split_traction(state)[0]
     assert pressure.min(initial=0.0) > -1e-9 * COMM.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
@@ -179,7 +199,7 @@ def test_a_stiff_sharp_block_is_led_over_soft_slaves_and_off_their_end():
     scene.contact("lower_top", "upper_bottom", 0.3, points="averages", name="c")
     result = solve(scene, steps=60, progress=False).require()
     force = -result.column("c_force_z_N")
-    assert result.verdict.cuts == 0 and result.verdict.iterations <= 330
+    assert result.verdict.cuts <= 4 and result.verdict.iterations <= 330
     assert np.diff(force[20:]).max() < 0.01 * force.max() and force[-1] == 0.0  # drawn along, and off the end from t = 0.55
 
 

@@ -127,7 +127,7 @@ DEMOS = {
     snap_dome: ("snap_dome.png", "pushed/results.xdmf"),
     stacked_blocks: ("stacked_blocks.png",),
     block_on_block: ("block_on_block.png", "results.xdmf"),
-    nested_tubes: ("nested_tubes.png", "3_16/history.csv"),
+    nested_tubes: ("nested_tubes.png", "averages_16/history.csv"),
     ironing: ("ironing.png", "summary.json"),
     capstan: ("capstan.png", "thickness_2/results.xdmf"),
     partial_slip: ("partial_slip.png", "points_nodes/tractions.csv"),

@@ -25,6 +25,7 @@ from fenics_contact import (
 )
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.softened import Softened
 from meshes import box, ironing, two_blocks
 
 COMM = MPI.COMM_WORLD
@@ -257,7 +258,7 @@ def final(name, times, lost=None):
     """Displacement and the contacts' history at the end; lost: a longer step in place of the last two, tried and dropped."""
     statement, drive = SCENES[name](Frame())
     system = statement.system(drive.get("move"))
-    stepper = Newton(LinearSolver(system), tolerance=1e-11)
+    stepper = Softened(Newton(LinearSolver(system), tolerance=1e-11))
     for i, t in enumerate(times):
         if lost and i == len(times) - 2:
             stepper.step(system, lost)
@@ -322,14 +323,14 @@ def pressed(kind, cells, swap):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("kind", "cells"), [("blocks", (2, 6)), ("ironing", (2, 4))])
+@pytest.mark.parametrize(("kind", "cells"), [("blocks", (2, 8)), ("ironing", (2, 8))])
 def test_swap_of_slave_and_master(kind, cells):
     """One pass over one side's points: the sides differ by the discretisation, which goes with the mesh."""
     found = [[pressed(kind, count, swap) for swap in (False, True)] for count in cells]
     coarse, fine = (swapped / as_is - 1.0 for as_is, swapped in found)
     print(f"{kind}: force with slave and master swapped {coarse:+.2%} on the coarse, {fine:+.2%} on the fine mesh")
-    # half as large on cells half as large, were it of first order; single figures scatter
-    assert abs(fine) < 0.6 * abs(coarse) and abs(fine) < 0.01, (coarse, fine)
+    # a quarter on cells a quarter as large, were it of first order; single figures scatter
+    assert abs(fine) < 0.5 * abs(coarse) and abs(fine) < 0.01, (coarse, fine)
 
 
 if __name__ == "__main__":

@@ -281,9 +281,9 @@ class FacetPartner:
         """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
         return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
 
-    def unpaired(self, feet: FacetFeet) -> Bools:
-        """Mask (n,) of the points without a partner."""
-        return feet.projection[1] == NONE
+    def bare(self, feet: FacetFeet) -> Floats:
+        """Shares (n,) of the points' areas without a partner."""
+        return (feet.projection[1] == NONE).astype(float)
 
     def features(self, feet: FacetFeet) -> Array:
         """Codes (n, ...): where one changes the traction has a kink."""
@@ -344,23 +344,20 @@ def deepest_lost(seeker: Seeker, first: int, state: State, trial: Trial) -> floa
     """Depth [length] of the deepest point inside the master that is too deep to have a partner, else zero.
 
     first: where the master's nodes begin among the coordinates. A Newton step that carries bodies through each other by more
-    than the search distance ends in such a state, which looks like an open contact. Beyond the first search's distance a
-    point counts if it was in front of the master when the last state was accepted: no point can be deeper than the bodies
-    have moved since. Collective.
+    than the search distance ends in such a state, which looks like an open contact. A point counts if it was in front of the
+    master when the last state was accepted, no farther than the bodies have moved since: what has slid off and sprung back
+    lies behind the master, too. Collective.
     """
     now, then, comm = seeker.feet(state), trial.history.feet, state.u.function_space.mesh.comm
     unpaired = now.projection[1] == NONE
     if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
         return 0.0
-    gaps = seeker.first_feet(state).projection[4]
     way = np.abs(now.coords - then.coords)
     moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
-    reach = seeker.search + np.sqrt(3.0) * moved
-    if reach > FIRST_SEARCH * seeker.search:
-        far, before = seeker.far(now, reach), seeker.far(then, reach)
-        in_front = (before[1] != NONE) & (before[4] > -DRAWN * seeker.surface.cell_height)
-        gaps = np.where(in_front, np.minimum(gaps, far[4]), gaps)
-    return -min(comm.allgather(gaps[unpaired].min(initial=0.0)))
+    reach = max(FIRST_SEARCH * seeker.search, seeker.search + np.sqrt(3.0) * moved)
+    far, before = seeker.far(now, reach), seeker.far(then, reach)
+    passed = unpaired & (before[1] != NONE) & (before[4] > -DRAWN * seeker.surface.cell_height)
+    return -min(comm.allgather(far[4][passed].min(initial=0.0)))
 
 
 def own(anchors: Anchors) -> tuple[Ints64, Floats]:

@@ -38,11 +38,11 @@ def trouble(contact: Contact, state: State) -> Finding | None:
     """What keeps the step after an accepted state from converging. Collective."""
     comm, h = state.u.function_space.mesh.comm, contact.trial.history
     area, met = contact.surface.area.ravel(), h.met.ravel()
-    gone = met & contact.partner.unpaired(contact.partner.feet(state))
-    whole, lost = comm.allreduce(np.array([area[met].sum(), area[gone].sum()]))
+    gone = np.where(met, area, 0.0) * contact.partner.bare(contact.partner.feet(state))
+    whole, lost = comm.allreduce(np.array([area[met].sum(), gone.sum()]))
     if lost > SLID_OFF * whole:
         text = f"{lost / whole:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
-        return Finding(LOST, text, worst(contact, comm, np.where(gone, area, 0.0))[1], contact.partner.slid_off)
+        return Finding(LOST, text, worst(contact, comm, gone)[1], contact.partner.slid_off)
     return _sunk(contact, state, SUNK)
 
 
@@ -125,7 +125,7 @@ def node_depth(contact: Contact, state: State) -> tuple[float, str]:
     s, comm = contact.surface, state.u.function_space.mesh.comm
     if s.gradients is None or s.corners:
         return 0.0, ""
-    near = ~contact.partner.unpaired(contact.partner.feet(state)).reshape(s.area.shape).all(axis=1)
+    near = (contact.partner.bare(contact.partner.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
     nodes, first = np.unique(s.nodes[near], return_index=True)
     X = s.X[near].reshape(-1, 3)[first]
     depth, place = worst(contact, comm, -contact.partner.node_gaps(state, nodes, X), X)

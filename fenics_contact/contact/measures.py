@@ -8,20 +8,26 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Response
 from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.types import Floats
 
 
-def contact_measures(surface: SlaveSurface, response: Response, state: State) -> dict[str, Any]:
-    """Force and moment on the slave body [force, force x length], areas and counts of a contact's points. Collective."""
+def contact_measures(surface: SlaveSurface, response: Response, bare: Floats, state: State) -> dict[str, Any]:
+    """Force and moment on the slave body [force, force x length], areas and counts of a contact's points. Collective.
+
+    bare (n,): shares of the points' areas that do not lie over the master.
+    """
     s, comm = surface, state.u.function_space.mesh.comm
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
     force, closed = -response.traction * s.area[..., None], response.status != OPEN
+    covered = s.area * (1.0 - bare.reshape(s.area.shape))
     sums = np.concatenate([
         force.sum(axis=(0, 1)),
         np.cross(x, force).sum(axis=(0, 1)),
-        [s.area[closed].sum(), closed.sum(), (response.status == STICK).sum(), s.area.size],
+        [covered[closed].sum(), closed.sum(), (response.status == STICK).sum(), s.area.size],
     ])  # fmt: skip
     sums = comm.allreduce(sums)
-    held = response.gap[response.cover >= 1.0]  # points half out under a sharp edge are meant to sink in
+    whole = closed & (response.cover >= 1.0)  # points half out over an end are meant to sink in
+    held = response.gap[whole] if comm.allreduce(int(whole.sum())) else (response.gap * response.cover)[closed]
     return {
         "force": sums[:3],
         "moment": sums[3:6],
@@ -29,5 +35,5 @@ def contact_measures(surface: SlaveSurface, response: Response, state: State) ->
         "active": int(sums[7]),
         "sticking": int(sums[8]),
         "points": int(sums[9]),
-        "penetration": -min(comm.allgather(held.min(initial=0.0))),
+        "penetration": max(comm.allgather(0.0 - held.min(initial=0.0))),
     }

@@ -11,7 +11,7 @@ from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, deepest_lost, ow
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pairing import Pairing, Watch, seek_along
-from fenics_contact.contact.samples import CREASE, PER_DIRECTION, Samples
+from fenics_contact.contact.samples import CREASE, Samples, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
@@ -77,7 +77,7 @@ class MortarPartner:
         self.name, self.surface, self.skin, self.master, self.timers = name, surface, skin, master, timers
         self.search = SEARCH * max(surface.cell_height, master.longest)
         self.reach = float(np.abs(master.X).max(initial=0.0))
-        self.samples = Samples(skin, PER_DIRECTION)
+        self.samples = Samples(skin, samples_for(skin.edge, master.edge))
         self._first = len(skin.X)
         self._facets = master.facets[0] + self._first, master.facets[1]
         self._pattern = self._new_pattern()
@@ -180,6 +180,11 @@ class MortarPartner:
         self.skin.add_forces(response.forces[: self._first], residual, tool_residual)
         self.master.add_forces(response.forces[self._first :], residual, tool_residual)
 
+    def _stick(self, averaged: kernel.Averaged, trial: Trial) -> Floats:
+        """Penalties (ns, 1) of the nodes' slip [pressure/length]; without a foot there is no slip."""
+        part = self._softened(averaged, trial)
+        return (trial.law.eps_t * np.where(part > 0.0, part, 1.0))[:, None]
+
     def tangent(self, feet: MortarFeet, trial: Trial) -> Blocks:
         rows, columns, blocks, at = self._tangent(feet, trial)
         return Blocks(pairs=(rows, columns, blocks), at=at)
@@ -258,7 +263,7 @@ class MortarPartner:
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length]."""
         averaged, status, _, T, _, _ = self._tractions(feet, trial)
-        slips, stuck = T / trial.law.eps_t[:, None], status == STICK
+        slips, stuck = T / self._stick(averaged, trial), status == STICK
         slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
         return self._behind(feet, trial.history.anchors, stuck, ~stuck, slips), slid[:, None]
 
@@ -275,15 +280,15 @@ class MortarPartner:
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking nodes a traction greater by eps_T times their slip."""
         ways, rested = self._rested(feet, trial.history.rests)
-        _, found, _, _, pulled, _ = self._tractions(feet, trial)
-        slips, grown = pulled / trial.law.eps_t[:, None] + ways, (found == STICK) & rested
+        averaged, found, _, _, pulled, _ = self._tractions(feet, trial)
+        slips, grown = pulled / self._stick(averaged, trial) + ways, (found == STICK) & rested
         return self._behind(feet, trial.history.anchors, np.zeros_like(grown), grown, slips)
 
     def stiffened(self, feet: MortarFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for nodes that slip on from rest as they do."""
         ways, rested = self._rested(feet, rests)
-        _, found, _, _, pulled, _ = self._tractions(feet, trial)
-        slips = (pulled / trial.law.eps_t[:, None] + (factor - 1.0) * ways) / factor
+        averaged, found, _, _, pulled, _ = self._tractions(feet, trial)
+        slips = (pulled / self._stick(averaged, trial) + (factor - 1.0) * ways) / factor
         return self._behind(feet, trial.history.anchors, np.zeros_like(rested), (found >= STICK) & rested, slips)
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
@@ -325,10 +330,10 @@ class MortarPartner:
         feet = self.feet(state)
         return -self._mean(feet, np.ones(len(feet.points), dtype=bool))
 
-    def unpaired(self, feet: MortarFeet) -> Bools:
-        """Mask (ns,) of the nodes none of whose samples has a partner."""
+    def bare(self, feet: MortarFeet) -> Floats:
+        """Shares (ns,) of the nodes' areas that do not lie over the master."""
         s = self.samples
-        return ~((feet.projection[1] != NONE)[s.table] & (s.table >= 0)).any(axis=1)
+        return 1.0 - (s.share * feet.met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
 
     def features(self, feet: MortarFeet) -> Array:
         """Codes (ns, ...): where one changes the traction has a kink."""

@@ -175,9 +175,9 @@ class RigidPartner:
         """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
         return self.normals(self.feet(state))
 
-    def unpaired(self, feet: RigidFeet) -> Bools:
-        """None of the points (n,): a tool has no end."""
-        return np.zeros(self.surface.points, dtype=bool)
+    def bare(self, feet: RigidFeet) -> Floats:
+        """Nothing of the points (n,): a tool has no end."""
+        return np.zeros(self.surface.points)
 
     def features(self, feet: RigidFeet) -> Array:
         """Codes (n, ...): where one changes the traction has a kink."""

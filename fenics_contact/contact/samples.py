@@ -1,5 +1,7 @@
 """Samples of a slave surface whose contact is averaged at its nodes: the facets around these, and their normals."""
 
+import math
+
 import basix
 import numpy as np
 
@@ -8,7 +10,8 @@ from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.types import Floats, Ints64
 
-PER_DIRECTION = 3  # samples of a quadrilateral
+FEWEST, MOST = 3, 6  # samples of a facet per direction
+PER_FACET = 2.0  # samples of a facet per direction, for each facet of a finer master that it covers
 CREASE = 30.0  # degrees between facets from which on they do not share a normal
 
 
@@ -70,6 +73,11 @@ class Samples:
         normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 3))
         group_normals(coords, self._every, self._at_corners, self.groups, normals, turns)
         return normals, turns
+
+
+def samples_for(size: float, master: float) -> int:
+    """Samples per direction of facets of a size on a master with facets of another [length]."""
+    return min(max(FEWEST, math.ceil(PER_FACET * size / master - 1e-6)), MOST) if master > 0.0 else FEWEST
 
 
 def sampled(m: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:

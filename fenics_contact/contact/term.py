@@ -227,7 +227,8 @@ class Contact:
 
     def measures(self, state: State, trial: Trial | None = None) -> dict[str, Any]:
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
-        return contact_measures(self.surface, self.response(state, trial), state)
+        bare = self.partner.bare(self.partner.feet(state))
+        return contact_measures(self.surface, self.response(state, trial), bare, state)
 
     def resultants(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""

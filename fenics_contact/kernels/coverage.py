@@ -24,10 +24,10 @@ from fenics_contact.types import Floats, Ints64
 Ends = tuple[Ints64, Ints64, Ints64]
 Cover = tuple[Floats, Ints64, Floats]
 
-# Cosine of the angle between a sample's normal and a facet that it can meet, about 80 degrees: along steeper ones a gap says
-# nothing of how near the surfaces are
-FACING = 0.17
-STEEP, LEVEL = 6.0, 0.05  # slope of such a facet, and of an edge's length: how far off an end of it may lie along the normal
+# Cosine of the angle between a sample's normal and that of a facet that it can meet: surfaces that touch are nearly
+# parallel, and along steeper ones (beside a crease) gaps grow so fast that a mean over them jumps
+FACING = 0.5
+STEEP, LEVEL = 2.0, 0.05  # slope of such a facet, and of an edge's length: how far off an end of it may lie along the normal
 TIE = 1e-9  # relative: edges meet in a corner and are equally far from what lies outside of it
 
 

@@ -11,7 +11,7 @@ from numba import njit
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of
-from fenics_contact.kernels.mortar_tangent import Matrix, Turned, insert, join
+from fenics_contact.kernels.mortar_tangent import Matrix, Turned, insert_row, join, sort_columns
 from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, of_four, of_nodes, plus, row, times
 from fenics_contact.types import Bools, Floats
 
@@ -38,7 +38,8 @@ def add_node_tangents(
     rates, leaned = np.zeros((len(coords), 5, 3)), np.zeros((groups, 5, 3))
     gaps, ways, areas, anchored, whole = changing[1:]
     forces, rubs, acted = np.zeros((len(coords), 3)), np.zeros((len(coords), 3, 3)), np.zeros(len(coords), np.bool_)
-    changed, block, missing = np.empty((4, 3)), np.empty((3, 3)), 0
+    changed, added, missing = np.empty((4, 3 * len(coords))), np.empty((3, 3 * len(coords))), 0
+    order = np.empty(len(coords), np.int64)
     for A in range(len(starts) - 1):
         M, rough = changing[0][A], False
         if M[0, 0] == 0.0:
@@ -105,22 +106,31 @@ def add_node_tangents(
         for j in range(n):
             for a in range(4 if rough else 1):
                 for b in range(3):
-                    changed[a, b] = M[a, 0] * rates[j, 0, b] + M[a, 4] * rates[j, 4, b]
+                    changed[a, 3 * j + b] = M[a, 0] * rates[j, 0, b] + M[a, 4] * rates[j, 4, b]
                     if rough:
-                        changed[a, b] += M[a, 1] * rates[j, 1, b] + M[a, 2] * rates[j, 2, b] + M[a, 3] * rates[j, 3, b]
-            for i in range(n):
-                if not acted[i]:
-                    continue
-                for a in range(3):
-                    for b in range(3):
-                        block[a, b] = forces[i, a] * changed[0, b]
-                        if rough:
-                            block[a, b] += (
-                                rubs[i, a, 0] * changed[1, b] + rubs[i, a, 1] * changed[2, b] + rubs[i, a, 2] * changed[3, b]
-                            )
-                missing += insert(here[i], here[j], block, matrix)
+                        changed[a, 3 * j + b] += (
+                            M[a, 1] * rates[j, 1, b] + M[a, 2] * rates[j, 2, b] + M[a, 3] * rates[j, 3, b]
+                        )
+        sort_columns(here, n, matrix[0], order)
+        for i in range(n):
+            if acted[i]:
+                _couple(forces[i], rubs[i], changed, 3 * n, rough, added)
+                missing += insert_row(here[i], here, order, n, added, matrix)
         rates[:n], leaned[:ng], forces[:n], rubs[:n], acted[:n] = 0.0, 0.0, 0.0, 0.0, False
     return missing
+
+
+@njit(cache=True)
+def _couple(force: Floats, rub: Floats, changed: Floats, n: int, rough: bool, added: Floats) -> None:
+    """Fill added (3, n) with a node's forces per traction times the changes (4, n) of N and T_T."""
+    for a in range(3):
+        if not rough:
+            for j in range(n):
+                added[a, j] = force[a] * changed[0, j]
+            continue
+        f, one, two, three = force[a], rub[a, 0], rub[a, 1], rub[a, 2]
+        for j in range(n):
+            added[a, j] = f * changed[0, j] + one * changed[1, j] + two * changed[2, j] + three * changed[3, j]
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.couplings import find
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Met, Slaves, foot_of
 from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, plus, row, times
@@ -30,11 +29,11 @@ def join(node: int, known: Ints64, stamp: Ints64, mark: int, nodes: Ints64, n: i
 
 
 @njit(cache=True)
-def _outer(matrix: Floats, share: float, a: Vector, b: Vector) -> None:
-    """matrix (3, 3) += share a b^T."""
+def _outer(blocks: Floats, j: int, share: float, a: Vector, b: Vector) -> None:
+    """Block j of a row of blocks (3, 3 n) += share a b^T."""
     for i in range(3):
-        for j in range(3):
-            matrix[i, j] += share * a[i] * b[j]
+        for k in range(3):
+            blocks[i, 3 * j + k] += share * a[i] * b[k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,8 +72,8 @@ def add_held_tangents(
     for g in range(len(slot_starts) - 1):
         ring = max(ring, slot_starts[g + 1] - slot_starts[g])
     known, stamp, here = np.empty(len(coords), np.int64), np.full(len(coords), -1), np.empty(rows + m * ring, np.int64)
-    element, leaned = np.zeros((rows, rows + m * ring, 3, 3)), np.zeros((rows, m, 3, 3))
-    lean, carried, missing = np.empty((3, 3)), np.empty((3, 3)), 0
+    element, leaned = np.zeros((rows, 3, 3 * (rows + m * ring))), np.zeros((rows, m, 3, 3))
+    lean, carried, missing, order = np.empty((3, 3)), np.empty((3, 3)), 0, np.empty(len(here), np.int64)
     for f in range(len(nodes)):
         n = 0
         for i in range(k):
@@ -121,10 +120,10 @@ def add_held_tangents(
                         carried[a, b] = lean[a, b] * foot.N[j] + foot.g / lengths[q] * force[a] * h[b]
                 _lean(leaned, at, -1.0, carried, shapes, s)
                 for i in range(k):
-                    _outer(element[at, i], -table[s, i], force, h)
+                    _outer(element[at], i, -table[s, i], force, h)
                 for l in range(4):
                     n = join(corners[l], known, stamp, f, here, n)
-                    _outer(element[at, known[corners[l]]], foot.N[l], force, h)
+                    _outer(element[at], known[corners[l]], foot.N[l], force, h)
         height = n
         if height == k and not leaned[:k].any():
             continue
@@ -133,11 +132,11 @@ def add_held_tangents(
                 n = join(slot_nodes[at], known, stamp, f, here, n)
                 column = known[slot_nodes[at]]
                 for i in range(height):
-                    _multiply(element[i, column], leaned[i, c], turns[at])
+                    _multiply(element[i], column, leaned[i, c], turns[at])
+        sort_columns(here, n, matrix[0], order)
         for i in range(height):
-            for j in range(n):
-                missing += insert(here[i], here[j], element[i, j], matrix)
-        element[:height, :n] = 0.0
+            missing += insert_row(here[i], here, order, n, element[i], matrix)
+        element[:height, :, : 3 * n] = 0.0
         leaned[:height] = 0.0
     return missing
 
@@ -150,12 +149,12 @@ def _uncover(
     nodes, table, shapes, ends = slaves[0], slaves[2], slaves[3], met[7]
     f, s = q // len(shapes), q % len(shapes)
     for i in range(nodes.shape[1]):
-        _outer(element[known[nodes[f, i]]], table[s, i], force, got(met[8], q, 0))
+        _outer(element, known[nodes[f, i]], table[s, i], force, got(met[8], q, 0))
     for c in range(shapes.shape[1]):
-        _outer(leaned[c], shapes[s, c], force, turn)
+        _outer(leaned[c], 0, shapes[s, c], force, turn)
     for i in range(3):
-        _outer(element[known[ends[q, i]]], 1.0, force, got(met[8], q, 2 + i))
-    _outer(element[known[ends[q, 3]]], -1.0, force, got(met[8], q, 4))
+        _outer(element, known[ends[q, i]], 1.0, force, got(met[8], q, 2 + i))
+    _outer(element, known[ends[q, 3]], -1.0, force, got(met[8], q, 4))
 
 
 @njit(cache=True)
@@ -167,28 +166,45 @@ def _lean(leaned: Floats, i: int, share: float, lean: Floats, shapes: Floats, s:
 
 
 @njit(cache=True)
-def _multiply(matrix: Floats, left: Floats, right: Floats) -> None:
-    """matrix += left right."""
+def _multiply(blocks: Floats, j: int, left: Floats, right: Floats) -> None:
+    """Block j of a row of blocks (3, 3 n) += left right."""
     for a in range(3):
         for b in range(3):
-            matrix[a, b] += left[a, 0] * right[0, b] + left[a, 1] * right[1, b] + left[a, 2] * right[2, b]
+            blocks[a, 3 * j + b] += left[a, 0] * right[0, b] + left[a, 1] * right[1, b] + left[a, 2] * right[2, b]
 
 
 @njit(cache=True)
-def insert(head: int, tail: int, block: Floats, matrix: Matrix) -> int:
-    """Add a block to the matrix; returns 1 where it has no place there, unless the block is zero."""
+def sort_columns(nodes: Ints64, n: int, blocks: Ints64, order: Ints64) -> None:
+    """Fill order (n,) with the places of the first n nodes, rising by their blocks."""
+    for i in range(n):
+        at = i
+        while at > 0 and blocks[nodes[order[at - 1]]] > blocks[nodes[i]]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = i
+
+
+@njit(cache=True)
+def insert_row(head: int, nodes: Ints64, order: Ints64, n: int, added: Floats, matrix: Matrix) -> int:
+    """Add a row of blocks (3, 3 n) of a node with the sorted nodes; returns how many, not zero, have no place there."""
     blocks, first, end, columns, values, used = matrix
-    largest = 0.0
-    for a in range(3):
-        for b in range(3):
-            largest = max(largest, abs(block[a, b]))
-    if largest == 0.0:
-        return 0
-    at = find(columns, first[head], end[head], blocks[tail])
-    if at < 0:
-        return 1
-    used[at] = True
-    for a in range(3):
-        for b in range(3):
-            values[at, a, b] += block[a, b]
-    return 0
+    at, stop, missing = first[head], end[head], 0
+    for place in range(n):
+        j = order[place]
+        largest = 0.0
+        for a in range(3):
+            for b in range(3):
+                largest = max(largest, abs(added[a, 3 * j + b]))
+        if largest == 0.0:
+            continue
+        column = blocks[nodes[j]]
+        while at < stop and columns[at] < column:
+            at += 1
+        if at == stop or columns[at] != column:
+            missing += 1
+            continue
+        used[at] = True
+        for a in range(3):
+            for b in range(3):
+                values[at, a, b] += added[a, 3 * j + b]
+    return missing

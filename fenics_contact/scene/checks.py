@@ -71,6 +71,15 @@ def refuse_numbers(
     return friction_of(friction), penalty
 
 
+def default_points(master: Tool | tuple[str, ...], degree: int, bare_corners: bool, multipliers: bool) -> int | str:
+    """What a contact meets its master with if nothing is said; multipliers: whether penetration= is stated."""
+    if isinstance(master, RigidTool):
+        return 3 if bare_corners else "nodes"
+    if degree == 1:
+        return "averages"
+    return 1 if multipliers else 3
+
+
 def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], degree: int, bare_corners: bool) -> None:
     """A contact's sides and points must go together, with the degree, and with the `others` stated before.
 

@@ -9,10 +9,19 @@ from fenics_contact import compat
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import RigidTool, Tool
+from fenics_contact.contact.tools import Tool
 from fenics_contact.output.units import Units
 from fenics_contact.scene.build import build, master_name
-from fenics_contact.scene.checks import AXES, refuse_inside, refuse_numbers, refuse_pair, refuse_twice, refuse_volumes, sides
+from fenics_contact.scene.checks import (
+    AXES,
+    default_points,
+    refuse_inside,
+    refuse_numbers,
+    refuse_pair,
+    refuse_twice,
+    refuse_volumes,
+    sides,
+)
 from fenics_contact.scene.functions import Drive, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
@@ -110,21 +119,20 @@ class Scene:
         friction: Coulomb's mu, or `coulomb(...)` for one that depends on the pressure, or for a shear limit.
         penalty: a number [pressure/length] or a `Penalty`; by default from the stiffness beneath each slave point, raised
         where points sink in too far.
-        points: Gauss points per direction of each facet, which look along its normal; "corners" of the facets, which
-        look so too; "averages", one pressure per slave node from means over samples of the facets around it, against
-        another body: smooth pressures and few iterations; or "nodes", which look for the closest point on the master
-        (the paper): right on tools, which have one normal at a place, and on a body where it is smooth, for the force
-        jumps at the edges of its facets. By default nodes on an analytic tool, 3 on a body or a meshed tool.
+        points: "averages", one pressure per slave node from means over samples of the facets around it, on facets: smooth
+        pressures and few iterations; Gauss points per direction of each facet, which look along its normal; "corners" of
+        the facets, which look so too; or "nodes", which look for the closest point on the master (the paper): right on
+        tools, which have one normal at a place, and on a body where it is smooth, for the force jumps at the edges of its
+        facets. By default nodes on an analytic tool, averages on a body or a meshed tool, 3 where these need degree=1.
         penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
-        step: multipliers take over from the penalty until that holds (augmented Lagrangian); on a body or a meshed tool with
-        one point per facet by default, for a facet cannot follow another surface in more. By default the penalty alone.
+        step: multipliers take over from the penalty until that holds (augmented Lagrangian); of Gauss points on facets
+        take one, for a facet cannot follow another surface in more. By default the penalty alone.
         name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)
         bare_corners = self.degree == 2 and compat.cell_name(self.mesh.domain) == "tetrahedron"
         if points is None:
-            nodes = isinstance(master, RigidTool) and not bare_corners
-            points = "nodes" if nodes else (3 if penetration is None or isinstance(master, RigidTool) else 1)
+            points = default_points(master, self.degree, bare_corners, penetration is not None)
         name = f"{'+'.join(slave)} on {master_name(master)}" if name is None else name
         friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)

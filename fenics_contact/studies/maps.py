@@ -151,7 +151,7 @@ def studies(quick: bool) -> list[Study]:
         "map_ratio": (
             patch,
             {"slave_over_master": [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0][few], **coarser(4)},
-            {"points": ["corners", 1, 2, 3, 5][few]},
+            {"points": ["averages", "corners", 1, 2, 3, 5][few]},
         ),
         "map_edge": (
             fillets,
@@ -166,7 +166,7 @@ def studies(quick: bool) -> list[Study]:
         "map_sliding": (
             blocks,
             {"per_step": [2.0] if quick else [0.5, 1.0, 2.0, 4.0], "lower_cells": [4] if quick else [2, 4, 8, 16]},
-            {"points": ["corners", 3], "upper_cells": [6], "friction": [0.3], "drag": [4.0 if quick else 8.0]},
+            {"points": ["averages", "corners", 3], "upper_cells": [6], "friction": [0.3], "drag": [4.0 if quick else 8.0]},
         ),
     }
     return [Study(name, case, grid(**across, **up), limit=60.0, shared=True) for name, (case, across, up) in plans.items()]

@@ -28,6 +28,7 @@ PANELS: Panels = {
         "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
         "2 × 2 Gauss points": {"cells": [12, 24, 48], "points": [2]},
         "facet corners": {"cells": [12, 24, 48], "points": ["corners"]},
+        "averages": {"cells": [12, 24, 48, 96], "points": ["averages"]},
         "3 × 3, mixed element": {"cells": [12, 24, 48], "element": ["mixed"]},
     },
     "method (number of steps)": {
