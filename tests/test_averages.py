@@ -203,6 +203,25 @@ def test_a_stiff_sharp_block_is_led_over_soft_slaves_and_off_their_end():
     assert np.diff(force[20:]).max() < 0.01 * force.max() and force[-1] == 0.0  # drawn along, and off the end from t = 0.55
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("steps", [1, 10])
+def test_multipliers_over_an_end_are_the_limit_of_the_penalty(steps):
+    """All closed nodes are covered in part: they keep the body's spring, in friction too, from where they came to rest."""
+    force = []
+    for contact in ({"penetration": 1e-6}, {"penalty": Penalty(factor=1e6)}):
+        size = {"lower": (8, 6, 4), "lower_origin": (0, 0, -4), "upper": (4, 4, 2), "upper_origin": (7.1, 1.3, 0)}
+        mesh = read_gmsh(two_blocks.build, **size, lower_cells=(8, 6, 3), upper_cells=(5, 5, 2))
+        scene = Scene(*(Body(mesh, name, from_elastic(1.0, 0.3)) for name in ("lower", "upper")))
+        scene.fix("lower_bottom")
+        scene.fix("upper_top", "xy")
+        scene.prescribe("upper_top", "z", -0.2)
+        scene.contact("lower_top", "upper_bottom", 0.3, points="averages", name="c", **contact)
+        result = solve(scene, steps=steps, progress=False).require()
+        assert 0.0 < result.history[-1]["c_penetration_mm"] < 1e-6
+        force.append([result.history[-1][f"c_force_{axis}_N"] for axis in "xyz"])
+    np.testing.assert_allclose(*force, rtol=5e-4)
+
+
 def test_a_tool_has_no_averages():
     mesh = read_gmsh(two_blocks.build, lower_cells=(2, 2, 1), upper_cells=(2, 2, 1))
     scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))

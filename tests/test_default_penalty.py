@@ -71,6 +71,7 @@ DEFAULT = {
     "nested tubes": nested_tubes,
     "ironing, pressed": lambda factor: ironed(factor, 3, 0.0, 6),
     "ironing, drawn": lambda factor: ironed(factor, 1, 0.4, 4),
+    "ironing by averages, drawn": lambda factor: ironed(factor, "averages", 0.4, 4),
 }
 
 

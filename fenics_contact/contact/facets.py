@@ -234,6 +234,8 @@ class FacetPartner:
         """The points' places on the master."""
         return self._committed(feet, trial, -np.inf)[0]
 
+    resting = places
+
     def committed(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
         return self._committed(feet, trial, None)

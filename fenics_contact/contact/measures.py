@@ -11,10 +11,10 @@ from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
 
 
-def contact_measures(surface: SlaveSurface, response: Response, bare: Floats, state: State) -> dict[str, Any]:
+def contact_measures(surface: SlaveSurface, response: Response, bare: Floats, shift: Floats, state: State) -> dict[str, Any]:
     """Force and moment on the slave body [force, force x length], areas and counts of a contact's points. Collective.
 
-    bare (n,): shares of the points' areas that do not lie over the master.
+    bare (n,): shares of the points' areas that do not lie over the master; shift (ne, nq): multipliers [length].
     """
     s, comm = surface, state.u.function_space.mesh.comm
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
@@ -27,7 +27,9 @@ def contact_measures(surface: SlaveSurface, response: Response, bare: Floats, st
     ])  # fmt: skip
     sums = comm.allreduce(sums)
     whole = closed & (response.cover >= 1.0)  # points half out over an end are meant to sink in
-    held = response.gap[whole] if comm.allreduce(int(whole.sum())) else (response.gap * response.cover)[closed]
+    if not comm.allreduce(int(whole.sum())):  # of all of them what the penalty gives way, without the body's spring
+        whole = closed
+    held = (response.cover * (response.gap + shift) - shift)[whole]
     return {
         "force": sums[:3],
         "moment": sums[3:6],

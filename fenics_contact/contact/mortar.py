@@ -256,9 +256,19 @@ class MortarPartner:
 
     def places(self, feet: MortarFeet, trial: Trial) -> Anchors:
         """The samples' places on the master."""
-        n = len(self.surface.area)
-        every = np.ones(n, dtype=bool)
-        return self._behind(feet, self.no_anchors(), ~every, every, np.zeros((n, 3)))
+        return self._trailing(feet, np.zeros((len(self.surface.area), 3)))
+
+    def resting(self, feet: MortarFeet, trial: Trial) -> Anchors:
+        """Where nodes that came to rest here slip from: their places, behind by what the body's spring of those that are
+        covered in part gives way under their traction."""
+        averaged, _, _, T, _, _ = self._tractions(feet, trial)
+        spring = 1.0 - self._softened(averaged, trial)[:, None]
+        return self._trailing(feet, spring * T / self._stick(averaged, trial))
+
+    def _trailing(self, feet: MortarFeet, slips: Floats) -> Anchors:
+        """Anchors that trail all feet by slips (ns, 3) [length]."""
+        every = np.ones(len(slips), dtype=bool)
+        return self._behind(feet, self.no_anchors(), ~every, every, slips)
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length]."""
@@ -274,15 +284,21 @@ class MortarPartner:
 
     def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
         """What the penalty gave way in stick (ns, 1) [length]."""
-        ways, _ = self._rested(feet, trial.history.rests)
-        return np.where(status.ravel() == STICK, np.linalg.norm(ways, axis=1), 0.0)[:, None]
+        grown, slips, pulled = self._grown(feet, trial)
+        return np.where((status.ravel() == STICK) & grown, np.linalg.norm(slips - pulled, axis=1), 0.0)[:, None]
 
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking nodes a traction greater by eps_T times their slip."""
-        ways, rested = self._rested(feet, trial.history.rests)
-        averaged, found, _, _, pulled, _ = self._tractions(feet, trial)
-        slips, grown = pulled / self._stick(averaged, trial) + ways, (found == STICK) & rested
+        grown, slips, _ = self._grown(feet, trial)
         return self._behind(feet, trial.history.anchors, np.zeros_like(grown), grown, slips)
+
+    def _grown(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats]:
+        """Which nodes stick since they came to rest, and slips (ns, 3) [length] of their tractions after Uzawa's update and
+        now. A node covered in part keeps the body's spring, as it does along the normal."""
+        ways, rested = self._rested(feet, trial.history.rests)
+        averaged, found, _, _, trial_traction, _ = self._tractions(feet, trial)
+        pulled = trial_traction / self._stick(averaged, trial)
+        return (found == STICK) & rested, self._softened(averaged, trial)[:, None] * pulled + ways, pulled
 
     def stiffened(self, feet: MortarFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for nodes that slip on from rest as they do."""

@@ -128,6 +128,8 @@ class RigidPartner:
         """The points' places on the tool."""
         return self._committed(feet, trial, -np.inf)[0]
 
+    resting = places
+
     def committed(self, feet: RigidFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
         return self._committed(feet, trial, None)

@@ -151,7 +151,7 @@ class Contact:
         feet, h = partner.feet(state), trial.history
         rests = h.rests
         if trial.rough or self.tolerance is not None:
-            here, stuck = partner.places(feet, trial), response.status == STICK
+            here, stuck = partner.resting(feet, trial), response.status == STICK
             rests = partner.chosen(stuck, rests, here)
         anchors, slid = partner.committed(feet, trial)
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]
@@ -228,7 +228,8 @@ class Contact:
     def measures(self, state: State, trial: Trial | None = None) -> dict[str, Any]:
         """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
         bare = self.partner.bare(self.partner.feet(state))
-        return contact_measures(self.surface, self.response(state, trial), bare, state)
+        shift = (trial or self.trial).history.shift
+        return contact_measures(self.surface, self.response(state, trial), bare, shift, state)
 
     def resultants(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""
