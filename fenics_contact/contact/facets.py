@@ -52,7 +52,47 @@ class FacetFeet(NamedTuple):
         return self.placed.coords
 
 
-class FacetPartner:
+class OnFacets:
+    """What holds of any master of facets, however the slave meets it; `looks` and `first_feet` are the partner's."""
+
+    edge = "none"
+    foresees = True
+    grounded = False
+    softens = False
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+    master: MasterSurface | ToolSurface
+    _comm: MPI.Comm
+
+    def looks(self, state: State) -> Floats:
+        raise NotImplementedError
+
+    def first_feet(self, state: State) -> Any:
+        raise NotImplementedError
+
+    def gives(self, held: Array) -> bool:
+        """Whether the master could move where the dofs `held` do not."""
+        return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()
+
+    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
+        normals = np.abs(self.looks(state)).max(axis=(0, 1), initial=0.0)
+        largest = np.max(self._comm.allgather(normals), axis=0)
+        return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
+        """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
+        gaps = self.first_feet(state).projection[4]
+        return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
+
+    def beside(self, state: State) -> tuple[Ints64, Floats] | None:
+        """None: nodes off the slave surface are not looked for."""
+
+    def back_share(self, state: State) -> float:
+        """Zero: normals of a body's facets point out of it."""
+        return 0.0
+
+
+class FacetPartner(OnFacets):
     """Slave points against the facets of another body.
 
     Points of slave facets, Gauss points or corners, seek the master along their own facet's normal, which stays continuous
@@ -63,12 +103,7 @@ class FacetPartner:
     that take a state are collective.
     """
 
-    edge = "none"
-    foresees = True
     settles = False
-    grounded = False
-    softens = False
-    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
     def __init__(
         self,
@@ -295,21 +330,6 @@ class FacetPartner:
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
         return int(np.isin(self._local, blocks).sum() + np.isin(self.master.owned, blocks).sum())
 
-    def gives(self, held: Array) -> bool:
-        """Whether the master could move where the dofs `held` do not."""
-        return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()
-
-    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
-        """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
-        normals = np.abs(self._point_normals(state.u.x.array)).max(axis=0, initial=0.0)
-        largest = np.max(self._comm.allgather(normals), axis=0)
-        return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
-
-    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
-        """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
-        gaps = self.first_feet(state).projection[4]
-        return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
-
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Gaps (n,) of slave nodes from their closest points on the master, endless without one. Collective."""
         normals, coords = self._nodal_normals(state.u.x.array)[nodes], self.feet(state).coords
@@ -317,16 +337,9 @@ class FacetPartner:
         gaps = self._closest.far(points, normals, coords, self.search)[4]
         return np.where(np.any(normals != 0.0, axis=1), gaps, np.inf)  # degree 2: a facet's normal is known at its corners
 
-    def beside(self, state: State) -> tuple[Ints64, Floats] | None:
-        """None: nodes off the slave surface are not looked for."""
-
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Depth [length] of the deepest slave point too deep in the master to have a partner, else zero. Collective."""
         return deepest_lost(self, len(self._local), state, trial)
-
-    def back_share(self, state: State) -> float:
-        """Zero: normals of a body's facets point out of it."""
-        return 0.0
 
 
 class Seeker(Protocol):
@@ -336,8 +349,6 @@ class Seeker(Protocol):
     search: float
 
     def feet(self, state: State) -> Any: ...
-
-    def first_feet(self, state: State) -> Any: ...
 
     def far(self, feet: Any, search: float) -> Projection: ...
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, deepest_lost, own, unit
+from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, OnFacets, deepest_lost, own, unit
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pairing import Pairing, Watch, seek_along
@@ -55,7 +55,7 @@ class Linearised(NamedTuple):
     rates: Floats
 
 
-class MortarPartner:
+class MortarPartner(OnFacets):
     """Slave nodes against the facets of another body, through samples of the facets around them.
 
     surface: SlaveSurface of nodes; skin: all facets of the slave; master: those of the master. Each process evaluates all
@@ -63,13 +63,8 @@ class MortarPartner:
     the surfaces' nodes. Methods that take a state are collective.
     """
 
-    edge = "none"
-    foresees = True
     settles = True
-    grounded = False
-    softens = False
     smooth = False
-    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
     def __init__(
         self, name: str, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers
@@ -111,7 +106,7 @@ class MortarPartner:
         """The projection without what lies off the master, and how much of each sample lies over it."""
         n, s = len(points), self.samples
         cover = np.empty(n), np.empty((n, 4), dtype=np.int64), np.empty((n, 5, 3))
-        coverage(coords, s.corners, s.rim, points, self._facets, self._ends, projection, cover)
+        coverage(coords, s.nodes, s.rim, points, self._facets, self._ends, projection, cover)
         return *projection, *cover
 
     def feet(self, state: State) -> MortarFeet:
@@ -279,7 +274,7 @@ class MortarPartner:
 
     def _rested(self, feet: MortarFeet, rests: Anchors) -> tuple[Floats, Bools]:
         """Ways (ns, 3) since the samples came to rest, and which nodes have such."""
-        _, ways, _, anchored, _ = self._averaged(feet, rests)
+        _, ways, _, anchored, _ = self._averages(feet, rests)  # not kept: all else asks for those of the anchors
         return ways, anchored > 0.0
 
     def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
@@ -361,32 +356,10 @@ class MortarPartner:
         """Number of this rank's slave and master nodes among the local nodes `blocks`."""
         return int(np.isin(self.skin.owned, blocks).sum() + np.isin(self.master.owned, blocks).sum())
 
-    def gives(self, held: Array) -> bool:
-        """Whether the master could move where the dofs `held` do not."""
-        return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()
-
-    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
-        """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
-        normals = np.abs(self.looks(state)).max(axis=(0, 1), initial=0.0)
-        largest = np.max(self._comm.allgather(normals), axis=0)
-        return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
-
-    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
-        """Depth [length] of the deepest sample inside the master, and zero: no node is asked behind it. Collective."""
-        gaps = self.first_feet(state).projection[4]
-        return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
-
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Endless gaps (n,): means over samples leave nothing between them to ask for."""
         return np.full(len(nodes), np.inf)
 
-    def beside(self, state: State) -> tuple[Ints64, Floats] | None:
-        """None: nodes off the slave surface are not looked for."""
-
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Depth [length] of the deepest sample that is too deep in the master to have a partner, else zero. Collective."""
         return deepest_lost(self, self._first, state, trial)
-
-    def back_share(self, state: State) -> float:
-        """Zero: normals of a body's facets point out of it."""
-        return 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
-from fenics_contact.types import Floats, Ints64
+from fenics_contact.types import Floats
 
 FEWEST, MOST = 3, 6  # samples of a facet per direction
 PER_FACET = 2.0  # samples of a facet per direction, for each facet of a finer master that it covers
@@ -19,8 +19,8 @@ class Samples:
     """Facets of a slave surface that this process evaluates, those around its own nodes, with their samples.
 
     slaves, groups: as the kernels take them; number (nf, m): the own node at each corner, or -1; table, corner (ns,
-    J): samples around each own node and its corner's place among those of their facet, -1 where there are fewer; corners
-    (nf, m): nodes of the facets; rim: the way on which a sample leaves the master, over its facet's size along it.
+    J): samples around each own node and its corner's place among those of their facet, -1 where there are fewer; nodes
+    (nf, m) of the facets; rim: the way on which a sample leaves the master, over its facet's size along it.
     """
 
     def __init__(self, skin: MasterSurface, count: int) -> None:
@@ -63,10 +63,6 @@ class Samples:
     @property
     def count(self) -> int:
         return self.slaves[1].size
-
-    @property
-    def corners(self) -> Ints64:
-        return np.ascontiguousarray(self.nodes[:, : self.slaves[3].shape[1]])
 
     def normals(self, coords: Floats) -> tuple[Floats, Floats]:
         """Unit normals of the groups and their turns."""
