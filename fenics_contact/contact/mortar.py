@@ -158,11 +158,12 @@ class MortarPartner(OnFacets):
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _, excess = self._tractions(feet, trial)
-        forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 3)), self.samples, self.surface.area
+        forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), self.samples, self.surface.area
         kernel.add_node_forces(s.slaves, self._facets, feet.met, (N, T, s.number), forces, sums)
         gap = np.minimum(averaged[0], self.search)[:, None]
         cover = self._softened(averaged, trial)[:, None]
-        return Response((sums / area)[:, None], gap, status[:, None], excess[:, None], cover, forces)
+        traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:] / area)[:, None])
+        return Response(traction, gap, status[:, None], excess[:, None], cover, forces, split)
 
     def _softened(self, averaged: kernel.Averaged, trial: Trial) -> Floats:
         """Penalties of the nodes (ns,) over those of nodes that are covered whole."""

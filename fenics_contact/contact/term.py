@@ -221,7 +221,10 @@ class Contact:
 
     def split_traction(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
         """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
-        traction, normal = self.response(state, trial).traction, self.normals(state)
+        response = self.response(state, trial)
+        if response.split is not None:
+            return response.split
+        traction, normal = response.traction, self.normals(state)
         pressure = -np.einsum("eqc,eqc->eq", traction, normal)
         return pressure, -traction - pressure[..., None] * normal
 

@@ -241,7 +241,8 @@ def add_node_forces(
     forces: Floats,
     sums: Floats,
 ) -> None:
-    """Add the virtual power of (14) to forces (nx, 3), and the part of each slave node's traction to its sum (ns, 3).
+    """Add the virtual power of (14) to forces (nx, 3), and the parts of each slave node's traction to its sums (ns, 7): T, N,
+    T_T. Each sample presses along a normal of its own: T alone does not tell N from T_T.
 
     acting: (N (ns,), T_T (ns, 3), number (nf, m) of the slave node at each corner, -1: another process answers for it).
     """
@@ -262,10 +263,11 @@ def add_node_forces(
                 share = shapes[s, c] * weights[f, s] * met[6][q]
                 total += share * N[A]
                 tangential = less(tangential, -share, t)
-                along = times(share, plus(times(N[A], n), less(t, dot(n, t), n)))
-                sums[A, 0] += along[0]
-                sums[A, 1] += along[1]
-                sums[A, 2] += along[2]
+                pressed, rubbed = times(share * N[A], n), times(share, less(t, dot(n, t), n))
+                sums[A, 3] += share * N[A]
+                for a in range(3):
+                    sums[A, a] += pressed[a] + rubbed[a]
+                    sums[A, 4 + a] += rubbed[a]
             force = plus(times(total, n), less(tangential, dot(n, tangential), n))
             for i in range(nodes.shape[1]):
                 add_row(forces, nodes[f, i], table[s, i], force)
