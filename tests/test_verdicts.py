@@ -31,6 +31,7 @@ from meshes import box, dome, two_blocks
 
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+TIPPING = {"lower_origin": (0, 0, -2), "upper": (4, 5, 3), "upper_origin": (1.5, 1, 0)}
 CRUSHING = 0.6 * 0.4 ** (2 / 3)  # largest dead pressure over K on a cube: (1 - J) J^(2/3) is greatest at J = 0.4
 
 
@@ -190,6 +191,21 @@ def dragged_by_force(friction=0.3, drive="force"):
     return scene, {}
 
 
+def tipping(drive="force"):
+    """A block pressed on another one by a dead load, then pushed aside at its top until it tips: with the node that lifts
+    last goes all that holds it, or drawn aside."""
+    mesh = read_gmsh(two_blocks.build, lower=(8, 7, 2), lower_cells=(6, 5, 3), upper_cells=(3, 4, 2), **TIPPING)
+    scene = Scene(Body(mesh, "lower", neo_hooke(0.86, 1.8)), Body(mesh, "upper", neo_hooke(0.86, 1.8)))
+    scene.fix("lower_bottom")
+    scene.contact("upper_bottom", "lower_top", 0.5, name="joint")
+    scene.traction("upper_top", lambda t: (0, 0, -0.37 * min(2 * t, 1)))
+    if drive == "force":
+        scene.traction("upper_top", lambda t: (-0.15 * max(2 * t - 1, 0), 0, 0))
+    else:
+        scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), -1.3 * max(2 * t - 1, 0)))
+    return scene, {"steps": 8, "stabilise": True}
+
+
 def between_plates():
     """A block between a rough floor and a rough lid that is drawn over it: nothing but the friction of both holds it."""
     scene = cube(cells=(3, 3, 2), size=(4.0, 4.0, 2.0))
@@ -277,6 +293,7 @@ CATALOGUE = {
     ),
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
+    "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),
     "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
     "stumbling": (lambda: stumbling(1e-2), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
@@ -325,6 +342,7 @@ CURES = {
     "loose half": [lambda: with_options(loose_half, stabilise=True)],
     "on a node": [lambda: on_a_node(3, None)],
     "pushed over a limit": [lambda: pushed_through("move")],
+    "tipping": [lambda: tipping("prescribe")],
 }
 
 

@@ -10,6 +10,7 @@ from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
+from fenics_contact.solvers.newton import relative_residual, solve_once
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Vec
 
@@ -18,7 +19,9 @@ FOLDED = 0.1
 # Lengths of the failing step, within which a fold must lie ahead to be its cause: Newton's method fails a few before it.
 AHEAD = 10.0
 TAKEN = 0.5  # of the bodies' largest motion: a tool that moves more takes part in it
-NEAR = 1e-2  # of the load: a longer step that fails says nothing of a fold
+NEAR = 1e-2  # of the load: a longer step that fails, or an iterate further out of balance, says nothing of a fold
+SOLVES = 4  # within which a step that fails at a kink has crossed it
+ALIKE = 0.9  # cosine of two motions that count as the same
 SUNK = 0.5  # of a tool's way: a gap that takes more of it gives way more than the bodies do
 NUDGE = 1e-6  # of the bodies' size: moved by that, gaps tell how far
 LOOSE = 1e-9  # of what its nodes resist each alone: round-off, and what softest() adds, are a thousandth of it
@@ -122,7 +125,7 @@ def _where(system: System, mode: Motion) -> tuple[str, str, float]:
 # -- limit point ------------------------------------------------------------------------------------------------------
 def limit_point(system: System, mode: Motion, now: float, goal: float | None = None) -> Finding | None:
     """A finding if the softest motion, of stiffness `now`, has lost nearly all that it has in the unloaded bodies, and the
-    path's rate says that the fold lies no further ahead than a few times the step to `goal`.
+    path's rate says that the fold lies no further ahead than a few times the step to `goal`, or that step crosses a kink.
 
     A soft motion alone stops no step: sliding bodies have one, and so has a point on a fillet. Forks are found by the rate
     too, for only an imperfect one stops Newton's method, and before that the path bends.
@@ -131,12 +134,15 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     if not abs(now) < FOLDED * unloaded:
         return None
     step = 0.0 if goal is None else abs(goal - system.committed_t)
-    if step > NEAR or (goal is not None and not fold_ahead(system) <= AHEAD * step):
+    if step > NEAR:
         return None
+    text = "the load path folds back or forks"
+    if goal is not None and not fold_ahead(system) <= AHEAD * step:
+        if not (now > 0.0 and _falls(system, mode, goal)):
+            return None
+        text += " where a contact's status changes"
     name, place, largest = _where(system, mode)
-    text = (
-        f"its softest motion keeps {now / unloaded:.2g} of the stiffness it has unloaded: the load path folds back or forks"
-    )
+    text = f"its softest motion keeps {now / unloaded:.2g} of the stiffness it has unloaded: {text}"
     going = np.linalg.norm(mode.dq, axis=1)
     tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
     ways = ["follow the path by arc length"]
@@ -146,6 +152,34 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
         ways.append("prescribe a displacement in place of the load")
     ways += damping(system)
     return Finding(LIMIT_POINT, text, ", ".join([*tools, f"body '{name}' at {place}"]), " or ".join(ways))
+
+
+def _falls(system: System, mode: Motion, goal: float) -> bool:
+    """Whether the softest motion of the accepted state resists less than not at all at one of the first iterates of a step
+    to `goal`, near balance: there a point opens or slips with which the last stiffness goes. Collective.
+
+    At such a kink the load path folds back and no rate announces it: on its one side the tangent leads over the kink, on
+    the other one back.
+    """
+    linear, found = LinearSolver(system, "direct", afresh=True), False
+    du, dq = system.begin_step(goal)
+    try:
+        for _ in range(SOLVES):
+            solve_once(system, linear, du, dq)
+            du, dq = np.zeros_like(du), np.zeros_like(dq)
+            if not relative_residual(system) < NEAR:
+                break
+            system.assemble_tangent()
+            soft = softest(system)
+            if soft is None:
+                break
+            if soft.dot(resistance(system, soft, system.matrix)) < 0.0:
+                found = mode.dot(soft) ** 2 > ALIKE**2 * mode.dot(mode) * soft.dot(soft)
+                break
+    except StepFailed:
+        pass
+    system.rollback()
+    return found
 
 
 def damping(system: System) -> list[str]:
