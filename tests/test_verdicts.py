@@ -133,6 +133,16 @@ def ball_through(cells=(6, 6, 2), penalty=0.05):
     return scene, {"push": {ball: (0, 0, -8.0)}}
 
 
+def block_through(penalty=0.05):
+    """A block pressed by a dead load into the one it lies on, which hardly holds it: before it is through it topples."""
+    mesh = read_gmsh(two_blocks.build, lower=(8, 7, 2), lower_cells=(6, 5, 2), upper_cells=(3, 4, 2), **TIPPING)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.contact("upper_bottom", "lower_top", 0.3, penalty=penalty, name="joint")
+    scene.traction("upper_top", (0, 0, -0.3))
+    return scene, {"stabilise": True}
+
+
 def over_the_edge():
     """A block under a press of given force is dragged over the end of the one it lies on."""
     lower = {"lower": (40, 10, 4), "lower_cells": (10, 3, 1), "lower_origin": (0, 0, -4)}
@@ -284,6 +294,8 @@ CATALOGUE = {
         "contact 'ball' at (",
         "raise penalty=",
     ),
+    "soft by thirty": (lambda: ball_through(penalty=2.0), "penalty too soft", "contact 'ball' at (", "raise penalty="),
+    "soft under a block": (block_through, "penalty too soft", "contact 'joint' at (", "raise penalty="),
     "long steps": (tall_block, "no convergence", "", "take more steps, or allow shorter ones (smallest_step=)"),
     "too great a push": (
         dragged_by_force,
@@ -337,6 +349,7 @@ CURES = {
     "stiff": [lambda: pressed(None)],
     "soft": [lambda: ball_through(penalty=None)],
     "soft on high cells": [lambda: ball_through((4, 4, 1), penalty=None)],
+    "soft under a block": [lambda: block_through(penalty=None)],
     "long steps": [lambda: tall_block(None)],
     "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
     "loose half": [lambda: with_options(loose_half, stabilise=True)],

@@ -12,7 +12,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.findings import worst
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.trial import Law, Trial
-from fenics_contact.kernels.status import STICK
+from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
@@ -137,6 +137,16 @@ class Penalties:
         trial = self.friction_kept(trial, part)
         trial = trial.remembering(shift=trial.history.shift / part).under(trial.law.times(part))
         return trial.judging(gaps.ravel())
+
+    def holding_up(self, state: State) -> Trial:
+        """Penalties so great that the deepest point of an accepted state would lie AIM * DEEPEST deep; points press and rub
+        as they do all the same. Collective."""
+        contact, trial = self._contact, self._contact.trial
+        depth, _ = self._depth(contact.depths(state), state.u.function_space.mesh.comm)
+        factor, shift, response = max(depth / (AIM * DEEPEST), 1.0), trial.history.shift, contact.response(state)
+        gap = np.where(response.status != OPEN, response.gap, 0.0)
+        trial = self.friction_kept(trial, factor).remembering(shift=(gap + shift) / factor - gap)
+        return trial.under(trial.law.times(factor))
 
     # -- varied to see what they cost -----------------------------------------------------------------------------
     def stiffened(self, state: State, factor: float) -> Trial:
