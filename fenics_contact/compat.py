@@ -127,6 +127,11 @@ def assemble_vector(array: Floats, compiled_form: Form) -> None:
     fem.assemble_vector(array, compiled_form)
 
 
+def assemble_scalar(compiled_form: Form) -> float:
+    """The form's integral over this rank's cells or facets."""
+    return float(fem.assemble_scalar(compiled_form))
+
+
 def sum_to_owners(function: Function) -> None:
     """Add what ranks wrote into a Function's ghosts to the owners' values. Collective."""
     function.x.scatter_reverse(_ADD)
@@ -221,14 +226,14 @@ def locate_blocks(space: Space, facets: Array) -> Ints:
     return fem.locate_dofs_topological(space, 2, np.asarray(facets, dtype=np.int32))
 
 
-def cell_evaluator(mesh: Mesh, ufl_expression: Expr, points: Floats | list[float]) -> Callable[[], Floats]:
-    """Function () -> (owned cells, points * size) of a UFL expression at reference points, on the current state."""
+def cell_evaluator(mesh: Mesh, ufl_expression: Expr, points: Floats | list[float]) -> Callable[..., Floats]:
+    """Function (cells=all owned) -> (cells, points * size) of a UFL expression at reference points, on the current state."""
     with _quiet():
         expression = fem.Expression(ufl_expression, np.atleast_2d(points))
-    cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    owned = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
     with_mesh = "mesh" in inspect.signature(expression.eval).parameters
 
-    def evaluate() -> Floats:
+    def evaluate(cells: Ints = owned) -> Floats:
         values = expression.eval(mesh, cells) if with_mesh else expression.eval(cells)
         return values.reshape(len(cells), int(np.prod(values.shape[1:])))  # newer ones keep points and components apart
 

@@ -13,8 +13,8 @@ from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
 from fenics_contact.assembly.system import System
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
+from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
-from fenics_contact.output.history import HistoryRow
 from fenics_contact.scene.fingerprint import Statement, first_difference
 from fenics_contact.solvers.continuation import Path as Continuation
 from fenics_contact.solvers.verdict import Verdict

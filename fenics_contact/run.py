@@ -1,9 +1,8 @@
 """solve(scene, ...): run a scene along its load path and keep what it gave."""
 
-import pathlib
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
 from typing import Any
@@ -14,31 +13,31 @@ from tqdm import tqdm
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm, State
+from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.contact.tools import Tool
 from fenics_contact.options import Steps, arc_steps, checkpoint_steps, load_times, refuse_shares
-from fenics_contact.output.files import clear_results, writing
+from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
-    HistoryRow,
     Summary,
-    column_names,
-    damping_column,
-    history_row,
+    energy_line,
     limit_points,
     penalty_lines,
     penalty_notes,
     penalty_summary,
     stages_line,
 )
+from fenics_contact.output.lines import Along, Table, line, zones
+from fenics_contact.output.results import Results
+from fenics_contact.output.slave_nodes import SlaveNodes
 from fenics_contact.output.units import Units
-from fenics_contact.output.writer import Writer
+from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import statement
-from fenics_contact.scene.functions import Drive, number_of
+from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.targets import distances
-from fenics_contact.solvers.arc_length import ArcLength, ArcReport, depends_on_load
+from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
@@ -47,7 +46,7 @@ from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
 from fenics_contact.solvers.penalty_error import penalty_error
-from fenics_contact.solvers.report import Stepper, StepReport
+from fenics_contact.solvers.report import Stepper
 from fenics_contact.solvers.snes import Snes
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
@@ -55,20 +54,21 @@ from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Function
 from fenics_contact.values import SceneError, shown
 
-Columns = dict[str, Callable[[State], float]]  # what the user adds to the history
-
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
 
 
 @dataclass
 class Result:
     """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
-    summary: what summary.json holds. `result.u` is the displacement Function."""
+    summary: what summary.json holds; measured: the final state's contacts, reactions and energies. `result.u` is the
+    displacement Function."""
 
     history: list[HistoryRow]
     verdict: Verdict
     system: System
     summary: Summary
+    measured: Results = field(repr=False)
+    units: Units
 
     @property
     def u(self) -> Function:
@@ -94,6 +94,30 @@ class Result:
             raise KeyError(f"no column '{name}' in the history; it has: {', '.join(self.history[0])}")
         return np.array([row[name] for row in self.history])
 
+    def table(self) -> Table:
+        """All history columns as arrays by name: what `pandas.DataFrame` takes."""
+        return {name: self.column(name) for name in (self.history[0] if self.history else ())}
+
+    def line(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Table:
+        """A contact's nodal values along a line of its slave surface at the final state: arrays by name. Collective.
+
+        Columns: arc (way along the deformed line), reference and current positions, pressure and friction on the current
+        area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y", "z", or a function of the reference
+        positions X (n, 3) -> (n,), that orders the points; cut: {axis: value}, the plane of the undeformed body that cuts
+        the surface, e.g. {"z": 0.0}; by default all corners of its facets. KeyError lists the contacts.
+        """
+        return line(self._surface(contact), along, cut, self.units)
+
+    def widths(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Floats:
+        """Starts and ends (n, 2) [length] of the zones in contact along the arc of such a line. Collective."""
+        return zones(self.line(contact, along, cut), self.units)
+
+    def _surface(self, contact: str) -> SlaveNodes:
+        names = [surface.contact.name for surface in self.measured.surfaces]
+        if contact not in names:
+            raise KeyError(f"no contact '{contact}'; there is: {', '.join(names) or 'none'}")
+        return self.measured.surfaces[names.index(contact)]
+
 
 @ends_together
 def solve(
@@ -112,7 +136,7 @@ def solve(
     smallest_step: float | None = None,
     until: object = None,
     back: object = None,
-    record: dict[str, Callable[[State], float]] | None = None,
+    record: Recorded | None = None,
     stabilise: bool = False,
     damping: bool = False,
 ) -> Result:
@@ -123,7 +147,7 @@ def solve(
     results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
     smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
-    {name: function of the state -> number}, columns added to the history, called on all ranks, which must agree on it.
+    {name: function of a View -> number}, columns added to the history, called on all ranks, which must agree on it.
 
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
@@ -153,7 +177,8 @@ def solve(
     every = checkpoint_steps(checkpoint, resume, out)
     refuse_shares(method, tolerance, smallest_step)
     times = np.array([0.5, 1.0]) if continuation else load_times(steps)
-    extra = _columns(record or {}, scene)
+    columns = columns_of(record or {}, scene)
+    extra = record or {}
     if out is not None and not isinstance(out, str | PathLike):
         raise SceneError(f"out = {shown(out)} must be the path of a folder")
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
@@ -165,10 +190,12 @@ def solve(
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
     plain, stepper = _stepper(method, solver, tolerance, system)
-    path = Path(system, plain, stepper, arcs, legs) if isinstance(plain, ArcLength) and arcs else None
+    path = None
+    if isinstance(plain, ArcLength) and arcs:
+        path = Path(system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system))
     stated = partial(statement, scene, system, method, extra)
     keeper = Keeper(folder, system, path, stated, every, resume) if every and folder else None
-    kept = _Record(scene, system, folder, keeper, extra, continuation, progress)
+    kept = Recorder(scene, built, folder, keeper, (columns, extra), continuation, progress)
     setup = timers.table()["total"]
     verdict = kept.verdict
     kept.remark([*scene.notes, *built.notes])
@@ -189,101 +216,13 @@ def solve(
     if kept.writer:
         kept.writer.finish(summary)
     if progress and system.comm.rank == 0:
-        lines = [*penalty_lines(summary["penalty_error"], scene.units), stages_line(summary["seconds"])]
+        lines = penalty_lines(summary["penalty_error"], scene.units)
+        lines += [energy_line(kept.results.energies, scene.units), stages_line(summary["seconds"])]
         if verdict.residuals:
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
-    return Result(kept.history, verdict, system, summary)
-
-
-class _Record:
-    """What a run keeps of every accepted step: a history row, fields, a checkpoint; and its progress bar.
-
-    Called with the step's report, its seconds and whether it is on the schedule, on all ranks.
-    """
-
-    def __init__(
-        self,
-        scene: Scene,
-        system: System,
-        folder: pathlib.Path | None,
-        keeper: Keeper | None,
-        extra: Columns,
-        continuation: bool,
-        progress: bool,
-    ) -> None:
-        self.scene, self.system, self.keeper, self.extra = scene, system, keeper, extra
-        self.continuation, self._augments = continuation, bool(system.augmented) or system.stabilised
-        self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
-        self._told = len(self.verdict.notes)  # those that have been printed
-        with system.timers("compile"):
-            self._smallest_J = scene.volume_ratio(system.state.u).smallest
-        with system.timers("output"):
-            clock = (lambda: len(self.history)) if continuation else (lambda: system.state.t)
-            if folder and not (keeper and keeper.resumed):
-                self._start_anew(folder)
-            self.writer = Writer(folder, scene, system, clock, list(self.history)) if folder else None
-        layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
-        self.silent = not progress or system.comm.rank != 0
-        self.bar = tqdm(total=1.0, disable=self.silent, bar_format=layout)
-
-    def _start_anew(self, folder: pathlib.Path) -> None:
-        """An earlier run's files go; then comes a checkpoint of the start: what is killed from here on can be resumed."""
-        with writing(self.system.comm, folder, "in the place of older results"):
-            if self.system.comm.rank == 0:
-                clear_results(folder)
-        if self.keeper:
-            self.keeper.keep()
-
-    def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
-        with self.system.timers("output"):
-            self.history.append(self._row(report, seconds))
-            if self.writer and on_schedule:
-                self.writer.write_fields(len(self.history))
-            if self.keeper:
-                self.keeper.keep()
-            if self.writer:
-                self.writer.write_row(self.history[-1])
-        t = self.system.state.t
-        words = f"step {len(self.history)}, t = {t:.4g}, {report.iterations} iterations"
-        self.bar.set_postfix_str(words, refresh=self.continuation)
-        news, self._told = self.verdict.notes[self._told :], len(self.verdict.notes)
-        if not self.bar.disable and news:
-            tqdm.write("\n".join(news), file=sys.stderr)
-        if not self.continuation:
-            self.bar.update(t - self.bar.n)
-
-    def remark(self, notes: list[str]) -> None:
-        """Notes on the run as a whole, each said once."""
-        fresh = [note for note in notes if note not in self.verdict.notes]
-        self.verdict.notes += fresh
-        self._told = len(self.verdict.notes)
-        if fresh and not self.silent:
-            tqdm.write("\n".join(fresh), file=sys.stderr)
-
-    def _row(self, report: StepReport, seconds: float) -> HistoryRow:
-        state, units = self.system.state, self.scene.units
-        travel = {tool.name: state.travel[i] for i, tool in enumerate(self.scene.tools)}
-        measures = {contact.name: contact.measures(state) for contact in self.system.contacts}
-        row = history_row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), travel, measures, units)
-        if self._augments:
-            row["augmentations"] = report.augmentations
-        row |= {name: number_of(self.system.comm, f"record '{name}'", value, state) for name, value in self.extra.items()}
-        if self.system.damping:
-            row[damping_column(units)] = report.work
-        return row | ({"limit_point": report.limit_point} if isinstance(report, ArcReport) else {})
-
-
-def _columns(record: Columns, scene: Scene) -> Columns:
-    """The user's columns, checked: functions under names that no other column has."""
-    taken = column_names([tool.name for tool in scene.tools], [contact.name for contact in scene.contacts], scene.units)
-    for name, value in record.items():
-        if name in taken:
-            raise SceneError(f"record '{name}': the history has a column of that name; choose another")
-        if not callable(value):
-            raise SceneError(f"record '{name}' must be a function of the state that gives one number, not {value!r}")
-    return record
+    return Result(kept.history, verdict, system, summary, kept.results, scene.units)
 
 
 def _refuse_nan(system: System, times: Floats) -> None:
@@ -383,6 +322,9 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
         "name": contact.name,
         "master": contact.master_name,
         "tool_edge": contact.partner.edge,
+        "moment_about": "the slave surface's centroid"
+        if contact.partner.point(system.state) is None
+        else "the tool's point",
         "friction": contact.friction_stated,
         "slave_points": comm.allreduce(contact.surface.points),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],

@@ -360,3 +360,30 @@ if __name__ == "__main__":
     values = numbers()
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(values))
+
+
+@pytest.mark.parallel
+def test_steps_land_on_every_station_there_and_back():
+    """A pulled block: at each station the state is that of load control, each time the path passes it."""
+    mesh = read_gmsh(box.build, cells=(2, 2, 2))
+
+    def scene():
+        stated = Scene(Body(mesh, "box", neo_hooke(1.0, 10.0)))
+        stated.fix("zmin")
+        stated.traction("zmax", (0.1, 0.0, 0.5))
+        return stated
+
+    end = lambda view: view.at("zmax").displacement[2]  # noqa: E731
+    plain = solve(scene(), steps=[0.25, 0.6, 1.0], record={"end": end}, progress=False).require()
+    middle = 0.5 * (plain.column("end")[0] + plain.column("end")[1])
+    stations = [Load(0.25), Load(0.6), Displacement("zmax", "z", middle)]
+    steps = ArcSteps(first=0.11, stations=stations)
+    result = solve(scene(), until=Load(1.0), back=Load(0.0), steps=steps, record={"end": end}, **FOLLOW).require()
+    station, t, ends = (result.column(name) for name in ("station", "t", "end"))
+    assert station[station > 0].tolist() == [1, 3, 2, 2, 3, 1]
+    for number, load in ((1, 0.25), (2, 0.6)):
+        np.testing.assert_allclose(t[station == number], load, atol=2e-6)
+        np.testing.assert_allclose(ends[station == number], plain.column("end")[number - 1], rtol=1e-5)
+    assert result.column("t").max() == pytest.approx(1.0, abs=2e-6) and len(t) > 8
+    with pytest.raises(SceneError, match="give a Load"):
+        solve(scene(), until=Load(1.0), steps=ArcSteps(stations=[0.3]), **FOLLOW)

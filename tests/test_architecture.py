@@ -41,18 +41,19 @@ TABLE = {
     "kernels": {"numpy", "numba"},
     "solid": {"numpy", "mpi4py", "basix", "ufl", "assembly", "compat", "values"},
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing", "values"},
-    "assembly": {"numpy", "mpi4py", "petsc4py", "kernels", "compat", "timing"},
+    "assembly": {"numpy", "mpi4py", "petsc4py", "basix", "kernels", "compat", "timing"},
     "solvers": {"numpy", "mpi4py", "petsc4py", "assembly", "timing"},
     "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "output",
               "solid", "timing", "values"},
-    "output": {"numpy", "mpi4py", "matplotlib", "mpl_toolkits", "ufl", "agreement", "compat", "assembly", "kernels", "solid",
-               "values"},
+    "output": {"numpy", "mpi4py", "basix", "matplotlib", "mpl_toolkits", "agreement", "compat", "assembly", "kernels",
+               "solid", "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "assembly", "compat", "solid",
                 "mesh_io", "contact", "packages", "solvers", "scene", "run"},
     "options": {"numpy", "solvers", "values"},
     "restart": {"mpi4py", "agreement", "assembly", "solvers", "output", "scene", "values"},
+    "recording": {"tqdm", "output", "scene", "solvers", "restart", "values"},
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
-            "restart", "values"},
+            "recording", "restart", "values"},
     # what the package offers to its users
     "__init__": {"packages", "values", "mesh_io", "contact", "solid", "scene", "solvers", "output", "run"},
 }  # fmt: skip
@@ -60,7 +61,7 @@ TABLE = {
 ONLY = {
     ("studies", "assembly"): {"system", "term"},  # their names
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
-    ("output", "assembly"): {"exchange", "system"},
+    ("output", "assembly"): {"exchange", "facet_points", "system", "term"},
     ("output", "kernels"): {"status"},
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"sets", "scatter"},

@@ -24,6 +24,20 @@ def test_force_within_one_percent_of_hertz_and_converging(tool, coarse, fine):
     assert abs(last) < 0.7 * abs(first), (first, last)
 
 
+@pytest.mark.parametrize("cells", [6, 12])
+def test_ends_and_peak_of_the_pressure_under_a_cylinder(cells):
+    """The line says where the contact ends to a tenth of a cell, which is a quarter or an eighth of its half-width A."""
+    result, _ = indented("cylinder", cells)
+    ((start, end),) = result.require().widths("top", "x", {"y": 0.0})
+    assert start == 0.0 and abs(end - A) < 0.1 * 1.5 * A / cells
+    p0 = STAR * A / (2 * study.R)
+    assert abs(result.history[-1]["top_peak_pressure_MPa"] / p0 - 1) < 1e-3
+    line = result.line("top", "x", {"y": 0.0})
+    inside = line["x_reference_mm"] < 0.7 * A
+    exact = p0 * np.sqrt(1 - line["x_reference_mm"][inside] ** 2)
+    np.testing.assert_allclose(line["pressure_MPa"][inside], exact, atol=0.01 * p0)
+
+
 @pytest.mark.parametrize("cells", [4, 6])
 def test_cone_on_a_half_space(cells):
     """Sneddon: F = 2/pi E* d^2 tan(half-angle), contact radius 2/pi d tan(half-angle) = A."""

@@ -74,8 +74,9 @@ class CondensedPressure(FormTerm):
         u: Function,
         fields: tuple[Function, Function, Function],
         laws: Sequence[Any] = (),
+        energy: Form | None = None,
     ) -> None:
-        super().__init__(name, residual, tangent, laws=laws)
+        super().__init__(name, residual, tangent, laws=laws, energy=energy)
         self.pressure, self._predicted, self._dilatation = fields
         self._forms, q, v = forms, self.pressure.function_space, u.function_space
         self._coupling = CellBlocks(forms["coupling"], q, v)
@@ -130,6 +131,11 @@ class CondensedPressure(FormTerm):
         self.pressure.x.array[self._pressure_dofs] = self._follow(state)
         super().add_residual(state, residual, tool_residual)
         self.pressure.x.array[self._pressure_dofs] = kept
+
+    def strain_energy(self) -> float:
+        """Of this rank's cells, the volume's at their dilatations [force x length]."""
+        self._evaluate()
+        return super().strain_energy()
 
     def tangent(self, state: State, trial: Any = None) -> Blocks:
         eliminated, own = self._evaluate(), self._follow(state)

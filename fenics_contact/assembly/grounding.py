@@ -97,7 +97,7 @@ class Grounding(SpringTerm):
     def commit(self, state: State) -> None:
         if not self._engaged:
             return
-        energy, elastic = 0.5 * self.spent(state)[1], self.strain_energy(state)
+        energy, elastic = 0.5 * self.spent(state)[1], self._system.strain_energy()
         share = energy / elastic if elastic > 0.0 else 0.0
         energy, share = max(energy, self.most["energy"]), max(share, self.most["energy_share"])
         self.most = {"steps": self.most["steps"] + 1.0, "energy": energy, "energy_share": share}

@@ -10,16 +10,16 @@ from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.term import FormTerm, State
 from fenics_contact.types import Bools, Constant, Floats, Form, Function
 
-# share of stiffness, places the springs pull to, (residual, tangent, strain energy), Function of the energies, on tools
-Springs = tuple[Constant, Function, tuple[Form, Form, Form], Function, float]
+# share of stiffness, places the springs pull to, (residual, tangent), on tools
+Springs = tuple[Constant, Function, tuple[Form, Form], float]
 
 
 class SpringTerm(FormTerm):
     """Forces kappa (u - u_0) per reference volume, and alike on free tools.
 
-    constant: kappa over E/L^2 of a body as a Constant in the forms; reference: Function u_0; forms: (residual, tangent, the
-    bodies' strain energy with one test value per cell), compiled when first needed; energies: Function of these values;
-    on_tools [force/length]: stiffness at share 1 of free (tools, 3) components of the tools' travel.
+    constant: kappa over E/L^2 of a body as a Constant in the forms; reference: Function u_0; forms: (residual, tangent),
+    compiled when first needed; on_tools [force/length]: stiffness at share 1 of free (tools, 3) components of the tools'
+    travel.
     """
 
     most: dict[str, float]  # the largest values of all accepted steps
@@ -29,14 +29,13 @@ class SpringTerm(FormTerm):
         name: str,
         constant: Constant,
         reference: Function,
-        forms: tuple[Form, Form, Form],
-        energies: Function,
+        forms: tuple[Form, Form],
         on_tools: float,
         free: Bools,
     ) -> None:
         super().__init__(name, None, None)
-        self._constant, self._reference, self._forms, self._cells = constant, reference, forms, energies
-        self._on_tools, self._free, self._travel, self._energy = on_tools, free, np.zeros(free.shape), None
+        self._constant, self._reference, self._forms = constant, reference, forms
+        self._on_tools, self._free, self._travel = on_tools, free, np.zeros(free.shape)
 
     def recall(self, most: list[float]) -> None:
         """Go on from the values of `most`, in its order, that a checkpoint held."""
@@ -49,10 +48,9 @@ class SpringTerm(FormTerm):
 
     @share.setter
     def share(self, value: float) -> None:
-        if value > 0.0 and self._energy is None:
-            residual, tangent, energy = self._forms
+        if value > 0.0 and not self._residuals:
+            residual, tangent = self._forms
             self._residuals, self._tangents = [compat.compile_form(residual)], [CellForm(tangent)]
-            self._energy = compat.compile_form(energy)
         self._constant.value = value
 
     def begin(self, u: Floats, travel: Floats) -> None:
@@ -86,10 +84,3 @@ class SpringTerm(FormTerm):
         tools, comm = self._tool_pull(state), state.u.function_space.mesh.comm
         force, work = comm.allreduce(np.array([np.abs(local).sum(), local @ moved]))
         return force + np.abs(tools).sum(), work + float((tools * (state.travel - self._travel)).sum())
-
-    def strain_energy(self, state: State) -> float:
-        """Of the bodies at the state [force length]. Collective."""
-        cells = np.zeros(len(self._cells.x.array))
-        compat.assemble_vector(cells, self._energy)
-        owned = self._cells.function_space.dofmap.index_map.size_local
-        return state.u.function_space.mesh.comm.allreduce(float(cells[:owned].sum()))

@@ -79,6 +79,7 @@ class System:
         self._accepted_stiffness = 0.0
         self.extent = bodies_size(self.space)
         self.reach = max(self.extent, reach)
+        self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
         self._foreseeing = [contact for contact in contacts if contact.foresees]
@@ -273,6 +274,10 @@ class System:
         names = ", ".join(self.bodies[i][0] for i in sorted(loose))
         remedy = "solve(..., stabilise=True), fix a surface, or end the path before"
         return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)
+
+    def strain_energy(self) -> float:
+        """Of the bodies at the state, over that at rest [force x length]. Collective."""
+        return self.comm.allreduce(self.terms[0].strain_energy()) - self._at_rest
 
     # -- evaluation -----------------------------------------------------------------------------------------------
     def assemble_residual(self, followed: bool = False) -> float:

@@ -139,6 +139,10 @@ class ContactTerm(Term, Protocol):
 
     def split_traction(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
 
+    def covered(self, state: State) -> Floats: ...
+
+    def limits(self, state: State) -> Floats: ...
+
     def laws(self, frictionless: bool) -> dict[str, int]: ...
 
     def part(self, mask: Bools, frictionless: bool = False) -> Any: ...
@@ -154,7 +158,8 @@ class FormTerm:
     """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear).
 
     Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
-    confuses the values of two rules in one kernel. laws: of a solid, by body, what its Cauchy stress comes from.
+    confuses the values of two rules in one kernel. Of a solid: laws, by body, what its Cauchy stress comes from; energy, the
+    form of its strain energy.
     """
 
     condensed = False
@@ -167,10 +172,12 @@ class FormTerm:
         tangent: Form | list[Form] | None = None,
         symmetric: bool = True,
         laws: Sequence[Any] = (),
+        energy: Form | None = None,
     ) -> None:
         self.name, self.symmetric, self.laws = name, symmetric, laws
         self._residuals = [compat.compile_form(form) for form in _listed(residual)]
         self._tangents = [CellForm(form) for form in _listed(tangent)]
+        self._energy = None if energy is None else compat.compile_form(energy)
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
@@ -180,6 +187,10 @@ class FormTerm:
     def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         """The residual: there are no other unknowns."""
         self.add_residual(state, residual, tool_residual)
+
+    def strain_energy(self) -> float:
+        """Of this rank's cells at the present displacement [force x length]; zero of a term without."""
+        return 0.0 if self._energy is None else compat.assemble_scalar(self._energy)
 
     def couplings(self, state: State) -> None:
         """None: the cells' own couplings are the pattern's base."""

@@ -69,6 +69,10 @@ class OnFacets:
     def first_feet(self, state: State) -> Any:
         raise NotImplementedError
 
+    def point(self, state: State) -> Floats | None:
+        """A tool's own point (3,) at a state [length]; None for a body."""
+        return self.master.point(state)
+
     def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not."""
         return not np.isin(3 * self.master.owned[:, None] + np.arange(3), held).all()

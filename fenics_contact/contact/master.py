@@ -91,6 +91,9 @@ class MasterSurface(_Surface):
         """Current positions (nm, 3) [length] on every rank. Collective."""
         return self.X + self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
 
+    def point(self, state: State) -> None:
+        """None: a body has no point of its own."""
+
     def add_forces(self, forces: Floats, residual: Floats, tool_residual: Floats) -> None:
         """Add nodal forces (nm, 3), summed over all ranks, to the owned dofs of a local array. Collective."""
         total = np.empty_like(forces)
@@ -106,7 +109,7 @@ class ToolSurface(_Surface):
 
     def __init__(self, tool: MeshedTool, index: int) -> None:
         super().__init__((tool.nodes, tool.size), tool.X)
-        self.index = index
+        self.index, self._point = index, tool.point
         self.blocks = np.full(len(tool.X), -1, dtype=np.int64)  # no node of the System
         self.keys = np.arange(len(tool.X))
         self.owned = np.empty(0, dtype=np.int64)
@@ -114,6 +117,10 @@ class ToolSurface(_Surface):
     def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length]."""
         return self.X + state.travel[self.index]
+
+    def point(self, state: State) -> Floats:
+        """The tool's own point (3,) [length]."""
+        return self._point + state.travel[self.index]
 
     def add_forces(self, forces: Floats, residual: Floats, tool_residual: Floats) -> None:
         """Add nodal forces (nm, 3) of this rank's slave points to the force on the tool."""

@@ -1,41 +1,79 @@
-"""What a contact hands to the history: sums over its slave points on all ranks."""
+"""What a contact's slave points add up to at a state, over all ranks: forces, slips, energy, counts."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import Response
+from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
 
+if TYPE_CHECKING:
+    from fenics_contact.contact.term import Contact
 
-def contact_measures(surface: SlaveSurface, response: Response, bare: Floats, shift: Floats, state: State) -> dict[str, Any]:
-    """Force and moment on the slave body [force, force x length], areas and counts of a contact's points. Collective.
 
-    bare (n,): shares of the points' areas that do not lie over the master; shift (ne, nq): multipliers [length].
+def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, Any]:
+    """Sums over a contact's points, by name. Collective.
+
+    force, friction (3,): resultants of the tractions and of their friction on the slave body [force]; moment (3,): of the
+    tractions about point (3,), the tool's own or the slave surface's centroid [force x length]; load: the pressure
+    integrated over the surface [force]; slip: (greatest, mean over what has been in contact) way slid [length]; stored:
+    energy in the penalties [force x length]; penetration [length]; active, sticking, points: counts.
     """
-    s, comm = surface, state.u.function_space.mesh.comm
+    s, comm, response = contact.surface, state.u.function_space.mesh.comm, contact.response(state, trial)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-    force, closed = -response.traction * s.area[..., None], response.status != OPEN
-    covered = s.area * (1.0 - bare.reshape(s.area.shape))
-    sums = np.concatenate([
-        force.sum(axis=(0, 1)),
-        np.cross(x, force).sum(axis=(0, 1)),
-        [covered[closed].sum(), closed.sum(), (response.status == STICK).sum(), s.area.size],
-    ])  # fmt: skip
-    sums = comm.allreduce(sums)
+    pressure, friction = contact.split_traction(state, trial)
+    force, closed, h = -response.traction * s.area[..., None], response.status != OPEN, trial.history
+    met = np.where(h.met, s.area, 0.0)
+    sums = comm.allreduce(
+        np.concatenate([
+            force.sum(axis=(0, 1)),
+            np.cross(x, force).sum(axis=(0, 1)),
+            (friction * s.area[..., None]).sum(axis=(0, 1)),
+            (x * s.area[..., None]).sum(axis=(0, 1)),
+            [s.area.sum(), (pressure * s.area).sum(), met.sum(), (met * h.slip_path).sum()],
+            [closed.sum(), (response.status == STICK).sum(), s.area.size, stored_energy(contact, state, trial)],
+        ])
+    )  # fmt: skip
+    resultant, whole, met_area = sums[:3], max(sums[12], 1e-300), max(sums[14], 1e-300)
+    about = contact.partner.point(state)
+    about = sums[9:12] / whole if about is None else about
+    greatest = max(comm.allgather(h.slip_path.max(initial=0.0)))
+    return {
+        "force": resultant,
+        "moment": sums[3:6] - np.cross(about, resultant),
+        "point": about,
+        "friction": sums[6:9],
+        "load": sums[13],
+        "slip": (greatest, sums[15] / met_area),
+        "active": int(sums[16]),
+        "sticking": int(sums[17]),
+        "points": int(sums[18]),
+        "stored": sums[19],
+        "penetration": _penetration(contact, state, response, h.shift),
+    }
+
+
+def _penetration(contact: Contact, state: State, response: Response, shift: Floats) -> float:
+    """How far [length] the deepest point lies in the master. Collective."""
+    comm, closed = state.u.function_space.mesh.comm, response.status != OPEN
     whole = closed & (response.cover >= 1.0)  # points half out over an end are meant to sink in
     if not comm.allreduce(int(whole.sum())):  # of all of them what the penalty gives way, without the body's spring
         whole = closed
     held = (response.cover * (response.gap + shift) - shift)[whole]
-    return {
-        "force": sums[:3],
-        "moment": sums[3:6],
-        "area": sums[6],
-        "active": int(sums[7]),
-        "sticking": int(sums[8]),
-        "points": int(sums[9]),
-        "penetration": max(comm.allgather(0.0 - held.min(initial=0.0))),
-    }
+    return max(comm.allgather(0.0 - held.min(initial=0.0)))
+
+
+def stored_energy(contact: Contact, state: State, trial: Trial) -> float:
+    """Energy [force x length] in the penalties at this rank's points. Multipliers hold without giving way: what they carry
+    stores none, and with them friction does not either."""
+    s, response = contact.surface, contact.response(state, trial)
+    pressure, friction = contact.split_traction(state, trial)
+    stored = np.where(response.status != OPEN, 0.5 * pressure * np.maximum(-response.gap, 0.0), 0.0)
+    if trial.rough and contact.tolerance is None:
+        stiff = trial.law.eps_t[:, None] * np.where(response.cover > 0.0, response.cover, 1.0)
+        stored = stored + 0.5 * np.einsum("eqc,eqc->eq", friction, friction) / stiff
+    return float((stored * s.area).sum())

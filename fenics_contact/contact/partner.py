@@ -33,6 +33,10 @@ class Partner(Protocol):
     search: float
     slid_off: str
 
+    def point(self, state: State) -> Floats | None:
+        """Where moments are taken about (3,) [length]: the tool's own point; None: there is no tool."""
+        ...
+
     def feet(self, state: State) -> Any: ...
 
     def first_feet(self, state: State) -> Any: ...

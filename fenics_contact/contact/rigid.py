@@ -54,6 +54,10 @@ class RigidPartner:
         # local numbers and reference positions of the nodes that are no slaves, once asked for
         self._beside: tuple[Ints64, Floats] | None = None
 
+    def point(self, state: State) -> Floats:
+        """The tool's own point (3,) at a state [length]."""
+        return self.tool.point + state.travel[self.index]
+
     # -- where the points are -------------------------------------------------------------------------------------
     def feet(self, state: State) -> RigidFeet:
         """The places at a state; the same object while these do not change."""

@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import facet_points, facets_per_cell, geometry_degree
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space
 
@@ -54,12 +55,12 @@ def slave_surface(space: Space, facets: Ints, modulus: Floats, points: int | str
     cell = compat.cell_name(mesh)
     degree = compat.degree(space)
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
-    where = mesh, cell, degree, [cells[local == f] for f in range(_facets_per_cell(cell))]
+    where = mesh, cell, degree, [cells[local == f] for f in range(facets_per_cell(cell))]
     order = 2 * degree if isinstance(points, str) else points
-    a, gradients, area = _facet_points(*where, order)
+    a, gradients, area = facet_points(*where, order)
     if points == "corners":
         area = np.einsum("eq,eqk->ek", area, a)
-        a, gradients, _ = _facet_points(*where, None)
+        a, gradients, _ = facet_points(*where, None)
     nodes = np.concatenate(
         [compat.cell_dofs(space)[mine][:, compat.facet_closure_dofs(space, f)] for f, mine in enumerate(where[3])]
     )
@@ -104,61 +105,11 @@ def _shortest_sides(mesh: Mesh, cell: str, cells: Ints, local: Ints64) -> Floats
     return np.concatenate(sides)
 
 
-def _facets_per_cell(cell: str) -> int:
-    return {"hexahedron": 6, "tetrahedron": 4}[cell]
-
-
-def _facet_points(mesh: Mesh, cell: str, degree: int, cells: list[Ints], order: int | None) -> tuple[Floats, Floats, Floats]:
-    """Weights (ne, nq, k) of the facets' nodes in their points, gradients (ne, nq, 2, k), areas (ne, nq) [length^2].
-
-    cells: for each number of a facet in its cell, the cells whose facet has it; order as in _facet_quadrature.
-    """
-    found = [_facet_quadrature(mesh, cell, degree, order, mine, f) for f, mine in enumerate(cells)]
-    a, gradients = (
-        np.concatenate([np.broadcast_to(part[i], (len(part[2]), *part[i].shape)) for part in found]) for i in (0, 1)
-    )
-    return a, gradients, np.concatenate([area for _, _, area in found])
-
-
-def _facet_quadrature(
-    mesh: Mesh, cell: str, degree: int, order: int | None, cells: Ints, facet: int
-) -> tuple[Floats, Floats, Floats]:
-    """Weights of the facet's nodes in its points (nq, k), their gradients (nq, 2, k) along two tangents whose cross
-    product points outwards, and the points' reference areas (ncells, nq).
-
-    order: Gauss points per direction, or None for the facet's corners, in the order of its nodes and with weight 1.
-    """
-    kind = getattr(basix.CellType, cell)
-    corners = basix.geometry(kind)[basix.topology(kind)[2][facet]]
-    flat = basix.CellType.quadrilateral if len(corners) == 4 else basix.CellType.triangle
-    s, w = (basix.geometry(flat), 1.0) if order is None else basix.make_quadrature(flat, 2 * order - 1)
-    edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]])
-    if np.cross(*edges) @ (corners.mean(axis=0) - basix.geometry(kind).mean(axis=0)) < 0.0:
-        edges, s = edges[::-1], s[:, ::-1]
-    reference = corners[0] + s @ edges
-
-    element = compat.basix_element(cell, degree)
-    closure = element.entity_closure_dofs[2][facet]
-    table = compat.tabulate(element, 1, reference)[..., closure]
-    slopes = np.einsum("tr,rqk->qtk", edges, table[1:])
-
-    coordinate = compat.basix_element(cell, _geometry_degree(mesh))
-    gradients = compat.tabulate(coordinate, 1, reference)[1:]
-    x = mesh.geometry.x[compat.geometry_dofmap(mesh)[cells]]
-    tangents = np.einsum("tr,rqd,cdx->tcqx", edges, gradients, x)
-    return table[0], slopes, np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1) * w
-
-
-def _geometry_degree(mesh: Mesh) -> int:
-    count = compat.geometry_dofmap(mesh).shape[1]
-    return 1 if count in (4, 8) else 2
-
-
 def _cell_volumes(mesh: Mesh) -> Floats:
     """Volume of each local cell (owned and ghost)."""
     cell = compat.cell_name(mesh)
     s, w = basix.make_quadrature(getattr(basix.CellType, cell), 4)
-    gradients = compat.tabulate(compat.basix_element(cell, _geometry_degree(mesh)), 1, s)[1:]
+    gradients = compat.tabulate(compat.basix_element(cell, geometry_degree(mesh)), 1, s)[1:]
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
     return np.abs(np.linalg.det(np.einsum("rqd,cdx->cqrx", gradients, x))) @ w
 

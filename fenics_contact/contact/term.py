@@ -229,21 +229,21 @@ class Contact:
         return pressure, -traction - pressure[..., None] * normal
 
     def measures(self, state: State, trial: Trial | None = None) -> dict[str, Any]:
-        """Sums over all ranks for the history: force and moment on the slave [force, force x length], areas, counts."""
-        bare = self.partner.bare(self.partner.feet(state))
-        shift = (trial or self.trial).history.shift
-        return contact_measures(self.surface, self.response(state, trial), bare, shift, state)
+        """Sums over all ranks, see `contact_measures`."""
+        return contact_measures(self, state, trial or self.trial)
 
     def resultants(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""
         return self.measures(state, trial)["force"], self.split_traction(state, trial)[0].ravel()
 
+    def limits(self, state: State) -> Floats:
+        """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
+        return allowed(self.trial.law.friction, self.split_traction(state)[0])
+
     def grip(self, state: State) -> tuple[float, float]:
         """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""
-        pressure, along = self.split_traction(state)
-        area = self.surface.area
-        most = allowed(self.trial.law.friction, pressure)
-        return float((np.linalg.norm(along, axis=2) * area).sum()), float((most * area).sum())
+        along, area = self.split_traction(state)[1], self.surface.area
+        return float((np.linalg.norm(along, axis=2) * area).sum()), float((self.limits(state) * area).sum())
 
     def holding(self, state: State, least: float) -> set[str]:
         """Letters of the axes along which the contact holds a body at a state: none where it presses with no more than
@@ -262,6 +262,10 @@ class Contact:
             return np.zeros(s.area.shape, dtype=bool)
         moved = np.einsum("eqk,eqc,ekc->eqkc", np.abs(s.a), np.abs(self.partner.looks(state)), ~self._prescribed)
         return moved.max(axis=(2, 3), initial=0.0) <= FIXED
+
+    def covered(self, state: State) -> Floats:
+        """Shares (ne, nq) of the points' areas that lie over the master."""
+        return 1.0 - self.partner.bare(self.partner.feet(state)).reshape(self.surface.area.shape)
 
     def led(self, state: State) -> Bools:
         """Which points (ne, nq) are fixed against a master that gives way no more than they do: a tool."""

@@ -25,6 +25,11 @@ class Tool(ABC):
     def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
 
+    @property
+    @abstractmethod
+    def point(self) -> Floats:
+        """The point (3,) of the tool, at the start, about which moments on it are taken [length]."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeshedTool(Tool):
@@ -41,6 +46,15 @@ class MeshedTool(Tool):
     def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
         return float(np.abs(self.X).max())
+
+    @property
+    def point(self) -> Floats:
+        """The centroid (3,) of its facets [length]."""
+        corners = self.X[self.nodes]
+        first, second, third = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
+        halves = np.linalg.norm([np.cross(first, second), np.cross(second, third)], axis=2)  # areas, doubled
+        middles = (corners[:, 0] + corners[:, 2])[None] + corners[:, [1, 3]].transpose(1, 0, 2)
+        return np.einsum("hf,hfc->c", halves, middles) / (3.0 * halves.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +76,11 @@ class RigidTool(Tool):
     def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
         return float(max(np.abs(self.origin).max(), self.extent))
+
+    @property
+    def point(self) -> Floats:
+        """The point, centre or apex (3,) it was stated with; of a punch the centre of its face [length]."""
+        return self.origin + (self.shape[2] * self.axes[:, 2] if self.kind == rigid_shapes.BOX else 0.0)
 
 
 def _axes(third: object, what: str) -> Floats:

@@ -1,131 +1,154 @@
 """Fields of a solution on the mesh: displacement, Cauchy stress, J and the contact fields at the nodes."""
 
+from collections.abc import Sequence
+
 import numpy as np
-import ufl
 
 from fenics_contact import compat
 from fenics_contact.assembly.system import System
-from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.kernels.status import OPEN
+from fenics_contact.output.names import plain_name
+from fenics_contact.output.places import centre_of
+from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, NodalContact, SlaveNodes
 from fenics_contact.output.solved import Solved
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body
 from fenics_contact.types import Floats, Function, Ints
 
-# How much a point is held, by its status code: the order in which a node's points of different status are averaged.
-_RANK_OF_STATUS = np.empty(4)
-_RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
+
+class CellValues:
+    """F (n, 3, 3) and Cauchy stress (n, 3, 3) [pressure] of local cells at their centres."""
+
+    def __init__(self, scene: Solved, system: System) -> None:
+        domain, u = scene.mesh.domain, system.state.u
+        self._scene, centre = scene, centre_of(compat.cell_name(domain))
+        self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u), centre)
+        self._stresses = [
+            (self._cells(body), compat.cell_evaluator(domain, vp.cauchy_stress(law, u), centre))
+            for body, law in zip(scene.bodies, system.terms[0].laws, strict=True)
+        ]
+        self.owned = np.arange(domain.topology.index_map(3).size_local, dtype=np.int32)
+
+    def _cells(self, body: Body) -> Ints:
+        tags = self._scene.mesh.cell_tags
+        return tags.indices[tags.values == self._scene.mesh.volume_tag(body.group)]
+
+    def F(self, cells: Ints) -> Floats:
+        return self._gradient(cells).reshape(-1, 3, 3)
+
+    def stress(self, cells: Ints) -> Floats:
+        values = np.zeros((len(cells), 9))
+        for of_body, evaluate in self._stresses:
+            mine = np.isin(cells, of_body)
+            values[mine] = evaluate(cells[mine])
+        return values.reshape(-1, 3, 3)
+
+
+class ContactFields:
+    """Functions of degree 1 of one contact, or of all; NaN at nodes that are no slaves.
+
+    pressure, friction [pressure, on the current area], gap, slip [length], status (0 open, 1 closed, 2 stick, 3 slip).
+    """
+
+    def __init__(self, system: System, name: str) -> None:
+        mesh, degree = system.space.mesh, compat.degree(system.space)
+        flat, vector = compat.lagrange_space(mesh, 1), compat.lagrange_space(mesh, 1, (3,))
+        self.pressure = compat.Function(flat, name=f"{name}contact_pressure")
+        self.friction = compat.Function(vector, name=f"{name}friction_traction")
+        self.gap = compat.Function(flat, name=f"{name}gap")
+        self.slip = compat.Function(flat, name=f"{name}slip")
+        self.status = compat.Function(flat, name=f"{name}contact_status")
+        self._nodal = compat.lagrange_space(mesh, degree), compat.lagrange_space(mesh, degree, (3,))
+        self._linear = degree == 1
+
+    @property
+    def all(self) -> list[Function]:
+        return [self.pressure, self.friction, self.gap, self.slip, self.status]
+
+    def put(self, at: NodalContact) -> None:
+        """Fill the Functions."""
+        status = at.status.astype(float)
+        for function, values in zip(self.all, (at.pressure, at.friction, at.gap, at.slip, status), strict=True):
+            on = at.on if values.ndim == 1 else at.on[:, None]
+            self._publish(function, np.where(on, values, np.nan).ravel())
+
+    def _publish(self, function: Function, values: Floats) -> None:
+        if self._linear:
+            function.x.array[:] = values
+            return
+        source = compat.Function(self._nodal[function is self.friction])
+        source.x.array[:] = values
+        function.interpolate(source)
 
 
 class Fields:
     """Functions of a scene's solution, refreshed by `update`; all are of degree 1 or constant per cell.
 
-    displacement [length]; cauchy_stress, J per cell [pressure, 1]; contact_pressure, friction_traction [pressure, on the
-    current area]; gap [length], status (0 open, 1 closed, 2 stick, 3 slip) at the nodes of slave surfaces.
+    displacement [length]; cauchy_stress, J per cell [pressure, 1]; the ContactFields of all contacts, where a node of two
+    shows the one that presses more, with the least gap and the status that holds it most, and, of several, `each` by name.
     """
 
-    def __init__(self, scene: Solved, system: System) -> None:
+    def __init__(self, scene: Solved, system: System, surfaces: Sequence[SlaveNodes] | None = None) -> None:
         mesh = scene.mesh.domain
         self.scene, self.system = scene, system
-        flat = compat.lagrange_space(mesh, 1)
-        vector = compat.lagrange_space(mesh, 1, (3,))
-        self.displacement = compat.Function(vector, name="displacement")
+        self.displacement = compat.Function(compat.lagrange_space(mesh, 1, (3,)), name="displacement")
         self.cauchy_stress = compat.Function(compat.constant_space(mesh, (3, 3)), name="cauchy_stress")
         self.J = compat.Function(compat.constant_space(mesh), name="J")
-        self.contact_pressure = compat.Function(flat, name="contact_pressure")
-        self.friction_traction = compat.Function(vector, name="friction_traction")
-        self.gap = compat.Function(flat, name="gap")
-        self.status = compat.Function(flat, name="contact_status")
-        self._nodal = compat.lagrange_space(mesh, scene.degree)
-        self._prepare_stress()
-        self._prepare_area()
+        self._cells = CellValues(scene, system)
+        self._surfaces = surfaces_of(scene, system) if surfaces is None else surfaces
+        contact = ContactFields(system, "")
+        self.contact_pressure, self.friction_traction = contact.pressure, contact.friction
+        self.gap, self.slip, self.status = contact.gap, contact.slip, contact.status
+        self._contact = contact
+        several = self._surfaces if len(self._surfaces) > 1 else []
+        self.each = {s.contact.name: ContactFields(system, f"{plain_name(s.contact.name)}_") for s in several}
 
     @property
     def all(self) -> list[Function]:
-        return [self.displacement, self.cauchy_stress, self.J, *self._contact_fields()]
-
-    def _contact_fields(self) -> list[Function]:
-        if not self.system.contacts:
-            return []
-        return [self.contact_pressure, self.friction_traction, self.gap, self.status]
-
-    def _prepare_stress(self) -> None:
-        scene, u = self.scene, self.system.state.u
-        centre = {"hexahedron": [0.5, 0.5, 0.5], "tetrahedron": [0.25, 0.25, 0.25]}[compat.cell_name(scene.mesh.domain)]
-        self._centre_J = compat.cell_evaluator(scene.mesh.domain, ufl.det(vp.deformation_gradient(u)), centre)
-        self._centre_stress = [
-            (self._cells(body), compat.cell_evaluator(scene.mesh.domain, vp.cauchy_stress(law, u), centre))
-            for body, law in zip(scene.bodies, self.system.terms[0].laws, strict=True)
-        ]
-
-    def _cells(self, body: Body) -> Ints:
-        tags = self.scene.mesh.cell_tags
-        cells = tags.indices[tags.values == self.scene.mesh.volume_tag(body.group)]
-        return cells[cells < self.scene.mesh.domain.topology.index_map(3).size_local]
-
-    def _prepare_area(self) -> None:
-        groups = sorted({name for contact in self.scene.contacts for name in contact.slave})
-        if not groups:
-            return
-        v = ufl.TestFunction(self._nodal)
-        self._slave_groups = groups
-        form = vp.current_area(self.system.state.u, v, self.scene.mesh.domain, self.scene.ds(groups))
-        self._area_form = compat.compile_form(form)
+        contact = [self._contact, *self.each.values()] if self._surfaces else []
+        return [self.displacement, self.cauchy_stress, self.J, *(f for fields in contact for f in fields.all)]
 
     def update(self) -> None:
-        """Evaluate all fields at the system's state."""
+        """Evaluate all fields at the system's state. Collective."""
         u = self.system.state.u
         if self.scene.degree == 1:
             self.displacement.x.array[:] = u.x.array
         else:
             self.displacement.interpolate(u)
-        self._per_cell(self.J, self._centre_J(), slice(None))
-        for cells, evaluate in self._centre_stress:
-            self._per_cell(self.cauchy_stress, evaluate(), cells)
-        if self.system.contacts:
-            self._update_contact()
+        owned = self._cells.owned
+        self._per_cell(self.J, np.linalg.det(self._cells.F(owned)))
+        self._per_cell(self.cauchy_stress, self._cells.stress(owned))
+        if self._surfaces:
+            found = [surface.at_state() for surface in self._surfaces]
+            self._contact.put(_joined(found))
+            for fields, at in zip(self.each.values(), found, strict=False):
+                fields.put(at)
 
-    def _per_cell(self, function: Function, values: Floats, cells: Ints | slice) -> None:
-        width = values.shape[1]
-        owned = function.x.array[: values.size].reshape(-1, width)  # one block per cell, numbered like the cells
-        owned[cells] = values[cells]
+    def _per_cell(self, function: Function, values: Floats) -> None:
+        function.x.array[: values.size] = values.ravel()  # one block per cell, numbered like the cells
         compat.copy_to_ghosts(function)
 
-    def _update_contact(self) -> None:
-        """Means over the slave points of each node, and tractions per current area."""
-        area, weight, normal, gap, rank, *tangential = (compat.Function(self._nodal) for _ in range(8))
-        compat.assemble_vector(area.x.array, self._area_form)
-        for contact in self.system.contacts:
-            s = contact.surface
-            share = s.area[..., None] * s.a
-            pressure, friction = contact.split_traction(self.system.state)
-            response = contact.response(self.system.state)
-            sums = [(weight, np.ones_like(pressure)), (normal, pressure), (gap, response.gap)]
-            sums += [(rank, _RANK_OF_STATUS[response.status]), *zip(tangential, np.moveaxis(friction, 2, 0), strict=True)]
-            for target, values in sums:
-                np.add.at(target.x.array, s.nodes, np.einsum("eqk,eq->ek", share, values))
-        for function in (area, weight, normal, gap, rank, *tangential):
-            compat.sum_to_owners(function)
 
-        touched = weight.x.array > 0
-        mean = np.where(touched, 1.0 / np.where(touched, weight.x.array, 1.0), 0.0)
-        per_area = np.where(touched, 1.0 / np.where(touched, area.x.array, 1.0), 0.0)
-        self._publish(self.contact_pressure, normal.x.array * per_area)
-        self._publish(self.gap, gap.x.array * mean)
-        nearest = np.clip(np.rint(rank.x.array * mean), 0, 3).astype(int)
-        self._publish(self.status, np.argsort(_RANK_OF_STATUS)[nearest].astype(float))
-        scalar = compat.Function(self.contact_pressure.function_space)
-        for axis, component in enumerate(tangential):
-            self._publish(scalar, component.x.array * per_area)
-            self.friction_traction.x.array[axis::3] = scalar.x.array
+def surfaces_of(scene: Solved, system: System) -> list[SlaveNodes]:
+    """The slave surfaces of a scene's contacts."""
+    slaves = [scene.mesh.facets(*stated.slave) for stated in scene.contacts]
+    return [SlaveNodes(system, contact, facets) for contact, facets in zip(system.contacts, slaves, strict=True)]
 
-    def _publish(self, function: Function, values: Floats) -> None:
-        source = compat.Function(self._nodal)
-        source.x.array[:] = values
-        compat.copy_to_ghosts(source)
-        if self.scene.degree == 1:
-            function.x.array[:] = source.x.array
-        else:
-            function.interpolate(source)
+
+def _joined(found: Sequence[NodalContact]) -> NodalContact:
+    """Of each node the contact that presses most; the least gap and the status that holds it most of all."""
+    here = np.arange(len(found[0].on))
+    most = np.argmax([np.where(at.on, at.pressure, -np.inf) for at in found], axis=0)
+    gap = np.min([np.where(at.on, at.gap, np.inf) for at in found], axis=0)
+    rank = np.max([RANK_OF_STATUS[np.where(at.on, at.status, OPEN)] for at in found], axis=0)
+
+    def pick(name: str) -> Floats:
+        return np.asarray(np.stack([getattr(at, name) for at in found])[most, here])
+
+    return NodalContact(
+        np.any([at.on for at in found], axis=0), pick("area"), pick("pressure"), pick("friction"), gap, pick("slip"),
+        STATUS_OF_RANK[rank.astype(int)], pick("closed"), pick("covered"),
+    )  # fmt: skip
 
 
 def exterior_surface(scene: Solved, u: Function, values: Floats | None = None) -> tuple[Floats, Floats] | tuple[None, None]:

@@ -5,76 +5,22 @@ import errno
 import io
 import json
 import os
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from fenics_contact.output.columns import HistoryRow
+from fenics_contact.output.energies import Energies
 from fenics_contact.output.files import complete
 from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
-AXES = "xyz"
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
-SOME = ("augmentations", "limit_point")  # columns that only some runs have
 
-HistoryRow = dict[str, float | int]  # names carry units
 Summary = dict[str, Any]  # what JSON can hold
-
-
-class Report(Protocol):
-    """Of a step: solves it took, and out-of-balance forces from the first to the last [force]."""
-
-    @property
-    def iterations(self) -> int: ...
-
-    @property
-    def residuals(self) -> Sequence[float]: ...
-
-
-def history_row(
-    step: int,
-    t: float,
-    report: Report,
-    seconds: float,
-    smallest_J: float,
-    travel: Mapping[str, Floats],
-    measures: Mapping[str, Mapping[str, Any]],
-    units: Units,
-) -> HistoryRow:
-    """One step's numbers under names that carry their units.
-
-    travel: {tool name: (3,)} ; measures: {contact name: measures of its term}.
-    """
-    row = {"step": step, "t": t, "iterations": report.iterations, "residual": report.residuals[-1]}
-    row["seconds"], row["smallest_J"] = seconds, smallest_J
-    for tool, values in travel.items():
-        row |= {f"{tool}_travel_{a}_{units.length}": values[i] for i, a in enumerate(AXES)}
-    for contact, m in measures.items():
-        row |= {f"{contact}_force_{a}_{units.force}": m["force"][i] for i, a in enumerate(AXES)}
-        row |= {f"{contact}_moment_{a}_{units.force}{units.length}": m["moment"][i] for i, a in enumerate(AXES)}
-        row[f"{contact}_area_{units.length}2"] = m["area"]
-        row[f"{contact}_active_points"] = m["active"]
-        row[f"{contact}_sticking_points"] = m["sticking"]
-        row[f"{contact}_penetration_{units.length}"] = m["penetration"]
-    return row
-
-
-def column_names(tools: Sequence[str], contacts: Sequence[str], units: Units) -> list[str]:
-    """Names of the columns of a run with these tools and contacts, given by name."""
-    report, nothing = SimpleNamespace(iterations=0, residuals=[0.0]), np.zeros(3)
-    travel = dict.fromkeys(tools, nothing)
-    measures: dict[str, defaultdict[str, Floats]] = dict.fromkeys(contacts, defaultdict(lambda: nothing))
-    return [*history_row(0, 0.0, report, 0.0, 0.0, travel, measures, units), *SOME, damping_column(units)]
-
-
-def damping_column(units: Units) -> str:
-    """Name of the column of what damping took in a step."""
-    return f"damping_work_{units.force}{units.length}"
 
 
 def stages_line(seconds: dict[str, float]) -> str:
@@ -125,17 +71,28 @@ def penalty_lines(summary: Summary, units: Units) -> list[str]:
     lines = []
     for name, e in summary.get("contacts", {}).items():
         text = (
-            f"contact '{name}': with endless penalties the force would change by {e['force_change_over_load']:.2g} and the "
-            f"load by {e['load_change_over_load']:+.2g} of the load, {e[f'load_{units.force}']:.4g} {units.force}, "
+            f"contact '{name}' carries {e[f'load_{units.force}']:.4g} {units.force}; endless penalties would change its "
+            f"force by {e['force_change_over_load']:.2%} and its load by {e['load_change_over_load']:+.2%} of that"
         )
         peak, change = e[f"peak_pressure_{units.pressure}"], e["peak_pressure_change_share"]
         if peak > 0.0:
             where = ", ".join(f"{x:.4g}" for x in e[f"peak_pressure_at_{units.length}"])
             how = (
-                f"by {change:+.2g} of itself" if change is not None else "by more than a third: this mesh does not settle it"
+                f"by {change:+.2%} of itself" if change is not None else "by more than a third: this mesh does not settle it"
             )
-            lines.append(f"{text}the peak pressure, {peak:.4g} {units.pressure} at ({where}), {how}")
+            text += f", its peak pressure, {peak:.4g} {units.pressure} at ({where}), {how}"
+        lines.append(text)
     return lines
+
+
+def energy_line(energies: Energies, units: Units) -> str:
+    """Where the work of supports, loads and tools went, in one line."""
+    work = energies.external_work
+    went = {"bodies": energies.strain, "penalties": energies.penalty, "friction": sum(energies.friction.values())}
+    went |= {"damping": energies.damping, "not accounted for": energies.error}
+    whole = max(abs(work), *map(abs, went.values()), 1e-300)
+    shares = ", ".join(f"{name} {part / whole:.2%}" for name, part in went.items() if part)
+    return f"external work {work:.4g} {units.force} {units.length}: {shares}"
 
 
 def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units) -> list[str]:

@@ -5,17 +5,32 @@ from typing import Protocol
 
 from fenics_contact.output.units import Units
 from fenics_contact.solid.body import Body, NamedCells
-from fenics_contact.types import Measure, Space
+from fenics_contact.types import Ints, Measure, Space
+
+
+class NamedParts(NamedCells, Protocol):
+    def facets(self, *names: str) -> Ints: ...
 
 
 class Touching(Protocol):
     @property
+    def name(self) -> str: ...
+
+    @property
     def slave(self) -> tuple[str, ...]: ...
+
+
+class Held(Protocol):
+    @property
+    def group(self) -> tuple[str, ...]: ...
+
+    @property
+    def axis(self) -> int: ...
 
 
 class Solved(Protocol):
     @property
-    def mesh(self) -> NamedCells: ...
+    def mesh(self) -> NamedParts: ...
 
     @property
     def space(self) -> Space: ...
@@ -31,5 +46,8 @@ class Solved(Protocol):
 
     @property
     def contacts(self) -> Sequence[Touching]: ...
+
+    @property
+    def supports(self) -> Sequence[Held]: ...
 
     def ds(self, group: Sequence[str]) -> Measure: ...

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from fenics_contact.assembly.system import System
+from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.fields import Fields, exterior_surface
 from fenics_contact.output.files import complete, writing
-from fenics_contact.output.history import HistoryFile, HistoryRow, Summary, write_summary
+from fenics_contact.output.history import HistoryFile, Summary, write_summary
 from fenics_contact.output.pictures import body_picture
 from fenics_contact.output.series import Series
 from fenics_contact.output.solved import Solved
@@ -21,11 +21,10 @@ class Writer:
     """
 
     def __init__(
-        self, folder: Path, scene: Solved, system: System, clock: Callable[[], float], rows: Sequence[HistoryRow] = ()
+        self, folder: Path, scene: Solved, fields: Fields, clock: Callable[[], float], rows: Sequence[HistoryRow] = ()
     ) -> None:
-        self.comm, self._clock = system.comm, clock
-        self.folder, self.scene, self.system = folder, scene, system
-        self.fields = Fields(scene, system)
+        self.comm, self._clock = fields.system.comm, clock
+        self.folder, self.scene, self.system, self.fields = folder, scene, fields.system, fields
         self._history: HistoryFile | None = None
         with writing(self.comm, folder, "history.csv"):
             if self.comm.rank == 0:

@@ -57,10 +57,11 @@ Loads = Sequence[tuple[Constant, Load]]  # a form's constant, and what it follow
 
 @dataclass(frozen=True)
 class Built:
-    """A System, and what is to be said of its start."""
+    """A System, what is to be said of its start, and terms of the dead loads and pressures alone."""
 
     system: System
     notes: list[str]
+    loads: list[FormTerm]
 
 
 def build(
@@ -85,7 +86,8 @@ def build(
     supports = supports_of(scene.mesh, scene.space, scene.supports)
     with timers("compile"):
         solid = _solid(scene, u, loads)
-        others: list[Term] = [_pressure(scene, u, pressures, supports)] if pressures else []
+        follower = [_pressure(scene, u, pressures, supports)] if pressures else []
+        dead = [FormTerm("dead loads", -_loads_power(scene, loads, ufl.TestFunction(scene.space)))] if loads else []
         check = scene.volume_ratio(u).check
     modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
@@ -99,7 +101,7 @@ def build(
         grounding = Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise)
     if damping:
         damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), motion.free)
-    others += [term for term in (grounding, damped, *contacts) if term]
+    others: list[Term] = [*follower, *(term for term in (grounding, damped, *contacts) if term)]
 
     def set_loads(t: float) -> None:
         for constant, load in [*loads, *pressures]:
@@ -112,21 +114,22 @@ def build(
     )  # fmt: skip
     refuse_behind(system)
     refuse_held(scene, system)
-    return Built(system, unmet_notes(scene) + refuse_deep_start(scene, system) + refuse_jumps(scene, system))
+    notes = unmet_notes(scene) + refuse_deep_start(scene, system) + refuse_jumps(scene, system)
+    return Built(system, notes, [*dead, *follower])
 
 
 # -- solid ------------------------------------------------------------------------------------------------------------
 def _solid(scene: "Scene", u: Function, loads: Loads) -> CondensedPressure | FormTerm:
     """The solid's term, with the dead loads."""
-
-    def loads_power(v: Expr) -> Form:
-        inside = [(constant, body) for constant, load in loads if load.group is None for body in scene.bodies]
-        outside = [(constant, load.group) for constant, load in loads if load.group is not None]
-        power = sum(vp.body_force_power(constant, v, scene.dx(body)) for constant, body in inside)
-        return power + sum(vp.dead_traction_power(constant, v, scene.ds(group)) for constant, group in outside)
-
     parts = [(body.material, partial(scene.dx, body)) for body in scene.bodies]
-    return solid_term(scene.element, u, parts, loads_power, scene.degree)
+    return solid_term(scene.element, u, parts, partial(_loads_power, scene, loads), scene.degree)
+
+
+def _loads_power(scene: "Scene", loads: Loads, v: Expr) -> Form:
+    inside = [(constant, body) for constant, load in loads if load.group is None for body in scene.bodies]
+    outside = [(constant, load.group) for constant, load in loads if load.group is not None]
+    power = sum(vp.body_force_power(constant, v, scene.dx(body)) for constant, body in inside)
+    return power + sum(vp.dead_traction_power(constant, v, scene.ds(group)) for constant, group in outside)
 
 
 def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports) -> FormTerm:

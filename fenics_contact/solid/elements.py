@@ -107,7 +107,8 @@ def solid_term(
     measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
     power = sum(vp.stress_power(material, u, v, dx) for material, dx in measured)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in measured)
-    return FormTerm("solid", [power - loads_power(v)], [rate], laws=[material for material, _ in parts])
+    energy = sum(vp.strain_energy(material, u, dx) for material, dx in measured)
+    return FormTerm("solid", [power - loads_power(v)], [rate], laws=[material for material, _ in parts], energy=energy)
 
 
 def _mixed(
@@ -140,7 +141,8 @@ def _mixed(
     power = sum(vp.stress_power(material, u, v, dx) for material, dx in stressed)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in ahead)
     laws = [material for material, _ in stressed]
-    return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws)
+    energy = sum(vp.mixed_energy(*materials.energy_parts(m), u, value(dilatation), dx) for m, dx in measured)
+    return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws, energy)
 
 
 def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function], Expr]]:

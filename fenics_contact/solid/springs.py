@@ -19,16 +19,13 @@ B = TypeVar("B", bound=Body)
 def springs(space: Space, bodies: Sequence[B], dx: Callable[[B], Measure], u: Function) -> Springs:
     """Springs of stiffness share E / L^2 per reference volume between u and the places that they pull to.
 
-    dx: body -> its measure. Returns the share, a Constant; these places, a Function; the forms (residual, tangent, strain
-    energy with one test value per cell); the Function for these energies; the stiffness of those of tools [force/length].
+    dx: body -> its measure. Returns the share, a Constant; these places, a Function; the forms (residual, tangent);
+    the stiffness of those of tools [force/length].
     """
     domain, v, du = space.mesh, ufl.TestFunction(space), ufl.TrialFunction(space)
     share, reference = compat.Constant(domain, 0.0), compat.Function(space)
-    energies = compat.Function(compat.constant_space(domain))
-    w = ufl.TestFunction(energies.function_space)
     size = bodies_size(space)
     soft = [(share * (young(body.material) / size**2), dx(body)) for body in bodies]
     residual = sum(vp.spring_power(k, u - reference, v, dx) for k, dx in soft)
     tangent = sum(vp.spring_power(k, du, v, dx) for k, dx in soft)
-    energy = sum(vp.strain_energy(body.material, u, w, dx(body)) for body in bodies)
-    return share, reference, (residual, tangent, energy), energies, size * min(young(body.material) for body in bodies)
+    return share, reference, (residual, tangent), size * min(young(body.material) for body in bodies)

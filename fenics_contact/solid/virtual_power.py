@@ -119,20 +119,25 @@ def body_force_power(force: Expr, v: Expr, dx: Measure) -> Form:
     return ufl.inner(force, v) * dx
 
 
-def current_area(u: Function, v: Expr, mesh: Mesh, ds: Measure) -> Form:
-    """Current area that belongs to each node: int N_a |cof F N| dS."""
-    area = _area_vector(deformation_gradient(u), mesh)
-    return ufl.sqrt(ufl.inner(area, area)) * v * ds
-
-
-def strain_energy(material: Material, u: Function, w: Expr, dx: Measure) -> Form:
-    """Strain energy weighted by w [force length]."""
+def strain_energy(material: Material, u: Function, dx: Measure) -> Form:
+    """Strain energy [force length]."""
     F = deformation_gradient(u)
     if not isinstance(material, Isotropic):
-        return material.psi(F) * w * dx
-    J = ufl.det(F)
-    B = J ** (-2 / 3) * ufl.dot(F, F.T)
-    return material.psi(ufl.tr(B), ufl.tr(ufl.dot(B, B)), J) * w * dx
+        return material.psi(F) * dx
+    return material.psi(*_invariants(F), ufl.det(F)) * dx
+
+
+def mixed_energy(
+    isochoric: Callable[[Expr, Expr], Expr], volumetric: Callable[[Expr], Expr], u: Function, dilatation: Expr, dx: Measure
+) -> Form:
+    """Strain energy [force length] of a volume that follows a dilatation of its own."""
+    return (isochoric(*_invariants(deformation_gradient(u))) + volumetric(dilatation)) * dx
+
+
+def _invariants(F: Expr) -> tuple[Expr, Expr]:
+    """I1 = tr B^ and I2 = tr(B^ . B^)."""
+    B = ufl.det(F) ** (-2 / 3) * ufl.dot(F, F.T)
+    return ufl.tr(B), ufl.tr(ufl.dot(B, B))
 
 
 def spring_power(stiffness: Expr, moved: Expr, v: Expr, dx: Measure) -> Form:

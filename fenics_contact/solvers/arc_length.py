@@ -27,9 +27,11 @@ LOAD_PROBE = 1e-4
 
 @dataclass
 class ArcReport(StepReport):
-    """A step's tangent solves and residuals; limit_point: 1 where it ends on a maximum of t, -1 on a minimum, else 0."""
+    """A step's tangent solves and residuals; limit_point: 1 where it ends on a maximum of t, -1 on a minimum, else 0;
+    station: number, from 1, of the station that it ends on, else 0."""
 
     limit_point: int = 0
+    station: int = 0
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """Continuation along an equilibrium path: length of the arcs, limit points located, legs that end on targets."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +31,8 @@ class ArcSteps:
     first: load increment the first step aims at; largest: bound of the arc [length], about the mean displacement of a step;
     smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
     gives up; iterations: tangent solves per step, and turn: angle [radians] by which the path's direction changes in a step,
-    that steer the arc's length.
+    that steer the arc's length; stations: targets like those of until=, on each of which a step lands every time the path
+    passes it.
     """
 
     first: float = 0.05
@@ -40,6 +41,7 @@ class ArcSteps:
     most: int = 200
     iterations: int = 5
     turn: float = 0.3
+    stations: Sequence[object] = ()
 
 
 @dataclass
@@ -56,13 +58,21 @@ class Path:
     """Continuation of a system: accepted steps, limit points located, each leg's end on one of its targets.
 
     arc: ArcLength; stepper: it, with what corrects its states; steps: ArcSteps; legs: list of {words: function () ->
-    distance of the state from a target, which changes its sign there}. After each leg but the last it is followed back.
+    distance of the state from a target, which changes its sign there}. After each leg but the last it is followed back;
+    stations: alike, of where steps land on the way.
     """
 
     def __init__(
-        self, system: System, arc: ArcLength, stepper: StepperTo[Arc, ArcReport], steps: ArcSteps, legs: list[Leg]
+        self,
+        system: System,
+        arc: ArcLength,
+        stepper: StepperTo[Arc, ArcReport],
+        steps: ArcSteps,
+        legs: list[Leg],
+        stations: Leg | None = None,
     ) -> None:
         self.system, self.arc, self.stepper, self.steps, self.legs = system, arc, stepper, steps, legs
+        self.stations = stations or {}
         self.reached: list[str] = []  # the targets that ended the legs so far, in words
         self.begun = False  # whether a step of the present leg has been accepted
         self.highest = self.furthest = 0.0  # largest |t| and displacement [length] accepted
@@ -105,7 +115,7 @@ class Path:
             arrival, reached = self._take(self.steps.smallest * self.first)
             self._accept(arrival, leg, reached)
             on_step(arrival.report, time.perf_counter() - start, True)
-            if reached:
+            if reached in leg:
                 return
         why = f"{self.taken} steps reached none of: {', '.join(leg)}"
         raise StepFailed(why, OUT_OF_STEPS, remedy="allow more steps, ArcSteps(most=...), or longer ones")
@@ -182,6 +192,7 @@ class Path:
                 near = TARGET_TOLERANCE * max(self.spans[name], abs(now))
                 arrival = self._locate(arrival, rate, before, _on_arrival(gap), _within(near))
                 reached = name
+        arrival.report.station = 1 + list(self.stations).index(reached) if reached in self.stations else 0
         return arrival, reached
 
     def _accept(self, arrival: Arrival, leg: Leg, reached: str | None) -> None:
@@ -199,12 +210,15 @@ class Path:
         self.arc.weigh(self.furthest, self.highest)
         size = self.arc.norm(arrival.rate)  # 1 in the lengths before
         self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
-        self.begun = not reached
-        self.reached += [reached] if reached else []
+        self.begun = reached not in leg
+        self.reached += [] if self.begun or reached is None else [reached]
 
     def _measure(self, leg: Leg) -> None:
-        self.targets, self.gaps = leg, {name: gap() for name, gap in leg.items()}
+        self.targets = self.stations | leg  # where both name one place the leg ends there
+        self.gaps = {name: gap() for name, gap in self.targets.items()}
         self.spans = {name: max(self.spans.get(name, 0.0), abs(gap)) for name, gap in self.gaps.items()}
+        for name, gap in self.gaps.items():  # a step has landed there: the next one only leaves it
+            self.gaps[name] = 0.0 if abs(gap) <= TARGET_TOLERANCE * self.spans[name] else gap
 
     def _arrive(self, length: float, rate: Increment) -> Arrival:
         report = self.stepper.step(self.system, Arc(length, rate))

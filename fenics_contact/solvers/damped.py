@@ -81,7 +81,7 @@ def _at_rest(system: System, stepper: Stepper, goal: float) -> StepReport | None
 def _conclude(system: System, report: StepReport, work: float, before: Accepted, scale: float) -> None:
     """What the jump took, in the report; steps go on from its end alone."""
     u, travel, _ = before
-    energy = _damping(system).strain_energy(system.state)
+    energy = system.strain_energy()
     way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
     way = max(way, np.abs(system.state.travel - travel).max(initial=0.0))
     share, most = work / max(work + energy, 1e-300), _damping(system).most

@@ -1,0 +1,123 @@
+"""The columns of a run's history: names that carry units, and their numbers at a step."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+
+from fenics_contact.output.energies import Energies
+from fenics_contact.output.names import energy_unit, plain_name
+from fenics_contact.output.reactions import Reaction
+from fenics_contact.output.results import ContactResult, StepResult
+from fenics_contact.output.units import Units
+from fenics_contact.types import Floats
+
+AXES = "xyz"
+SOME = ("augmentations", "limit_point", "station")  # columns that only some runs have
+
+HistoryRow = dict[str, float | int]
+
+
+class Report(Protocol):
+    """Of a step: solves it took, and out-of-balance forces from the first to the last [force]."""
+
+    @property
+    def iterations(self) -> int: ...
+
+    @property
+    def residuals(self) -> Sequence[float]: ...
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Names of the history's columns. tools, groups of supports by name; contacts: {name: has it friction}.
+
+    Names carry units; what is no letter, digit or _ in a name of the scene's becomes _.
+    """
+
+    tools: Sequence[str]
+    contacts: Mapping[str, bool]
+    groups: Sequence[str]
+    units: Units
+
+    def all(self) -> list[str]:
+        """The names of all columns a run may have but the user's own."""
+        nothing, report = np.zeros(3), SimpleNamespace(iterations=0, residuals=[0.0])
+        zeros: dict[str, Any] = dict.fromkeys(ContactResult.__dataclass_fields__, 0.0)
+        vectors = dict.fromkeys(("force", "friction", "moment", "point", "peak_at", "width"), nothing)
+        contact, reaction = ContactResult(**(zeros | vectors)), Reaction(nothing, nothing, nothing)
+        result = StepResult(
+            dict.fromkeys(self.contacts, contact),
+            dict.fromkeys(self.groups, reaction),
+            dict.fromkeys(self.tools, nothing),
+            Energies(friction={name: 0.0 for name, rough in self.contacts.items() if rough}),
+        )
+        return [*self.row(0, 0.0, report, 0.0, 0.0, result), *SOME, damping_column(self.units)]
+
+    def clash(self) -> str | None:
+        """A column that two tools, contacts or groups would share, or None."""
+        names = [*(f"{name}_travel" for name in self.tools), *self.contacts, *(f"{name}_reaction" for name in self.groups)]
+        names = [plain_name(name) for name in names]
+        return next((name for i, name in enumerate(names) if name in names[:i]), None)
+
+    def row(self, step: int, t: float, report: Report, seconds: float, smallest_J: float, result: StepResult) -> HistoryRow:
+        """One step's numbers under their names."""
+        row: HistoryRow = {"step": step, "t": t, "iterations": report.iterations, "residual": report.residuals[-1]}
+        row |= {"seconds": seconds, "smallest_J": smallest_J} | self._energies(result.energies)
+        for tool, travel in result.travel.items():
+            row |= self._vector(f"{tool}_travel", travel, self.units.length)
+        for name, contact in result.contacts.items():
+            row |= self._contact(name, contact, self.contacts[name])
+        for group, reaction in result.reactions.items():
+            row |= self._vector(f"{group}_reaction", reaction.force, self.units.force)
+            row |= self._vector(f"{group}_reaction_moment", reaction.moment, energy_unit(self.units))
+        return row
+
+    def _energies(self, energies: Energies) -> HistoryRow:
+        unit = energy_unit(self.units)
+        row: HistoryRow = {
+            f"external_work_{unit}": energies.external_work,
+            f"strain_energy_{unit}": energies.strain,
+            f"penalty_energy_{unit}": energies.penalty,
+            f"energy_error_{unit}": energies.error,
+            f"balance_error_{self.units.force}": energies.balance,
+        }
+        return row
+
+    def _contact(self, name: str, c: ContactResult, rough: bool) -> HistoryRow:
+        length, force, pressure = self.units.length, self.units.force, self.units.pressure
+        name = plain_name(name)
+        row = self._vector(f"{name}_force", c.force, force)
+        row |= self._vector(f"{name}_moment", c.moment, energy_unit(self.units))
+        row |= {f"{name}_load_{force}": c.load, f"{name}_peak_pressure_{pressure}": c.peak_pressure}
+        row |= self._vector(f"{name}_peak", c.peak_at, length) | {f"{name}_area_{length}2": c.area}
+        row |= self._vector(f"{name}_width", c.width, length)
+        if rough:
+            row |= self._vector(f"{name}_friction", c.friction, force)
+            row |= {f"{name}_greatest_slip_{length}": c.slip, f"{name}_mean_slip_{length}": c.mean_slip}
+            row[f"{name}_friction_work_{energy_unit(self.units)}"] = c.friction_work
+        row |= {f"{name}_active_points": c.active, f"{name}_sticking_points": c.sticking}
+        row[f"{name}_penetration_{length}"] = c.penetration
+        return row
+
+    def _vector(self, name: str, values: Floats, unit: str) -> HistoryRow:
+        return {f"{plain_name(name)}_{axis}_{unit}": float(value) for axis, value in zip(AXES, values, strict=True)}
+
+    def energies(self, rows: Sequence[HistoryRow]) -> Energies | None:
+        """What the rows of a run so far say of its energies; None of none."""
+        if not rows:
+            return None
+        last, unit = rows[-1], energy_unit(self.units)
+        friction = {name: last[f"{plain_name(name)}_friction_work_{unit}"] for name, rough in self.contacts.items() if rough}
+        damping = sum(row.get(damping_column(self.units), 0.0) for row in rows)
+        return Energies(
+            last[f"external_work_{unit}"], last[f"strain_energy_{unit}"], last[f"penalty_energy_{unit}"], friction, damping,
+            last[f"balance_error_{self.units.force}"],
+        )  # fmt: skip
+
+
+def damping_column(units: Units) -> str:
+    """Name of the column of what damping took in a step."""
+    return f"damping_work_{energy_unit(units)}"

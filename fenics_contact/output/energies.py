@@ -1,0 +1,117 @@
+"""A run's energy balance: work of supports, loads and tools, against what bodies, penalties, friction and damping took."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fenics_contact.assembly.exchange import sum_to_owners
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm, State, Term
+from fenics_contact.kernels.status import SLIP
+from fenics_contact.types import Bools, Floats
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Since the start [force x length]: external_work of supports, loads and tools, and what it went into: strain, in the
+    bodies; penalty, what is stored in the penalties; friction, by contact; damping. balance: size of the sum of all outer
+    forces, zero in equilibrium [force]."""
+
+    external_work: float = 0.0
+    strain: float = 0.0
+    penalty: float = 0.0
+    friction: Mapping[str, float] = field(default_factory=dict)
+    damping: float = 0.0
+    balance: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """What is left of the external work: an error of the steps, third order in the length of each."""
+        return self.external_work - self.strain - self.penalty - sum(self.friction.values()) - self.damping
+
+
+@dataclass(frozen=True)
+class _Rubbing:
+    """Of a contact's points (ne, nq): largest friction tractions; ways slid; what the penalty does not give way though the
+    ways take it off, with multipliers; which points slip; their areas."""
+
+    limit: Floats
+    slid: Floats
+    rigid: Floats
+    slips: Bools
+    area: Floats
+
+    @classmethod
+    def of(cls, contact: ContactTerm, state: State) -> "_Rubbing":
+        response, trial = contact.response(state), contact.trial
+        rigid = np.zeros_like(contact.surface.area)
+        if contact.tolerance is not None:
+            rigid = np.linalg.norm(contact.split_traction(state)[1], axis=2) / trial.law.eps_t[:, None]
+        slips, area = response.status == SLIP, contact.surface.area
+        return cls(contact.limits(state), trial.history.slip_path, rigid, slips, area)
+
+    def work(self, last: "_Rubbing") -> float:
+        """Of friction since the last state: what slides does so at the limit."""
+        way = self.slid - last.slid + np.where(self.slips, self.rigid - last.rigid, 0.0)
+        return float((0.5 * (self.limit + last.limit) * way * self.area).sum())
+
+
+@dataclass(frozen=True)
+class _Forces:
+    """At an accepted state: displacement (local array) and travel (tools, 3); outer forces on the owned dofs and on the
+    tools; by contact its Rubbing."""
+
+    u: Floats
+    travel: Floats
+    on_dofs: Floats
+    on_tools: Floats
+    rubbing: dict[str, _Rubbing]
+
+
+class EnergyBalance:
+    """Work between accepted states by the trapezoidal rule. loads: the terms of dead loads and pressures; so_far: Energies
+    of a run that is resumed."""
+
+    def __init__(self, system: System, loads: Sequence[Term], so_far: Energies | None = None) -> None:
+        self._system, self._loads = system, loads
+        names = [contact.name for contact in system.contacts if contact.rough]
+        self.now = so_far or Energies(friction=dict.fromkeys(names, 0.0))
+        system.assemble_residual()
+        self._last = self._forces()
+
+    def advance(self, damping: float) -> Energies:
+        """The Energies at the state just accepted; damping: the work that it took in this step. Collective."""
+        system, last, here = self._system, self._last, self._forces()
+        owned = len(here.on_dofs)
+        work = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
+        rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
+        stored = [contact.measures(system.state)["stored"] for contact in system.contacts]
+        sums = system.comm.allreduce(np.array([work, *rubbed.values(), *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
+        work = sums[0] + float(0.5 * ((last.on_tools + here.on_tools) * (here.travel - last.travel)).sum())
+        friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:-3], strict=True)}
+        balance = float(np.linalg.norm(sums[-3:] + here.on_tools.sum(axis=0)))
+        self._last, self.now = here, Energies(
+            self.now.external_work + work, system.strain_energy(), float(sum(stored)), friction,
+            self.now.damping + damping, balance,
+        )  # fmt: skip
+        return self.now
+
+    def _forces(self) -> _Forces:
+        system, state = self._system, self._system.state
+        vector, ignored = system.new_vector(), np.zeros_like(system.tool_residual)
+        with vector.localForm() as local:
+            for term in self._loads:
+                term.add_residual(state, local.array_w, ignored)
+        sum_to_owners(vector)
+        forces = -vector.array
+        vector.destroy()
+        held = system.supports.dofs < len(forces)
+        forces[system.supports.dofs[held]] += system.reactions[held]
+        return _Forces(
+            state.u.x.array.copy(),
+            state.travel.copy(),
+            forces,
+            system.tool_residual + system.tools.forces(state.t),
+            {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
+        )

@@ -1,0 +1,81 @@
+"""What a run gives at every accepted step: contacts, reactions, energies; measured once, for the history and for users."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import Term
+from fenics_contact.output.energies import Energies, EnergyBalance
+from fenics_contact.output.fields import surfaces_of
+from fenics_contact.output.reactions import Reaction, Reactions
+from fenics_contact.output.slave_nodes import SlaveNodes
+from fenics_contact.output.solved import Solved
+from fenics_contact.types import Floats
+
+
+@dataclass(frozen=True)
+class ContactResult:
+    """A contact at one step; forces act on the slave body.
+
+    force (3,), its part from friction (3,), moment (3,) about point (3,): the tool's own, or the slave surface's present
+    centroid; load: pressure integrated over the surface; peak_pressure of a node, at peak_at (3,), its present place; area:
+    current one in contact; width (3,): its extents along x, y, z; slip, mean_slip: greatest way slid, and its mean over what
+    has been in contact; friction_work since the start; active, sticking: how many of the slave points; penetration: of the
+    deepest. [force, length, pressure and their products]
+    """
+
+    force: Floats
+    friction: Floats
+    moment: Floats
+    point: Floats
+    load: float
+    peak_pressure: float
+    peak_at: Floats
+    area: float
+    width: Floats
+    slip: float
+    mean_slip: float
+    friction_work: float
+    active: int
+    sticking: int
+    points: int
+    penetration: float
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """contacts, reactions, travel (3,) of the tools: by name; energies."""
+
+    contacts: dict[str, ContactResult]
+    reactions: dict[str, Reaction]
+    travel: dict[str, Floats]
+    energies: Energies
+
+
+class Results:
+    """Measures a scene's System. loads: terms of dead loads and pressures alone; so_far: Energies of a resumed run."""
+
+    def __init__(self, scene: Solved, system: System, loads: Sequence[Term], so_far: Energies | None = None) -> None:
+        self.system = system
+        self.surfaces = surfaces_of(scene, system)
+        self.reactions = Reactions(scene, system)
+        self._balance = EnergyBalance(system, loads, so_far)
+
+    @property
+    def energies(self) -> Energies:
+        """Up to the last accepted step."""
+        return self._balance.now
+
+    def of_step(self, damping: float) -> StepResult:
+        """Of the state just accepted; damping: the work it took in this step. Call once per step. Collective."""
+        energies, state = self._balance.advance(damping), self.system.state
+        contacts = {surface.contact.name: self._contact(surface, energies) for surface in self.surfaces}
+        travel = {name: state.travel[i].copy() for i, name in enumerate(self.system.tools.names)}
+        return StepResult(contacts, self.reactions.at_state(), travel, energies)
+
+    def _contact(self, surface: SlaveNodes, energies: Energies) -> ContactResult:
+        m, zone = surface.contact.measures(self.system.state), surface.zone(surface.at_state())
+        names = ("force", "friction", "moment", "point", "load", "active", "sticking", "points", "penetration")
+        (slip, mean_slip), work = m["slip"], energies.friction.get(surface.contact.name, 0.0)
+        here = {name: m[name] for name in names} | vars(zone)
+        return ContactResult(**here, slip=slip, mean_slip=mean_slip, friction_work=work)

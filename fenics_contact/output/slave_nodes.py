@@ -1,0 +1,155 @@
+"""A contact at the nodes of its slave surface: pressure, friction, gap, status and slip, and what they say of its zone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.assembly.facet_points import skin_of
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.types import Bools, Floats, Ints, Space
+
+# How much a point is held, by its status code: the order in which a node's points of different status are averaged.
+RANK_OF_STATUS = np.empty(4)
+RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
+STATUS_OF_RANK = np.argsort(RANK_OF_STATUS)
+ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in common
+SUMS = 11  # numbers that are summed at a node
+
+
+@dataclass(frozen=True)
+class NodalContact:
+    """At all local nodes (n,), ghosts too; what is no slave node is not `on`.
+
+    area: current one of the slave surface that belongs to a node [length^2]; pressure, friction (n, 3): tractions on the
+    current area [pressure]; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
+    kernels/status.py; closed: share of the node's area in contact; covered: share of it that lies over the master.
+    """
+
+    on: Bools
+    area: Floats
+    pressure: Floats
+    friction: Floats
+    gap: Floats
+    slip: Floats
+    status: Ints
+    closed: Floats
+    covered: Floats
+
+
+@dataclass(frozen=True)
+class Zone:
+    """Where a contact presses: greatest pressure of a node and its place (3,), current area [length^2], and the extents
+    (3,) along x, y, z, which end midway between a node in contact and one that is not [length]."""
+
+    peak_pressure: float
+    peak_at: Floats
+    area: float
+    width: Floats
+
+
+class SlaveNodes:
+    """Nodal values of one contact, the same on any number of ranks. facets: those of the slave on this rank."""
+
+    def __init__(self, system: System, contact: ContactTerm, facets: Ints) -> None:
+        self.contact, self._system, space = contact, system, system.space
+        self.skin = skin_of(space, facets)
+        self._sums = compat.Function(_sums_space(space))
+        s = contact.surface
+        self._share = s.area[..., None] * _lumped(s.a, s.X)
+        self._lumped = _lumped(self.skin.N, self.skin.X)
+        self._owned = space.dofmap.index_map.size_local
+
+    def at_state(self) -> NodalContact:
+        """The values at the system's state. Collective."""
+        state, contact = self._system.state, self.contact
+        response, s, h = contact.response(state), contact.surface, contact.trial.history
+        pressure, friction = contact.split_traction(state)
+        covered = contact.covered(state)
+        closed = np.where(response.status != OPEN, covered, 0.0)
+        ones, rank = np.ones_like(pressure), RANK_OF_STATUS[response.status]
+        values = np.stack([ones, pressure, response.gap, rank, closed, covered, h.slip_path], axis=-1)
+        values = np.concatenate([values, friction], axis=-1)
+        sums = self._sums.x.array.reshape(-1, SUMS)
+        sums[:] = 0.0
+        np.add.at(sums[:, 1:], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
+        np.add.at(sums[:, 0], self.skin.nodes, self._areas())
+        compat.sum_to_owners(self._sums)
+        compat.copy_to_ghosts(self._sums)
+        area, weight = sums[:, 0], sums[:, 1]
+        on = weight > 0.0
+        mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, area))
+        status = STATUS_OF_RANK[np.clip(np.rint(sums[:, 4] * mean), 0, 3).astype(int)]
+        return NodalContact(
+            on, area.copy(), sums[:, 2] * per_area, sums[:, 8:] * per_area[:, None], sums[:, 3] * mean, sums[:, 7] * mean,
+            status, sums[:, 5] * mean, sums[:, 6] * mean,
+        )  # fmt: skip
+
+    @property
+    def comm(self) -> MPI.Comm:
+        return self._system.comm
+
+    def reference(self) -> Floats:
+        """Reference positions (n, 3) of all local nodes [length]."""
+        return self._system.space.tabulate_dof_coordinates()
+
+    def positions(self) -> Floats:
+        """Current positions (n, 3) of all local nodes [length]."""
+        return self.reference() + self._system.state.u.x.array.reshape(-1, 3)
+
+    def _areas(self) -> Floats:
+        """Current area (ne, k) of the facets that belongs to each of their nodes [length^2]."""
+        x = self.skin.X + self._system.state.u.x.array.reshape(-1, 3)[self.skin.nodes]
+        return np.einsum("eq,eqk->ek", self.skin.current_area(x), self._lumped)
+
+    def zone(self, at: NodalContact) -> Zone:
+        """Where the contact presses. Collective."""
+        comm, x, touched = self.comm, self.positions(), at.closed > 0.0
+        # a facet between nodes that all touch is in contact as a whole, though single points of it may be open just now
+        whole = touched[self.skin.corners].all(axis=1)
+        share = np.where(whole[:, None], at.covered[self.skin.nodes], at.closed[self.skin.nodes])
+        area = comm.allreduce(float((share * self._areas()).sum()))
+        peak, place = self._peak(at, x)
+        return Zone(peak, place, area, self._width(touched, x))
+
+    def _peak(self, at: NodalContact, x: Floats) -> tuple[float, Floats]:
+        """Greatest pressure and its place: of nodes alike, as symmetry makes them, the first by x, y, z of the reference."""
+        owned = at.pressure[: self._owned]
+        peak = max(self.comm.allgather(float(owned.max(initial=0.0))))
+        alike = np.flatnonzero(owned >= (1.0 - ALIKE) * peak) if peak > 0.0 else np.empty(0, dtype=np.int64)
+        X = np.round(self.reference()[alike] / self._system.extent, 9)
+        first = alike[np.lexsort(X.T[::-1])[:1]]
+        found = [pair for pair in self.comm.allgather([(tuple(self.reference()[i]), tuple(x[i])) for i in first]) if pair]
+        return peak, np.array(min(pair[0] for pair in found)[1] if found else np.zeros(3))
+
+    def _width(self, touched: Bools, x: Floats) -> Floats:
+        starts, ends = self.skin.corners, np.roll(self.skin.corners, -1, axis=1)
+        first, second = touched[starts].ravel(), touched[ends].ravel()
+        rim = first != second
+        middles = 0.5 * (x[starts].reshape(-1, 3)[rim] + x[ends].reshape(-1, 3)[rim])
+        places = np.concatenate([x[starts].reshape(-1, 3)[first], middles, np.empty((0, 3))])
+        extents = np.concatenate([places.max(axis=0, initial=-np.inf), -places.min(axis=0, initial=np.inf)])
+        self.comm.Allreduce(MPI.IN_PLACE, extents, op=MPI.MAX)
+        return np.maximum(extents[:3] + extents[3:], 0.0)
+
+
+def _sums_space(space: Space) -> Space:
+    return compat.lagrange_space(space.mesh, compat.degree(space), (SUMS,))
+
+
+def _lumped(N: Floats, X: Floats) -> Floats:
+    """Shares (ne, nq, k) of the nodes at X (ne, k, 3) in points with shape functions N (ne, nq, k).
+
+    Quadratic triangles give their corners no area: there the linear functions of the corners take all of it.
+    """
+    if N.shape[2] != 6:
+        return N
+    corners, middles = X[:, :3], X[:, 3:]
+    pairs = 0.5 * (corners[:, [1, 0, 0]] + corners[:, [2, 2, 1]])  # opposite the corners
+    opposite = np.argmin(np.linalg.norm(middles[:, :, None] - pairs[:, None], axis=3), axis=2)
+    halves = 0.5 * (opposite[:, :, None] != np.arange(3))
+    linear = N[:, :, :3] + N[:, :, 3:] @ halves
+    return np.concatenate([linear, np.zeros_like(linear)], axis=2)

@@ -1,0 +1,132 @@
+"""What a run keeps of every accepted step, and says while it goes on."""
+
+import pathlib
+import sys
+from collections.abc import Callable
+
+from tqdm import tqdm
+
+from fenics_contact.output.columns import Columns, HistoryRow, damping_column
+from fenics_contact.output.fields import Fields
+from fenics_contact.output.files import clear_results, writing
+from fenics_contact.output.results import Results
+from fenics_contact.output.view import View
+from fenics_contact.output.writer import Writer
+from fenics_contact.restart import Keeper
+from fenics_contact.scene.build import Built
+from fenics_contact.scene.functions import number_of
+from fenics_contact.scene.scene import Scene
+from fenics_contact.solvers.arc_length import ArcReport
+from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.values import SceneError
+
+Recorded = dict[str, Callable[[View], float]]  # what the user adds to the history
+
+
+class Recorder:
+    """What a run keeps of every accepted step: a history row, fields, a checkpoint; and its progress bar.
+
+    Called with the step's report, its seconds and whether it is on the schedule, on all ranks.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        built: Built,
+        folder: pathlib.Path | None,
+        keeper: Keeper | None,
+        named: tuple[Columns, Recorded],
+        continuation: bool,
+        progress: bool,
+    ) -> None:
+        self.scene, self.system, self.keeper = scene, built.system, keeper
+        self.columns, self.extra = named
+        system = self.system
+        self.continuation, self._augments = continuation, bool(system.augmented) or system.stabilised
+        self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
+        self._told = len(self.verdict.notes)  # those that have been printed
+        with system.timers("compile"):
+            self._smallest_J = scene.volume_ratio(system.state.u).smallest
+        with system.timers("output"):
+            clock = (lambda: len(self.history)) if continuation else (lambda: system.state.t)
+            if folder and not (keeper and keeper.resumed):
+                self._start_anew(folder)
+            so_far = self.columns.energies(self.history)
+            self.results, self.view = Results(scene, system, built.loads, so_far), View(scene, system)
+            self.writer = None
+            if folder:
+                fields = Fields(scene, system, self.results.surfaces)
+                self.writer = Writer(folder, scene, fields, clock, list(self.history))
+        layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
+        self.silent = not progress or system.comm.rank != 0
+        self.bar = tqdm(total=1.0, disable=self.silent, bar_format=layout)
+
+    def _start_anew(self, folder: pathlib.Path) -> None:
+        """An earlier run's files go; then comes a checkpoint of the start: what is killed from here on can be resumed."""
+        with writing(self.system.comm, folder, "in the place of older results"):
+            if self.system.comm.rank == 0:
+                clear_results(folder)
+        if self.keeper:
+            self.keeper.keep()
+
+    def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
+        with self.system.timers("output"):
+            self.history.append(self._row(report, seconds))
+            if self.writer and on_schedule:
+                self.writer.write_fields(len(self.history))
+            if self.keeper:
+                self.keeper.keep()
+            if self.writer:
+                self.writer.write_row(self.history[-1])
+        t = self.system.state.t
+        self.bar.set_postfix_str(self._words(report), refresh=self.continuation)
+        news, self._told = self.verdict.notes[self._told :], len(self.verdict.notes)
+        if not self.bar.disable and news:
+            tqdm.write("\n".join(news), file=sys.stderr)
+        if not self.continuation:
+            self.bar.update(t - self.bar.n)
+
+    def _words(self, report: StepReport) -> str:
+        words = f"step {len(self.history)}, t = {self.system.state.t:.4g}, {report.iterations} iterations"
+        if cuts := self.verdict.cuts:
+            words += f", {cuts} cut-backs so far"
+        if loads := [contact.load for contact in self.view.contacts.values()]:
+            words += f", greatest contact load {max(loads):.4g} {self.scene.units.force}"
+        return words
+
+    def remark(self, notes: list[str]) -> None:
+        """Notes on the run as a whole, each said once."""
+        fresh = [note for note in notes if note not in self.verdict.notes]
+        self.verdict.notes += fresh
+        self._told = len(self.verdict.notes)
+        if fresh and not self.silent:
+            tqdm.write("\n".join(fresh), file=sys.stderr)
+
+    def _row(self, report: StepReport, seconds: float) -> HistoryRow:
+        state, result = self.system.state, self.results.of_step(report.work)
+        view = self.view.show(result)
+        row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), result)
+        if self._augments:
+            row["augmentations"] = report.augmentations
+        row |= {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
+        if self.system.damping:
+            row[damping_column(self.scene.units)] = report.work
+        of_arc = {"limit_point": report.limit_point, "station": report.station} if isinstance(report, ArcReport) else {}
+        return row | of_arc
+
+
+def columns_of(record: Recorded, scene: Scene) -> Columns:
+    """The columns of a scene's history, which no two things of the scene may share, nor the user's own."""
+    rough = {contact.name: contact.friction.mu > 0.0 for contact in scene.contacts}
+    groups = list(dict.fromkeys("+".join(support.group) for support in scene.supports))
+    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units)
+    if shared := columns.clash():
+        raise SceneError(f"two contacts, tools or supports would share the columns '{shared}_...'; give one another name")
+    taken = columns.all()
+    for name, value in record.items():
+        if name in taken:
+            raise SceneError(f"record '{name}': the history has a column of that name; choose another")
+        if not callable(value):
+            raise SceneError(f"record '{name}' must be a function of the run's View that gives one number, not {value!r}")
+    return columns

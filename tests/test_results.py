@@ -1,0 +1,375 @@
+"""What a run says of itself at every step: reactions, energies, contact zones, lines, and what `record=` sees."""
+
+import re
+from pathlib import Path
+
+import gmsh
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import (
+    Body,
+    Scene,
+    SceneError,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_cone,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_surface,
+    solve,
+)
+from fenics_contact.output.columns import Columns
+from fenics_contact.output.fields import Fields
+from fenics_contact.output.lines import zones
+from fenics_contact.output.names import plain_name
+from fenics_contact.output.units import Units
+from meshes import box, tool_surfaces
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+A1, A2, K = 0.1863, 0.0098, 5.0  # MPa
+RUBBER = mooney_rivlin(A1, A2, K)
+
+
+def tetrahedra():
+    """A cube of tetrahedra with the groups of meshes/box.py."""
+    gmsh.model.occ.addBox(0, 0, 0, 2, 2, 2)
+    gmsh.model.occ.synchronize()
+    for _, face in gmsh.model.getEntities(2):
+        lowest, highest = np.split(np.array(gmsh.model.getBoundingBox(2, face)), 2)
+        axis = int(np.argmin(highest - lowest))
+        name = "xyz"[axis] + ("min" if highest[axis] < 1.0 else "max")
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), name)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "box")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 1.0)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 1.0)
+    gmsh.model.mesh.generate(3)
+
+
+def cube(cells="hexahedra", **options):
+    """A block 2 x 2 x 2."""
+    hexahedra = {"size": (2.0, 2.0, 2.0), "cells": (3, 3, 3)}
+    mesh = read_gmsh(tetrahedra) if cells == "tetrahedra" else read_gmsh(box.build, **hexahedra)
+    return Scene(Body(mesh, "box", RUBBER), **options)
+
+
+# -- reactions --------------------------------------------------------------------------------------------------------
+def test_reactions_loads_and_tools_are_in_balance_group_by_group():
+    scene = cube()
+    scene.fix("zmin")
+    scene.fix("xmin", "x")  # shares the nodes of an edge with zmin
+    scene.traction("ymax", (0.0, 0.02, 0.05))
+    scene.body_force((0.01, 0.0, -0.02))
+    plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
+    scene.contact("zmax", plate, 0.2, name="lid")
+    result = solve(scene, move={plate: (0.05, 0.0, -0.2)}, steps=3, progress=False).require()
+    row = result.history[-1]
+    held = sum(np.array([row[f"{group}_reaction_{a}_N"] for a in "xyz"]) for group in ("zmin", "xmin"))
+    lid = np.array([row[f"lid_force_{a}_N"] for a in "xyz"])
+    loads = np.array([0.0, 0.02, 0.05]) * 4.0 + np.array([0.01, 0.0, -0.02]) * 8.0
+    np.testing.assert_allclose(held + lid + loads, 0.0, atol=1e-7)
+    assert row["xmin_reaction_y_N"] == row["xmin_reaction_z_N"] == 0.0 and row["balance_error_N"] < 1e-7
+    assert abs(row["zmin_reaction_z_N"]) > 0.1
+
+
+def test_the_moment_of_a_support_is_about_its_own_centroid():
+    """A bar far from the origin is turned at one end: its torque does not know where the bar is."""
+    found = []
+    for away in (0.0, 50.0):
+        mesh = read_gmsh(box.build, size=(2.0, 2.0, 6.0), cells=(4, 4, 6), origin=(away, -away, 0.0))
+        scene = Scene(Body(mesh, "box", RUBBER))
+        scene.fix("zmin")
+        centre = np.array([away + 1.0, -away + 1.0])
+
+        def turned(axis, centre=centre):
+            def value(X, t):
+                x, y = X[:, 0] - centre[0], X[:, 1] - centre[1]
+                c, s = np.cos(0.5 * t) - 1.0, np.sin(0.5 * t)
+                return c * x - s * y if axis == 0 else s * x + c * y
+
+            return value
+
+        scene.prescribe("zmax", "x", turned(0))
+        scene.prescribe("zmax", "y", turned(1))
+        scene.fix("zmax", "z")
+        row = solve(scene, steps=3, tolerance=1e-11, progress=False).require().history[-1]
+        torque = row["zmax_reaction_moment_z_Nmm"]
+        np.testing.assert_allclose(row["zmin_reaction_moment_z_Nmm"], -torque, rtol=1e-8)
+        # external work of a turned end, held along the axis: the integral of the torque
+        found.append([torque, row["external_work_Nmm"]])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-8)
+    # Saint-Venant, small turns: 0.1406 G b^4 theta / L; 11 %: 4 cells across, warping held, half a radian
+    assert found[0][0] == pytest.approx(0.1406 * 2 * (A1 + A2) * 2.0**4 * 0.5 / 6.0, rel=0.25)
+
+
+# -- energies ---------------------------------------------------------------------------------------------------------
+def loaded(steps, **options):
+    scene = cube(**options)
+    scene.fix("zmin")
+    scene.prescribe("zmax", "x", 0.8)
+    scene.traction("xmax", (0.0, 0.02, 0.05))
+    scene.pressure("ymax", 0.05)
+    return solve(scene, steps=steps, progress=False).require().history[-1]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"element": "mixed"}, {"degree": 2, "element": "mixed"}, {"degree": 2, "cells": "tetrahedra"}],
+    ids=["displacement", "mixed", "mixed 2", "tetrahedra 2"],
+)
+def test_the_energy_balance_closes_with_the_square_of_the_step(options):
+    rows = [loaded(steps, **options) for steps in (4, 8, 16)]
+    errors = np.array([row["energy_error_Nmm"] for row in rows])
+    assert np.all(np.abs(np.log2(errors[:-1] / errors[1:]) - 2.0) < 0.05), errors
+    assert abs(errors[-1]) < 2e-4 * rows[-1]["strain_energy_Nmm"]
+
+
+def pressed(steps, friction, **contact):
+    """A block under a round punch that is pressed in and then drawn, on a rough floor."""
+    mesh = read_gmsh(box.build, size=(10.0, 6.0, 3.0), cells=(6, 4, 2))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    roll = rigid_cylinder(4.0, (5.0, 0.0, 7.0), (0, 1, 0), name="roll")
+    scene.contact("zmax", roll, friction, name="top", **contact)
+    path = lambda t: (0.3 * max(2 * t - 1, 0), 0.0, -0.4 * min(2 * t, 1))  # noqa: E731
+    return solve(scene, move={roll: path}, steps=steps, progress=False).require().history[-1]
+
+
+def test_without_friction_the_penalties_keep_what_the_body_does_not():
+    rows = [pressed(steps, 0.0) for steps in (16, 32, 64)]
+    errors = np.abs([row["energy_error_Nmm"] for row in rows])
+    work = rows[-1]["external_work_Nmm"]
+    assert rows[-1]["penalty_energy_Nmm"] > 1e-3 * work
+    assert errors[-1] < 2e-4 * work and errors[0] > 8.0 * errors[-1], errors / work
+    assert "top_friction_work_Nmm" not in rows[-1]
+
+
+@pytest.mark.parametrize("contact", [{}, {"penetration": 1e-6}], ids=["penalty", "multipliers"])
+def test_friction_takes_the_rest_of_the_work(contact):
+    """Slip is measured on the tool, of radius R: penetrations g leave g/R of its work open, multipliers nothing."""
+    row = pressed(64, 0.3, **contact)
+    work, rubbed = row["external_work_Nmm"], row["top_friction_work_Nmm"]
+    assert rubbed > 0.1 * work
+    assert abs(row["energy_error_Nmm"]) < (2e-4 if contact else 2.0 * row["top_penetration_mm"] / 4.0) * rubbed
+
+
+def test_friction_work_is_traction_times_way():
+    """A stiff block is dragged over a floor: T = mu N over the whole way but what the penalty gives way at first."""
+    scene = cube()
+    floor = rigid_plane(name="floor")
+    scene.prescribe("zmax", "z", lambda X, t: -0.1 * min(2 * t, 1))
+    scene.prescribe("zmax", "x", lambda X, t: 1.0 * max(2 * t - 1, 0))
+    scene.fix("zmax", "y")
+    scene.contact("zmin", floor, 0.3, name="floor")
+    result = solve(scene, steps=40, progress=False).require()
+    work, pull = result.column("floor_friction_work_Nmm"), -result.column("floor_force_x_N")
+    slid = result.column("floor_mean_slip_mm")
+    way = np.abs(np.diff(slid[-10:]))
+    np.testing.assert_allclose(way, 1.0 / 20, rtol=1e-3)  # steady: all of it slides as the drive does
+    np.testing.assert_allclose(np.diff(work[-10:]), pull[-9:] / 20, rtol=1e-3)
+    np.testing.assert_allclose(pull[-1], 0.3 * result.column("floor_load_N")[-1], rtol=1e-9)
+
+
+def test_a_resumed_run_goes_on_with_its_energies(tmp_path):
+    folder = COMM.bcast(tmp_path)
+
+    def run(steps, **options):
+        scene = cube()
+        scene.fix("zmin")
+        ball = rigid_cone(1.2, (1.0, 1.0, 2.0), tip=0.5, name="cone")
+        scene.contact("zmax", ball, 0.3, name="top")
+        times = np.arange(1, steps + 1) / 6
+        move = {ball: lambda t: (0.1 * t, 0.0, -0.3 * t)}
+        return solve(scene, move=move, steps=times, progress=False, out=folder, checkpoint=True, **options)
+
+    run(3)
+    resumed = run(6, resume=True).history[-1]
+    whole = run(6, overwrite=True).history[-1]
+    names = [name for name in whole if "energy" in name or "work" in name or "slip" in name or "peak" in name]
+    assert len(names) > 8
+    np.testing.assert_allclose([resumed[n] for n in names], [whole[n] for n in names], rtol=1e-8, atol=1e-10)
+
+
+# -- where a contact presses ------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("points", ["nodes", 3])
+def test_zone_of_a_flat_contact(points):
+    """Pressed by a plate all over: the area is that of the wider face, the width its extents, the pressure that of a bar."""
+    scene = cube()
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    scene.fix("zmin", "z")
+    plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
+    scene.contact("zmax", plate, name="lid", points=points)
+    result = solve(scene, move={plate: (0, 0, -0.4)}, steps=2, progress=False).require()
+    row = result.history[-1]
+    side = row["lid_width_x_mm"]
+    assert 2.1 < side < 2.3
+    np.testing.assert_allclose(row["lid_width_y_mm"], side, rtol=1e-9)
+    np.testing.assert_allclose(row["lid_area_mm2"], side**2, rtol=1e-9)
+    np.testing.assert_allclose(row["lid_load_N"], -row["lid_force_z_N"], rtol=1e-12)
+    np.testing.assert_allclose(row["lid_peak_pressure_MPa"], row["lid_load_N"] / side**2, rtol=1e-7)
+    # about the tool's point, the origin of the plate: the resultant acts in the middle of the face
+    moment = [row[f"lid_moment_{a}_Nmm"] for a in "xyz"]
+    np.testing.assert_allclose(moment, [0.5 * side * row["lid_force_z_N"], -0.5 * side * row["lid_force_z_N"], 0], atol=1e-6)
+
+
+def test_status_gap_and_pressure_of_two_tools_on_one_surface():
+    """A face between two punches: least gap, status of the one that holds, nothing off the slave surface."""
+    mesh = read_gmsh(box.build, size=(6.0, 2.0, 2.0), cells=(12, 2, 2))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    left = rigid_punch(0.8, 2.0, (1.0, 1.0, 2.0), half_depth=3.0, fillet=0.2, name="left")
+    right = rigid_punch(0.8, 2.0, (5.0, 1.0, 2.2), half_depth=3.0, fillet=0.2, name="right")
+    scene.contact("zmax", left, 0.3, name="left")
+    scene.contact("zmax", right, name="right")
+    result = solve(scene, move={left: (0, 0, -0.1), right: (0, 0, 0.0)}, steps=2, progress=False).require()
+    fields = Fields(scene, result.system)
+    fields.update()
+    X = fields.gap.function_space.tabulate_dof_coordinates()
+    top = np.abs(X[:, 2] - 2.0) < 1e-9
+    gap, status, pressure = (f.x.array for f in (fields.gap, fields.status, fields.contact_pressure))
+    assert np.isnan(gap[~top]).all() and np.isnan(status[~top]).all() and np.isnan(pressure[~top]).all()
+    under = top & (np.abs(X[:, 0] - 1.0) < 0.5)
+    assert np.all(gap[under] < 0.0) and np.all(status[under] >= 2) and np.all(pressure[under] > 0.0)
+    far = top & (np.abs(X[:, 0] - 5.0) < 0.5)
+    assert np.all((gap[far] > 0.1) & (gap[far] < 0.3)) and np.all(
+        status[far] == 0
+    )  # that of `right`, not the mean with 4 mm
+    np.testing.assert_array_equal(fields.each["left"].gap.x.array[under], gap[under])
+    assert np.all(fields.each["right"].gap.x.array[under] > 1.0)
+
+
+# -- along a line -----------------------------------------------------------------------------------------------------
+def parabola(a, points):
+    s = np.linspace(0.0, 4.0, points)
+    p = np.sqrt(np.maximum(1.0 - ((s - 2.0) / a) ** 2, 0.0))
+    return {"arc_mm": s, "pressure_MPa": p}
+
+
+@pytest.mark.parametrize("a", [0.77, 0.8, 1.03, 1.55])
+def test_ends_of_a_zone_are_found_within_a_cell(a):
+    """Hertz's pressure on points 0.1 apart: its ends lie far nearer than that to where they are found."""
+    (start, end), *others = zones(parabola(a, 41), Units())
+    assert not others
+    np.testing.assert_allclose([2.0 - start, end - 2.0], a, atol=0.01)
+
+
+def test_line_of_a_contact_and_its_pressure():
+    mesh = read_gmsh(box.build, size=(6.0, 2.0, 2.0), cells=(12, 3, 2))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    roll = rigid_cylinder(4.0, (3.0, 0.0, 6.0), (0, 1, 0), name="roll")
+    scene.contact("zmax", roll, 0.3, name="top")
+    result = solve(scene, move={roll: (0, 0, -0.2)}, steps=2, progress=False).require()
+    cut = result.line("top", "x", cut={"y": 1.0})  # midway between two rows of nodes
+    assert len(cut["arc_mm"]) == 13 and np.all(np.diff(cut["arc_mm"]) > 0.0)
+    np.testing.assert_allclose(cut["x_reference_mm"], np.linspace(0, 6, 13), atol=1e-12)
+    np.testing.assert_allclose(cut["y_reference_mm"], 1.0)
+    p = cut["pressure_MPa"]
+    np.testing.assert_allclose(p, p[::-1], atol=1e-7)
+    assert p.max() == pytest.approx(p[6]) and set(cut["status"]) <= {0, 2, 3}
+    assert np.isfinite(np.column_stack(list(cut.values()))).all()
+    ((start, end),) = result.widths("top", "x", {"y": 1.0})
+    row = result.history[-1]
+    assert row["top_width_x_mm"] == pytest.approx(end - start, abs=0.5)  # a cell
+    every = result.line("top", lambda X: X[:, 0] + 10.0 * X[:, 1])
+    assert len(every["arc_mm"]) == 13 * 4
+    table = result.table()
+    assert set(table) == set(row) and len(table["t"]) == len(result.history)
+    with pytest.raises(KeyError, match="top"):
+        result.line("lid", "x")
+    for wrong, words in (({"y": 7.0}, "misses"), ({"q": 0.0}, "one axis")):
+        with pytest.raises(SceneError, match=words):
+            result.line("top", "x", wrong)
+    with pytest.raises(SceneError, match="along"):
+        result.line("top", "s")
+
+
+# -- what record= sees ------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("options", [{}, {"degree": 2}, {"degree": 2, "cells": "tetrahedra"}], ids=["1", "2", "tetrahedra"])
+def test_view_of_a_homogeneous_state(options):
+    scene, seen = cube(**options), []
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    scene.fix("zmin", "z")
+    scene.prescribe("zmax", "z", -0.3)
+
+    def look(view):
+        inside, face = view.at((0.3, 1.7, 1.1)), view.at("zmax")
+        seen.append((inside, face, view.reaction("zmax"), view.energies, view.t))
+        return inside.stretches[2]
+
+    result = solve(scene, steps=2, tolerance=1e-12, record={"least_stretch": look}, progress=False).require()
+    (inside, face, reaction, energies, t), F = seen[-1], seen[-1][0].F
+    assert t == 1.0 and result.history[-1]["least_stretch"] == inside.stretches[2] == pytest.approx(0.85, rel=1e-9)
+    np.testing.assert_allclose(F, np.diag(np.diag(F)), atol=1e-9)
+    np.testing.assert_allclose(inside.displacement, (np.diag(F) - 1.0) * [0.3, 1.7, 1.1], atol=1e-9)
+    np.testing.assert_allclose(face.displacement, (np.diag(F) - 1.0) * [1.0, 1.0, 2.0], atol=1e-9)
+    for sample in (inside, face):
+        np.testing.assert_allclose(sample.F, F, atol=1e-9)
+        np.testing.assert_allclose(sample.J, np.prod(np.diag(F)), rtol=1e-9)
+        area = 4.0 * F[0, 0] * F[1, 1]
+        np.testing.assert_allclose(sample.cauchy_stress[2, 2] * area, reaction.force[2], rtol=1e-8)
+        np.testing.assert_allclose(sample.pressure, -sample.cauchy_stress[2, 2] / 3.0, rtol=1e-7)
+    np.testing.assert_allclose(reaction.point, face.displacement + [1.0, 1.0, 2.0], atol=1e-9)
+    assert energies.strain == result.history[-1]["strain_energy_Nmm"]
+
+
+def test_view_refuses_what_is_not_there():
+    scene, said = cube(), []
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.1)
+
+    def look(view):
+        for ask in (lambda: view.at((9, 9, 9)), lambda: view.at("lid"), lambda: view.contact("lid"),
+                    lambda: view.reaction("xmax"), lambda: view.at((1, 2))):  # fmt: skip
+            with pytest.raises((KeyError, ValueError)) as error:
+                ask()
+            said.append(str(error.value))
+        return 0.0
+
+    solve(scene, steps=1, record={"look": look}, progress=False)
+    for words, text in zip(("lies in no body", "'lid'", "no contact 'lid'", "zmin, zmax", "(x, y, z)"), said, strict=True):
+        assert words in text
+
+
+def test_names_become_columns():
+    scene = cube()
+    scene.fix("zmin")
+    plate = rigid_plane((0, 0, 2), (0, 0, -1), name="lid (hot)")
+    scene.contact("zmax", plate)
+    result = solve(scene, move={plate: (0, 0, -0.1)}, steps=1, progress=False)
+    assert {"zmax_on_lid_hot_force_z_N", "lid_hot_travel_z_mm"} <= set(result.history[0])
+    scene.contact(("xmax",), plate, name="zmax on lid hot")
+    with pytest.raises(SceneError, match="share the columns"):
+        solve(scene, move={plate: (0, 0, -0.1)}, steps=1, progress=False)
+
+
+def test_moments_are_about_the_tool():
+    """A meshed ball's point is its middle: pressed straight down it feels no moment, wherever it is."""
+    mesh = read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(4, 4, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(0.5, 3.0)))
+    scene.fix("zmin")
+    ball = rigid_surface(tool_surfaces.ball, radius=2.0, centre=(2.0, 2.0, 4.0), size=0.5, name="ball")
+    np.testing.assert_allclose(ball.point[:2], 2.0, atol=0.02)
+    scene.contact("zmax", ball, name="top")
+    row = solve(scene, move={ball: (0, 0, -0.3)}, steps=2, progress=False).require().history[-1]
+    assert row["top_force_z_N"] < -0.1
+    assert np.hypot(row["top_moment_x_Nmm"], row["top_moment_y_Nmm"]) < 0.03 * abs(row["top_force_z_N"])
+
+
+@pytest.mark.serial
+def test_every_column_is_documented():
+    """docs/results.md has a row for each column a run may have, and for no other."""
+    names = Columns(["{tool}"], {"{contact}": True}, ["{group}"], Units()).all()
+    braced = {plain_name(name): name for name in ("{tool}", "{contact}", "{group}")}
+    found = {re.sub(r"_[xyz](?=_)", "_{axis}", name) for name in names}
+    found = {re.sub(r"^(tool|contact|group)(?=_)", lambda m: braced[m[0]], name) for name in found}
+    text = (Path(__file__).parents[1] / "docs" / "results.md").read_text()
+    table = text.split("| column | meaning |")[1].split("\n\n")[0]
+    told = {name for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split("|")[1] if "|" in row else "")}
+    assert told - {"damping=True"} == found
