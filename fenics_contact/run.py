@@ -284,6 +284,7 @@ def _summary(
         "method": {
             "stepper": method,
             "linear_solver": solver.method,
+            "seconds_per_digit": solver.rates,
             "solver_changes": solver.fallbacks,
             "factorisations": solver.builds,
             "krylov_iterations": solver.iterations,

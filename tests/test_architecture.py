@@ -42,7 +42,7 @@ TABLE = {
     "solid": {"numpy", "mpi4py", "basix", "ufl", "assembly", "compat", "values"},
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing", "values"},
     "assembly": {"numpy", "mpi4py", "petsc4py", "basix", "kernels", "compat", "timing"},
-    "solvers": {"numpy", "mpi4py", "petsc4py", "assembly", "timing"},
+    "solvers": {"numpy", "mpi4py", "petsc4py", "assembly", "compat", "timing"},
     "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "output",
               "solid", "timing", "values"},
     "output": {"numpy", "mpi4py", "basix", "matplotlib", "mpl_toolkits", "agreement", "compat", "assembly", "kernels",

@@ -29,6 +29,7 @@ from fenics_contact import (
 from fenics_contact.output.fields import Fields
 from fenics_contact.solid import materials
 from fenics_contact.solvers import linear
+from fenics_contact.solvers.choice import foreseen_costs
 from fenics_contact.solvers.newton import Newton
 from meshes import box, cook, disc, patch_block, rod, sphere_shell, two_blocks
 
@@ -221,16 +222,16 @@ def test_snes_takes_the_mixed_element_too():
 
 
 @pytest.mark.serial
-def test_the_iterative_solver_begins_later_at_a_large_bulk_modulus(monkeypatch):
-    """Its iterations grow with the square root of K / mu: by sqrt(1e4 / 500) = 4.5 later, of 1215 unknowns here."""
-    monkeypatch.setattr(linear, "ITERATIVE_ABOVE", 1000)
+def test_the_iterative_solver_begins_later_at_a_large_bulk_modulus():
+    """Its iterations grow with the square root of K / mu: by sqrt(1e4 / 20) over a ratio of 10."""
     mesh = read_gmsh(box.build, cells=(8, 8, 4))
-    chosen = []
+    costs = []
     for ratio in (10.0, 1e4):
         scene = Scene(Body(mesh, "box", rubber(ratio * MU)), element="mixed")
         scene.fix("zmin")
-        chosen.append(linear.LinearSolver(scene.system()).method)
-    assert chosen == ["iterative", "direct"]
+        costs.append(foreseen_costs(scene.system()))
+    assert costs[0]["direct"] == costs[1]["direct"]
+    assert costs[1]["iterative"] / costs[0]["iterative"] == pytest.approx(np.sqrt(1e4 / 20.0))
 
 
 @pytest.mark.serial

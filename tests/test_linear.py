@@ -8,6 +8,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact.solvers import linear as linear_solver
+from fenics_contact.solvers import reuse
+from fenics_contact.solvers.choice import OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.reuse import ReusingSolver
 from fenics_contact.timing import Timers
@@ -110,3 +113,73 @@ def test_memory_does_not_grow_with_the_solves():
     start = some(5)  # what is made once
     grown, vector = COMM.allreduce(some(25) - start, op=MPI.MAX), 8 * system.vector.getLocalSize()
     assert grown < 25 * vector
+
+
+# -- which solver a run takes -----------------------------------------------------------------------------------------
+def taken(foreseen, true, solves, per_preconditioner=3):
+    """Methods of the solves of a run whose true costs are (preconditioner, solve) by method."""
+    choice = Choice(COMM, foreseen)
+    method, methods = choice.first, []
+    for number in range(solves):
+        if number % per_preconditioner == 0:
+            method = choice.next(method)
+            choice.spent(true[method][0])
+        choice.spent(true[method][1], 8.0)
+        methods.append(method)
+    return methods
+
+
+@pytest.mark.parallel
+def test_the_cheaper_solver_is_found_by_trial():
+    foreseen = {"direct": 1.0, "iterative": 2.0}
+    worse, better = (2.0, 0.5), (1.0, 0.1)
+    wrong = taken(foreseen, {"direct": worse, "iterative": better}, 60)
+    assert wrong[:10] == ["direct"] * 10 and wrong[-40:] == ["iterative"] * 40  # tried after ten solves, kept
+    right = taken(foreseen, {"direct": better, "iterative": worse}, 60)
+    assert right.count("iterative") == 3  # one preconditioner on trial
+    sure = taken({"direct": 1.0, "iterative": 7.0}, {"direct": worse, "iterative": better}, 60)
+    assert set(sure) == {"direct"}  # no doubt, no trial
+
+
+@pytest.mark.parallel
+def test_a_solver_that_grows_dear_is_given_up():
+    choice = Choice(COMM, {"direct": 1.0, "iterative": 1.0})
+    choice.spent(1.0, 40.0), choice.spent(0.0, 0.0)
+    for _ in range(5):
+        choice.spent(0.1, 8.0)
+    assert choice.next("direct") == "iterative"
+    choice.spent(4.0, 80.0)
+    assert choice.next("iterative") == "direct"
+    choice.spent(8.0, 80.0)  # five times what it was
+    assert choice.next("direct") == "iterative"
+
+
+@pytest.mark.parallel
+def test_costs_are_foreseen_from_the_shape_of_the_bodies():
+    """A factorisation is dearer for a cube than for a plate of as many nodes, by the cube of the nodes across."""
+    costs = []
+    for size, cells in (((2.0, 2.0, 2.0), (7, 7, 7)), ((31.0, 15.0, 1.0), (31, 15, 1))):
+        scene = Scene(Body(read_gmsh(box.build, size=size, cells=cells), "box", RUBBER))
+        scene.fix("zmin")
+        costs.append(foreseen_costs(scene.system()))
+    cube, plate = costs
+    assert cube["direct"] / plate["direct"] == pytest.approx((64 / 32) ** 3)
+    assert cube["iterative"] / plate["iterative"] == pytest.approx(512 / 1024)
+
+
+@pytest.mark.parallel
+def test_a_run_that_changes_its_solver_gives_the_same(monkeypatch):
+    """Both solvers take turns: nothing of one is left in the other, and the summary tells of both."""
+    monkeypatch.setattr(Choice, "next", lambda self, method: self.rates.update({method: 1.0}) or OTHER[method])
+    monkeypatch.setattr(linear_solver, "REUSE_ABOVE", 0)
+    monkeypatch.setattr(reuse, "REUSE_ABOVE", 0)
+    found = []
+    for method in ("auto", "direct"):
+        scene = block(4)
+        plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
+        scene.contact("zmax", plate, 0.3, name="lid")
+        result = solve(scene, move={plate: (0.1, 0, -0.3)}, steps=4, linear=method, progress=False).require()
+        found.append(result.history[-1]["lid_force_z_N"])
+        told = result.summary["method"]["seconds_per_digit"]
+        assert set(told) == ({"direct", "iterative"} if method == "auto" else set())
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-7)

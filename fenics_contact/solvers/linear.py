@@ -7,14 +7,9 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import MEMORY, RIGID_MOTION
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.reuse import TIGHTEST, ReusingSolver
+from fenics_contact.solvers.choice import Choice, foreseen_costs
+from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
 from fenics_contact.types import Array, Floats, Mat, Vec
-
-# Above this many unknowns smoothed aggregation beats factorisation (README, speed).
-ITERATIVE_ABOVE = 6_000
-# Bulk over shear modulus beyond which that bound rises with the square root of the ratio, as multigrid's iterations do: the
-# two are even at 3e4 unknowns and a ratio of 500.
-SLOWED_ABOVE = 20.0
 
 # MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
 # Not -8, -9 and -14, -15: a nearly singular matrix, whose pivots are delayed, asks for more work space than foreseen.
@@ -36,7 +31,8 @@ class LinearSolver:
     """Solves K du + C dq = -R with prescribed du and dq.
 
     system: System; method: "direct" (MUMPS: Cholesky where the tangent is symmetric, else LU), "iterative" (CG or GMRES with
-    smoothed aggregation and the rigid-body modes), or "auto" by size. Either is kept from tangent to tangent while it pays,
+    smoothed aggregation and the rigid-body modes), or "auto", see `Choice`. Either is kept from tangent to tangent while it
+    pays,
     unless `afresh`: a continuation's tangents are nearly singular, and what an old one tells of the softest motion is wrong.
     """
 
@@ -46,17 +42,23 @@ class LinearSolver:
         self.system = system
         size = system.vector.getSize()
         self._forced = method == "iterative"
-        above = ITERATIVE_ABOVE * np.sqrt(max(1.0, system.bulk_over_shear / SLOWED_ABOVE))
-        method = method if method != "auto" else ("iterative" if size > above else "direct")
+        choice = Choice(system.comm, foreseen_costs(system)) if method == "auto" else None
+        method = choice.first if choice else method
         self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
         self._pivot: float | None = None
-        self._solver = ReusingSolver(
-            system.comm, size, system.symmetric, method, lambda matrix: _soft_modes(system, matrix), system.timers, afresh
-        )
+        modes = lambda matrix: _soft_modes(system, matrix)  # noqa: E731
+        # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
+        trials = None if afresh or size <= REUSE_ABOVE else choice
+        self._solver = ReusingSolver(system.comm, size, system.symmetric, method, modes, system.timers, afresh, trials)
 
     @property
     def method(self) -> str:
         return self._solver.method
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Seconds per digit that each method tried has taken last; {} where the choice was not in doubt."""
+        return self._solver.choice.rates if self._solver.choice else {}
 
     @property
     def iterations(self) -> int:
@@ -172,6 +174,7 @@ class LinearSolver:
         if reason < 0 and self.method == "iterative" and not self._forced:
             self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
             solver.use("direct")
+            solver.choice = None
             reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0:
             raise LinearFailure(*self._cause(reason))

@@ -1,5 +1,6 @@
 """PETSc solver for a sequence of similar matrices: an old factorisation or hierarchy preconditions while it pays."""
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.solvers.choice import Choice
 from fenics_contact.timing import Timers
 from fenics_contact.types import Mat, Solver, Vec
 
@@ -25,6 +27,11 @@ LONGEST_IF_SMALL = 100  # the same up to SMALL unknowns, where a factorisation c
 SMALL = 30_000
 
 
+def digits_of(tolerance: float) -> float:
+    """Digits of accuracy of a solve to a relative residual."""
+    return float(max(-np.log10(tolerance), 1.0))
+
+
 class Reuse:
     """Says when a new preconditioner pays: once a solve cost more per digit than all since the last, that one included."""
 
@@ -39,7 +46,7 @@ class Reuse:
 
     def solved(self, iterations: int, tolerance: float) -> None:
         """Count a solve to a relative residual."""
-        digits = max(-np.log10(tolerance), 1.0)
+        digits = digits_of(tolerance)
         rate = iterations / digits
         self._fresh = rate if self._fresh is None else self._fresh
         self._work, self._digits = self._work + iterations, self._digits + digits
@@ -56,7 +63,8 @@ class ReusingSolver:
     method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation);
     near_null_space: function of the matrix to PETSc's NullSpace, for the latter. The matrix is one of blocks; what is
     factorised or coarsened is a copy by scalars, made when it is due, so that PETSc keeps the old one meanwhile. builds,
-    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing.
+    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing; choice: the
+    Choice that is asked for the method of each new preconditioner, None: it stays.
     """
 
     def __init__(
@@ -68,8 +76,9 @@ class ReusingSolver:
         near_null_space: Callable[[Mat], Any] | None,
         timers: Timers,
         afresh: bool = False,
+        choice: Choice | None = None,
     ) -> None:
-        self.comm, self.symmetric, self.timers = comm, symmetric, timers
+        self.comm, self.symmetric, self.timers, self.choice = comm, symmetric, timers, choice
         self._near_null_space = near_null_space
         self.builds = self.iterations = self._cause = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
@@ -138,7 +147,9 @@ class ReusingSolver:
         pattern: number that changes with the matrix's nonzero pattern. After a failure nothing is kept: MUMPS goes on
         reporting the singular matrix that it met last. A solution that is not finite is a failure, whatever PETSc says.
         """
+        self._mark = time.perf_counter()
         reason = self._tried(matrix, pattern, rhs, out, tolerance)
+        self._lap(digits_of(tolerance))
         if reason >= 0 and not np.isfinite(out.norm()):
             reason = -NOT_FINITE
         if reason < 0:
@@ -155,7 +166,8 @@ class ReusingSolver:
             kept = self._reuse is not None and pattern == self._pattern and self._state == matrix.stateGet()
             if not kept and (error := self._build(matrix, pattern)):
                 return error
-            reason = self._run(self._fresh, matrix, rhs, out, tolerance, self._longest)
+            longest = self.choice.longest(self.method) if self.choice else None
+            reason = self._run(self._fresh, matrix, rhs, out, tolerance, longest or self._longest)
         return reason
 
     def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
@@ -168,6 +180,10 @@ class ReusingSolver:
 
     def _build(self, matrix: Mat, pattern: int) -> int:
         """New factorisation or hierarchy of a matrix; returns zero or PETSc's error as a negative reason."""
+        if self.choice:
+            self._lap()
+            if (method := self.choice.next(self.method)) != self.method:
+                self.use(method)
         with self.timers("factorisation"):
             if self.method == "iterative":  # PETSc keeps the soft modes of the first set-up: it needs a new object
                 self._make()
@@ -184,6 +200,13 @@ class ReusingSolver:
             self.builds += 1
             self._fresh.setOperators(matrix, self._copy)
             return _code(self._fresh.setUp)
+
+    def _lap(self, digits: float = 0.0) -> None:
+        """Have the choice know of the time since the last lap, and of a solve by its digits."""
+        if self.choice:
+            now = time.perf_counter()
+            self.choice.spent(now - self._mark, digits)
+            self._mark = now
 
     def _run(self, ksp: Solver, matrix: Mat, rhs: Vec, out: Vec, tolerance: float, limit: int) -> int:
         with self.timers("solve"):
