@@ -45,8 +45,8 @@ TABLE = {
     "solvers": {"numpy", "mpi4py", "petsc4py", "assembly", "compat", "timing"},
     "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "output",
               "solid", "timing", "values"},
-    "output": {"numpy", "mpi4py", "basix", "matplotlib", "mpl_toolkits", "agreement", "compat", "assembly", "kernels",
-               "solid", "values"},
+    "output": {"numpy", "mpi4py", "basix", "matplotlib", "mpl_toolkits", "agreement", "compat", "assembly", "contact",
+               "kernels", "solid", "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "assembly", "compat", "solid",
                 "mesh_io", "contact", "packages", "solvers", "scene", "run"},
     "options": {"numpy", "solvers", "values"},
@@ -61,8 +61,9 @@ TABLE = {
 ONLY = {
     ("studies", "assembly"): {"system", "term"},  # their names
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
-    ("output", "assembly"): {"exchange", "facet_points", "system", "term"},
-    ("output", "kernels"): {"status"},
+    ("output", "assembly"): {"exchange", "facet_points", "numbering", "system", "term"},
+    ("output", "contact"): {"tools"},  # their shapes, to draw them
+    ("output", "kernels"): {"rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"sets", "scatter"},
     ("restart", "scene"): {"fingerprint"},

@@ -1,0 +1,108 @@
+"""The surface of a rigid tool as facets, for files and pictures: a meshed tool's own, an analytic one cut into facets."""
+
+import numpy as np
+
+from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
+from fenics_contact.kernels import rigid_shapes
+from fenics_contact.types import Floats, Ints64
+
+SAG = 2e-3  # of `size`: how far a facet may cut below a round surface, not to be seen at a page's width
+FEWEST, MOST = 6, 48  # facets per quarter of a turn
+FLAT = 8  # facets along a straight line: pictures sort them by their distance from the eye
+
+Facets = tuple[Floats, Ints64]
+
+
+def tool_surface(tool: Tool, size: float, about: Floats | None = None, travel: Floats | None = None) -> Facets:
+    """Points (n, 3) [length] of a tool's surface, where it is after its travel, and facets (m, 4), rows of points.
+
+    Facets are counter-clockwise seen from outside the tool; a triangle repeats its third point. Every point lies on the
+    tool; facets cut below its round parts by SAG of `size` at most, unless its radius is over seven times that. size: of
+    the bodies [length]: side of the square that stands for a plane, length of a cylinder, and of a cone's side; about (3,):
+    the place nearest to which an endless plane or cylinder is cut out, by default where the tool was stated; travel (3,).
+    """
+    moved = np.zeros(3) if travel is None else np.asarray(travel, dtype=np.float64)
+    if isinstance(tool, MeshedTool):
+        return tool.X + moved, tool.nodes
+    if not isinstance(tool, RigidTool):
+        raise TypeError(f"no surface is known of a {type(tool).__name__}")
+    centre = np.zeros(3) if about is None else tool.axes.T @ (np.asarray(about, dtype=np.float64) - tool.origin)
+    points, facets = _in_frame(tool, size, centre)
+    return points @ tool.axes.T + tool.origin + moved, facets
+
+
+def _in_frame(tool: RigidTool, size: float, centre: Floats) -> Facets:
+    """Surface in the tool's frame, of endless shapes the part about `centre` (3,)."""
+    a, b, c, d = tool.shape
+    if tool.kind == rigid_shapes.PLANE:
+        side = np.linspace(-size / 2, size / 2, FLAT + 1)
+        x, y = np.meshgrid(centre[0] + side, centre[1] + side, indexing="ij")
+        return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), _grid(*x.shape)
+    if tool.kind == rigid_shapes.BOX:
+        return _rounded_box(tool.shape[:3] - d, d, _quarter(d, size))
+    if tool.kind == rigid_shapes.SPHERE:
+        return _rounded_box(np.zeros(3), a, _quarter(a, size))
+    if tool.kind == rigid_shapes.CYLINDER:
+        height = centre[2] + np.linspace(size / 2, -size / 2, FLAT + 1)
+        return _turned(np.full(FLAT + 1, a), height, _quarter(a, size))
+    if tool.kind == rigid_shapes.CONE:
+        around = _quarter(a + size * c, size)
+        tilt = np.linspace(0.0, np.arctan2(b, c), around + 1 if a > 0.0 else 1)  # of the tip's normal against the axis
+        down = np.linspace(0.0, size, FLAT + 1)[1:]  # along the side
+        radius = np.append(a * np.sin(tilt), a * b + down * c)
+        height = np.append(a * np.cos(tilt), a * c - down * b) - a
+        return _turned(radius, height, around)
+    raise ValueError(f"no surface is known of the rigid shape with code {tool.kind}")
+
+
+def _quarter(radius: float, size: float) -> int:
+    """Facets per quarter of a turn that sink SAG of `size` into a ball of this radius, half of it by either direction."""
+    angle = np.sqrt(4.0 * SAG * size / radius) if radius > 0.0 else np.pi
+    return int(np.clip(np.ceil(np.pi / 2 / angle), FEWEST, MOST))
+
+
+def _grid(rows: int, columns: int) -> Ints64:
+    """Quadrilaterals (m, 4) between the points of a grid numbered row by row."""
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel().astype(np.int64)
+    return np.column_stack([first, first + columns, first + columns + 1, first + 1])
+
+
+def _rounded_box(flat: Floats, fillet: float, quarter: int) -> Facets:
+    """All points at the distance `fillet` from a box of half sizes flat (3,): a ball where these are zero."""
+    sides = []
+    for axis in range(3):
+        others = [(axis + 1) % 3, (axis + 2) % 3]
+        (p, slope_p), (q, slope_q) = (_stations(flat[other], fillet, quarter) for other in others)
+        shape = (2, len(p), len(q))
+        sign = np.array([1.0, -1.0])[:, None, None]
+        inner, outward = np.empty((*shape, 3)), np.empty((*shape, 3))
+        for target, values in ((inner, (flat[axis] * sign, p[:, None], q)), (outward, (sign, slope_p[:, None], slope_q))):
+            for place, value in zip((axis, *others), values, strict=True):
+                target[..., place] = value
+        outward /= np.linalg.norm(outward, axis=3, keepdims=True)
+        points = inner + fillet * outward
+        upper = _grid(len(p), len(q))
+        sides += [(points[0].reshape(-1, 3), upper), (points[1].reshape(-1, 3), upper[:, ::-1])]
+    before = np.cumsum([0, *(len(points) for points, _ in sides)])
+    facets = np.concatenate([facets + start for (_, facets), start in zip(sides, before, strict=False)])
+    return np.concatenate([points for points, _ in sides]), facets
+
+
+def _stations(flat: float, fillet: float, quarter: int) -> tuple[Floats, Floats]:
+    """Along one direction of a side: places on the box within, and slopes of the normal, half a quarter turn at each end."""
+    bent = np.tan(np.linspace(0.0, np.pi / 4, -(-quarter // 2) + 1))[1:] if fillet > 0.0 else np.empty(0)
+    straight = np.linspace(-flat, flat, FLAT + 1) if flat > 0.0 else np.zeros(1)
+    places = np.concatenate([np.full(len(bent), -flat), straight, np.full(len(bent), flat)])
+    return places, np.concatenate([-bent[::-1], np.zeros(len(straight)), bent])
+
+
+def _turned(radius: Floats, height: Floats, quarter: int) -> Facets:
+    """Surface of revolution about z of a line from top to bottom: radius (n,), height (n,)."""
+    angle = np.linspace(0.0, 2 * np.pi, 4 * quarter + 1)
+    r = radius[:, None]
+    z = np.broadcast_to(height[:, None], (len(radius), len(angle)))
+    points = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1)
+    facets = _grid(len(radius), len(angle))
+    at_apex = np.arange(len(facets)) < (len(angle) - 1 if radius[0] == 0.0 else 0)
+    facets[at_apex, 3] = facets[at_apex, 2]  # both upper points are the apex
+    return points.reshape(-1, 3), facets
