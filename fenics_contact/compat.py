@@ -15,7 +15,6 @@ import numba
 import numpy as np
 import petsc4py
 from dolfinx import fem
-from dolfinx.io import XDMFFile as XDMFFile  # the one door to dolfinx
 from mpi4py import MPI
 
 from fenics_contact.types import Array, Bools, Expr, Floats, Form, Ints, Ints64, Mat, Mesh, Space, Tags, Vec

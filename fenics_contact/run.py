@@ -144,7 +144,7 @@ def solve(
 
     move: {tool: travel (3,) at t = 1 [length], or a function of t}; push: {tool: force (3,) at t = 1 [force], or a function
     of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
-    results.xdmf and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
+    results.pvd and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
     linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
     smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
     {name: function of a View -> number}, columns added to the history, called on all ranks, which must agree on it.

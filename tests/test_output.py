@@ -1,8 +1,7 @@
-"""What a run leaves behind: history, summary, XDMF and picture; and that the fields in them are right."""
+"""What a run leaves behind: history, summary, fields and picture; and that the fields in them are right."""
 
 import csv
 import json
-import xml.etree.ElementTree as ET
 
 import dolfinx.fem
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 import ufl
 from mpi4py import MPI
 from scipy.optimize import brentq
+from vtu_files import times_of_fields
 
 from fenics_contact import Body, Scene, Units, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.output.fields import Fields
@@ -101,16 +101,17 @@ def test_summary(run):
     assert not list(folder.glob("*.part"))
 
 
-def test_xdmf_and_picture(run):
+def test_fields_and_picture(run):
     _, _, folder = run
-    root = ET.parse(folder / "results.xdmf").getroot()
-    grids = [g for g in root.iter("Grid") if g.get("GridType") == "Collection"]
-    fields = {g.get("Name"): [float(t.get("Value")) for t in g.iter("Time")] for g in grids}
-    wanted = {"displacement", "cauchy_stress", "J", "contact_pressure", "friction_traction", "gap", "contact_status"}
+    fields = times_of_fields(folder)
+    wanted = {"displacement_mm", "cauchy_stress_MPa", "J", "contact_pressure_MPa", "friction_traction_MPa", "gap_mm"}
+    wanted |= {"contact_status", "body", "tool punch", "tool floor"}
     assert wanted <= set(fields), set(fields)
     for name in wanted:  # the start and every step
         np.testing.assert_allclose(fields[name], np.arange(STEPS + 1) / STEPS, atol=1e-12)
-    assert sorted(path.name for path in (folder / "steps").iterdir()) == [f"{step:06d}.h5" for step in range(STEPS + 1)]
+    assert sorted(path.name for path in (folder / "steps").iterdir()) == [f"{step:06d}.vtu" for step in range(STEPS + 1)]
+    names = [f"{tool}_{step:06d}.vtu" for tool in ("floor", "punch") for step in range(STEPS + 1)]
+    assert sorted(path.name for path in (folder / "tools").glob("*.vtu")) == names
     picture = (folder / "body.png").read_bytes()
     assert picture.startswith(b"\x89PNG") and len(picture) > 5000
 

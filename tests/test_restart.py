@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
+from vtu_files import times_of_fields
 
 from fenics_contact import (
     ArcSteps,
@@ -204,7 +204,7 @@ def test_a_resumed_run_equals_a_continuous_one(name, folder):
         assert [row["t"] for row in parts] == [row["t"] for row in whole] == ["0.25", "0.5", "0.75", "1"]
         assert parts[0].keys() == whole[0].keys()
         fields = [times_of_fields(folder / f / name) for f in ("whole", "parts")]
-        assert fields[0] == fields[1] and fields[0]["displacement"] == [0.0, *ALL]
+        assert fields[0] == fields[1] and fields[0]["displacement_mm"] == [0.0, *ALL]
 
 
 @pytest.mark.serial
@@ -278,20 +278,6 @@ def test_load_steps_and_continuations_do_not_resume_each_other(folder):
         with pytest.raises(SceneError, match=f"another scene, {words}; resume with the script that wrote it") as caught:
             solve(scene, **drive, **other, out=folder / name, resume=True, progress=False)
         assert len(set(COMM.allgather(str(caught.value)))) == 1
-
-
-def times_of_fields(folder):
-    """{field: its t's} of results.xdmf; every file it names must be whole."""
-    root = ET.parse(folder / "results.xdmf").getroot()
-    for item in root.iter("DataItem"):
-        if item.get("Format") == "HDF":
-            file, place = item.text.strip().split(":")
-            data = (folder / file).read_bytes()
-            assert data.startswith(b"\x89HDF") and place.rsplit("/", 1)[1].encode() in data
-            end = 28 if data[8] >= 2 else 40  # where the superblock of this version states the end of file
-            assert int.from_bytes(data[end : end + 8], "little") <= len(data)  # none of it is missing
-    grids = [g for g in root.iter("Grid") if g.get("GridType") == "Collection"]
-    return {g.get("Name"): [float(t.get("Value")) for t in g.iter("Time")] for g in grids}
 
 
 def alone():
@@ -427,7 +413,7 @@ def kill_and_resume(tmp_path, kills, steps, ranks=1, sign=signal.SIGKILL):
         rows = accepted(out)
         found = CheckpointFiles(out).read()
         assert found is not None and found[1]["step"] >= rows >= kept, (log, rows)
-        assert len(times_of_fields(out)["displacement"]) >= rows + 1
+        assert len(times_of_fields(out)["displacement_mm"]) >= rows + 1
         log.append((rows, found[1]["step"]))
         kept = found[1]["step"]
         if kept == steps:
@@ -437,7 +423,7 @@ def kill_and_resume(tmp_path, kills, steps, ranks=1, sign=signal.SIGKILL):
     whole = small(tmp_path / "whole", False, steps)
     assert apart(numbers(result), numbers(whole)) < SAME
     times = times_of_fields(out)
-    assert times == times_of_fields(tmp_path / "whole") and len(times["displacement"]) == steps + 1
+    assert times == times_of_fields(tmp_path / "whole") and len(times["displacement_mm"]) == steps + 1
     return log
 
 

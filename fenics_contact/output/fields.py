@@ -11,6 +11,7 @@ from fenics_contact.output.names import plain_name
 from fenics_contact.output.places import centre_of
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, NodalContact, SlaveNodes
 from fenics_contact.output.solved import Solved
+from fenics_contact.output.units import Units
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body
 from fenics_contact.types import Floats, Function, Ints
@@ -50,13 +51,13 @@ class ContactFields:
     pressure, friction [pressure, on the current area], gap, slip [length], status (0 open, 1 closed, 2 stick, 3 slip).
     """
 
-    def __init__(self, system: System, name: str) -> None:
+    def __init__(self, system: System, name: str, units: Units) -> None:
         mesh, degree = system.space.mesh, compat.degree(system.space)
         flat, vector = compat.lagrange_space(mesh, 1), compat.lagrange_space(mesh, 1, (3,))
-        self.pressure = compat.Function(flat, name=f"{name}contact_pressure")
-        self.friction = compat.Function(vector, name=f"{name}friction_traction")
-        self.gap = compat.Function(flat, name=f"{name}gap")
-        self.slip = compat.Function(flat, name=f"{name}slip")
+        self.pressure = compat.Function(flat, name=f"{name}contact_pressure_{units.pressure}")
+        self.friction = compat.Function(vector, name=f"{name}friction_traction_{units.pressure}")
+        self.gap = compat.Function(flat, name=f"{name}gap_{units.length}")
+        self.slip = compat.Function(flat, name=f"{name}slip_{units.length}")
         self.status = compat.Function(flat, name=f"{name}contact_status")
         self._nodal = compat.lagrange_space(mesh, degree), compat.lagrange_space(mesh, degree, (3,))
         self._linear = degree == 1
@@ -82,7 +83,7 @@ class ContactFields:
 
 
 class Fields:
-    """Functions of a scene's solution, refreshed by `update`; all are of degree 1 or constant per cell.
+    """Functions of a scene's solution, units in their names, refreshed by `update`; of degree 1 or constant per cell.
 
     displacement [length]; cauchy_stress, J per cell [pressure, 1]; the ContactFields of all contacts, where a node of two
     shows the one that presses more, with the least gap and the status that holds it most, and, of several, `each` by name.
@@ -91,17 +92,19 @@ class Fields:
     def __init__(self, scene: Solved, system: System, surfaces: Sequence[SlaveNodes] | None = None) -> None:
         mesh = scene.mesh.domain
         self.scene, self.system = scene, system
-        self.displacement = compat.Function(compat.lagrange_space(mesh, 1, (3,)), name="displacement")
-        self.cauchy_stress = compat.Function(compat.constant_space(mesh, (3, 3)), name="cauchy_stress")
+        self.displacement = compat.Function(compat.lagrange_space(mesh, 1, (3,)), name=f"displacement_{scene.units.length}")
+        self.cauchy_stress = compat.Function(
+            compat.constant_space(mesh, (3, 3)), name=f"cauchy_stress_{scene.units.pressure}"
+        )
         self.J = compat.Function(compat.constant_space(mesh), name="J")
         self._cells = CellValues(scene, system)
         self._surfaces = surfaces_of(scene, system) if surfaces is None else surfaces
-        contact = ContactFields(system, "")
+        contact = ContactFields(system, "", scene.units)
         self.contact_pressure, self.friction_traction = contact.pressure, contact.friction
         self.gap, self.slip, self.status = contact.gap, contact.slip, contact.status
         self._contact = contact
         several = self._surfaces if len(self._surfaces) > 1 else []
-        self.each = {s.contact.name: ContactFields(system, f"{plain_name(s.contact.name)}_") for s in several}
+        self.each = {s.contact.name: ContactFields(system, f"{plain_name(s.contact.name)}_", scene.units) for s in several}
 
     @property
     def all(self) -> list[Function]:

@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -11,15 +12,48 @@ from mpi4py import MPI
 from fenics_contact.agreement import agreed
 
 STEPS = "steps"  # folder of the field files, one per step
-FIELDS = "results.xdmf"  # their table of contents
+FIELDS = "results.pvd"  # their table of contents
+TOOLS = "tools"  # folder of the tools' files, one per step, and their tables of contents
 CHECKPOINTS = ("checkpoint_0.npz", "checkpoint_1.npz")
-# Everything a run writes but the field files. Checkpoints go first: without them nothing resumes half a folder.
+# Everything a run writes but the files of its steps. Checkpoints go first: without them nothing resumes half a folder.
 NAMES = (*CHECKPOINTS, "history.csv", "summary.json", "body.png")
-IN_FIELDS = re.compile(rf"{STEPS}/(\d{{6}})\.h5:")
 
 
 class FolderError(ValueError):
     """A file of the output folder cannot be written, or must not be; raised on all ranks."""
+
+
+@dataclass(frozen=True)
+class StepFiles:
+    """A table of contents and the names of the files it lists: steps/000001.vtu of results.pvd, X_000001.vtu of X.pvd."""
+
+    index: Path
+
+    @property
+    def _prefix(self) -> str:
+        return f"{STEPS}/" if self.index.name == FIELDS else f"{self.index.stem}_"
+
+    def name(self, step: int) -> str:
+        """A step's file, seen from the table's folder."""
+        return f"{self._prefix}{step:06d}.vtu"
+
+    def path(self, step: int) -> Path:
+        return self.index.parent / self.name(step)
+
+    def step(self, name: str) -> int | None:
+        """Number of the step whose file has this name; None for other files."""
+        found = re.fullmatch(re.escape(self._prefix) + r"(\d{6,})\.vtu", name)
+        return None if found is None else int(found[1])
+
+    def there(self) -> list[Path]:
+        """The table and those of its files that there are; nothing where it is not a run's: it lists no file, or others."""
+        if not self.index.is_file():
+            return []
+        names = re.findall(r'file="([^"]*)"', self.index.read_text(encoding="utf-8", errors="replace"))
+        steps = [step for name in names if (step := self.step(name)) is not None]
+        if self.index.name != FIELDS and not 0 < len(steps) == len(names):
+            return []
+        return [self.index, *(path for step in steps if (path := self.path(step)).is_file())]
 
 
 def writing(comm: MPI.Comm, folder: Path, what: str) -> AbstractContextManager[None]:
@@ -45,11 +79,8 @@ def prepare_folder(path: str | os.PathLike[str], comm: MPI.Comm) -> Path:
 def results_in(folder: Path) -> list[Path]:
     """The files of an earlier run in a folder, in the order in which to remove them."""
     found = [folder / name for name in NAMES if (folder / name).is_file()]
-    index = folder / FIELDS
-    if index.is_file():
-        numbers = sorted(set(IN_FIELDS.findall(index.read_text(errors="replace"))))
-        fields = [folder / STEPS / f"{number}.h5" for number in numbers]
-        found += [index, *(path for path in fields if path.is_file())]
+    for index in (folder / FIELDS, *sorted((folder / TOOLS).glob("*.pvd"))):
+        found += StepFiles(index).there()
     return found
 
 
@@ -69,15 +100,3 @@ def complete(target: Path) -> Iterator[Path]:
     except BaseException:
         draft.unlink(missing_ok=True)
         raise
-
-
-def take_room(path: Path, size: int) -> None:
-    """OSError where the disk has no room for a file of `size` bytes; the path is free again afterwards.
-
-    A library that ends the process where a disk is full must not get so far.
-    """
-    try:
-        with open(path, "wb") as file:
-            os.posix_fallocate(file.fileno(), 0, size)
-    finally:
-        path.unlink(missing_ok=True)

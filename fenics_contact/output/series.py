@@ -1,111 +1,120 @@
-"""Fields over the steps for ParaView: a file per step, which is whole or not there, and a table of contents."""
+"""Fields and tools over the steps for ParaView and the like: a file per step, whole or not there, and tables of contents."""
 
-import xml.etree.ElementTree as ET
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
-from fenics_contact import compat
-from fenics_contact.output.files import FIELDS, IN_FIELDS, STEPS, complete, take_room, writing
-from fenics_contact.types import Function, Mesh
+import numpy as np
 
-INCLUDE = "{*}include"  # of XInclude, whose address has had http and https
-HEAD = '<?xml version="1.0" encoding="utf-8"?>\n<Xdmf Version="3.0"><Domain>\n'
-TAIL = "</Domain></Xdmf>\n"
-METADATA = 1 << 16  # bytes; of HDF5's own a step of seven fields needs 16 kB, on any mesh, and its XDMF 4 kB
+from fenics_contact.output.files import FIELDS, STEPS, TOOLS, StepFiles, complete, writing
+from fenics_contact.output.grid import Grid, per_cell
+from fenics_contact.output.solved import Solved
+from fenics_contact.output.tool_surfaces import tool_surface
+from fenics_contact.output.vtu import facets_file, read_collection, write_collection
+from fenics_contact.types import Array, Floats, Function
+
+BEYOND = 1.5  # of the diagonal of the bodies at rest: size of what is drawn of an endless tool, the same at every step
+LONGEST_NAME = 60  # characters of a tool's name in the names of its files, which may have 255 bytes
 
 
-class Series:
-    """results.xdmf as a table of contents of steps/*.h5, each written whole and closed before it gets its name.
+class FieldFiles:
+    """results.pvd with steps/*.vtu, the bodies with all fields, and for every tool tools/NAME.pvd with NAME_*.vtu.
 
-    A single open HDF5 file is lost with all its steps when the run ends in any other way than at its end; here no accepted
-    step is. The price is a copy of the mesh per step, whose numbering is that of the number of ranks that wrote it.
-    last: number of the step a resumed run goes on from, 0 for none; later ones are dropped.
+    The bodies' points are those of the reference: warp them by the displacement; a tool's points are where it is. Rank 0
+    writes, nodes and cells in the same order on any number of ranks. last: number of the step a resumed run goes on from, 0
+    for none; later ones are dropped.
     """
 
-    def __init__(self, folder: Path, mesh: Mesh, last: int = 0) -> None:
-        self._folder, self._mesh = folder, mesh
-        self._whole = ""  # XML of the undeformed mesh
-        self._grids: dict[str, dict[int, str]] = {}  # of every field, by step
-        with writing(mesh.comm, folder, f"{STEPS}/"):
-            if mesh.comm.rank == 0:
-                (folder / STEPS).mkdir(exist_ok=True)
-                if last and (folder / FIELDS).exists():
-                    self._take_up(last)
+    def __init__(self, folder: Path, scene: Solved, last: int = 0) -> None:
+        """Collective."""
+        self._folder, self._scene, self._comm = folder, scene, scene.mesh.comm
+        self._grid = Grid(scene)
+        self._size = 0.0 if self._grid.points is None else BEYOND * float(np.linalg.norm(np.ptp(self._grid.points, axis=0)))
+        self._bodies, self._tools = _Series(StepFiles(folder / FIELDS)), list[_Series]()
+        with writing(self._comm, folder, f"{STEPS}/ and {TOOLS}/"):
+            if self._comm.rank == 0:
+                names = file_names([tool.name for tool in scene.tools])
+                self._tools = [_Series(StepFiles(folder / TOOLS / f"{name}.pvd")) for name in names]
+                for series in (self._bodies, *self._tools):
+                    series.take_up(last)
 
-    def write(self, step: int, fields: list[Function], t: float) -> None:
-        """Write the fields of accepted step number `step`, 0 for the start. Collective."""
-        comm, part = self._mesh.comm, self._folder / STEPS / "part.xdmf"
-        with writing(comm, self._folder, f"the fields of step {step}"):
-            size = self._size(fields)
-            if comm.rank == 0:
-                take_room(part.with_suffix(".h5"), size)
-        try:
-            with writing(comm, self._folder, f"the fields of step {step}"):
-                file = compat.XDMFFile(comm, str(part), "w")
-                file.write_mesh(self._mesh)
-                for field in fields:
-                    file.write_function(field, t)
-                file.close()
-            with writing(comm, self._folder, f"the fields of step {step}"):
-                if comm.rank == 0:
-                    path = part.with_name(f"{step:06d}.h5")
-                    part.with_suffix(".h5").replace(path)
-                    self._enter(step, part.read_text().replace("part.h5:", f"{STEPS}/{path.name}:"))
-                    self._publish()
-        finally:
-            if comm.rank == 0:
-                part.unlink(missing_ok=True)
-                part.with_suffix(".h5").unlink(missing_ok=True)
+    def write(self, step: int, functions: Mapping[str, Function], travel: Floats, t: float, stamp: float) -> None:
+        """Write accepted step number `step`, 0 for the start, as of time `stamp`, which must grow. Collective.
 
-    def _size(self, fields: list[Function]) -> int:
-        """Bytes that a step's file takes at most."""
-        cells = self._mesh.topology.index_map(3).size_global * compat.geometry_dofmap(self._mesh).shape[1]
-        nodes = 3 * self._mesh.geometry.index_map().size_global
-        values = sum(compat.petsc_vector(field).getSize() for field in fields)
-        return 8 * (cells + nodes + values) + METADATA
+        functions: {name: Function of degree 1, of the displacement's degree or constant per cell}, the displacement first;
+        travel (tools, 3) [length]; t: load parameter.
+        """
+        values = {name: self._grid.values(function) for name, function in functions.items()}
+        in_cells = [name for name, function in functions.items() if per_cell(function)]
+        with writing(self._comm, self._folder, f"the fields of step {step}"):
+            file, body = self._grid.file, self._grid.body
+            if file is not None and body is not None and self._grid.points is not None:
+                points = {name: _plain(array) for name, array in values.items() if array is not None}
+                cells = {"body": body} | {name: points.pop(name) for name in in_cells}
+                displacement: Floats = next(iter(points.values()))
+                self._write_tools(step, self._grid.points + displacement, travel, stamp)
+                whole = _times(stamp) | {"t": np.array([t])}
+                whole |= {f"body_{b.group}": np.array([i], dtype=np.int32) for i, b in enumerate(self._scene.bodies)}
+                self._bodies.add(step, stamp, partial(file.write, points=points, cells=cells, whole=whole))
 
-    def _enter(self, step: int, text: str) -> None:
-        """Add one step's grids to the table of contents, each with its own mesh."""
-        domain = _part(ET.fromstring(text), "Domain")
-        mesh = _part(domain, "Grid[@GridType='Uniform']")
-        self._whole = self._whole or ET.tostring(mesh, encoding="unicode")
-        for collection in domain.findall("Grid[@GridType='Collection']"):
-            for grid in collection:
-                grid.remove(_part(grid, INCLUDE))
-                grid[:0] = list(mesh)
-                self._put(collection.attrib["Name"], step, grid)
+    def _write_tools(self, step: int, placed: Floats, travel: Floats, stamp: float) -> None:
+        """placed (n, 3): where the bodies' nodes are, beside which endless tools are drawn."""
+        about = (placed.min(axis=0) + placed.max(axis=0)) / 2
+        for tool, series, gone in zip(self._scene.tools, self._tools, travel, strict=True):
+            file = facets_file(*tool_surface(tool, self._size, about, gone))
+            whole = _times(stamp) | {f"travel_{self._scene.units.length}": gone[None]}
+            series.add(step, stamp, partial(file.write, points={}, cells={}, whole=whole))
 
-    def _put(self, name: str, step: int, grid: ET.Element) -> None:
-        self._grids.setdefault(name, {})[step] = " ".join(ET.tostring(grid, encoding="unicode").split())
+
+def file_names(names: Sequence[str]) -> list[str]:
+    """A name for the files of each, of letters, digits, '.', '-' and '_'; no two are alike, in capitals or not."""
+    out: list[str] = []
+    for name in names:
+        safe = re.sub(r"[^\w.-]", "_", name)[:LONGEST_NAME].lstrip(".") or "_"
+        taken, number, base = {other.casefold() for other in out}, 2, safe
+        while safe.casefold() in taken:
+            safe, number = f"{base}_{number}", number + 1
+        out.append(safe)
+    return out
+
+
+def _plain(values: Array) -> Array:
+    """Numbers (n,) in the place of one component (n, 1)."""
+    return values[:, 0] if values.shape[1] == 1 else values
+
+
+def _times(stamp: float) -> dict[str, Array]:
+    """What VTK's readers take a file's time from."""
+    return {"TimeValue": np.array([stamp])}
+
+
+class _Series:
+    """A table of contents and the files of its steps, each complete before it gets its name. Used on rank 0 alone."""
+
+    def __init__(self, files: StepFiles) -> None:
+        self._files = files
+        self._entries: dict[float, str] = {}
+
+    def take_up(self, last: int) -> None:
+        """Go on from step `last` of what a run has left, if any: files of later steps go."""
+        self._files.path(0).parent.mkdir(exist_ok=True)
+        if not last or not self._files.index.exists():
+            return
+        found = read_collection(self._files.index)
+        late = {stamp for stamp, name in found.items() if (self._files.step(name) or 0) > last}
+        self._entries = {stamp: name for stamp, name in found.items() if stamp not in late}
+        self._publish()
+        for stamp in late:
+            (self._files.index.parent / found[stamp]).unlink(missing_ok=True)
+
+    def add(self, step: int, stamp: float, write: Callable[[Path], None]) -> None:
+        """A step's file, written by write(path)."""
+        with complete(self._files.path(step)) as draft:
+            write(draft)
+        self._entries[stamp] = self._files.name(step)
+        self._publish()
 
     def _publish(self) -> None:
-        with complete(self._folder / FIELDS) as draft, open(draft, "w", encoding="utf-8") as file:
-            file.writelines([HEAD, self._whole, "\n"])
-            for name, grids in self._grids.items():
-                file.write(f'<Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">\n')
-                file.writelines(f"{grid}\n" for grid in grids.values())
-                file.write("</Grid>\n")
-            file.write(TAIL)
-
-    def _take_up(self, last: int) -> None:
-        """The table of contents that a run has left, without the steps after `last`, whose files go."""
-        domain, late = _part(ET.parse(self._folder / FIELDS).getroot(), "Domain"), set()
-        self._whole = ET.tostring(_part(domain, "Grid[@GridType='Uniform']"), encoding="unicode")
-        for collection in domain.findall("Grid[@GridType='Collection']"):
-            for grid in collection:
-                number = IN_FIELDS.findall(_part(grid, "Attribute/DataItem").text or "")[0]
-                if int(number) <= last:
-                    self._put(collection.attrib["Name"], int(number), grid)
-                else:
-                    late.add(number)
-        self._publish()
-        for number in late:
-            (self._folder / STEPS / f"{number}.h5").unlink(missing_ok=True)
-
-
-def _part(whole: ET.Element, path: str) -> ET.Element:
-    """The first part of an XML element at a path; ValueError where there is none."""
-    part = whole.find(path)
-    if part is None:
-        raise ValueError(f"it has no {path}")
-    return part
+        with complete(self._files.index) as draft:
+            write_collection(draft, self._entries)

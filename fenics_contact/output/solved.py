@@ -1,8 +1,9 @@
-"""What the output takes of a scene: its mesh with names, its bodies, the slave surfaces of its contacts, its units."""
+"""What the output takes of a scene: its mesh with names, its bodies, tools and slave surfaces, its units."""
 
 from collections.abc import Sequence
 from typing import Protocol
 
+from fenics_contact.contact.tools import Tool
 from fenics_contact.output.units import Units
 from fenics_contact.solid.body import Body, NamedCells
 from fenics_contact.types import Ints, Measure, Space
@@ -43,6 +44,9 @@ class Solved(Protocol):
 
     @property
     def bodies(self) -> Sequence[Body]: ...
+
+    @property
+    def tools(self) -> Sequence[Tool]: ...
 
     @property
     def contacts(self) -> Sequence[Touching]: ...

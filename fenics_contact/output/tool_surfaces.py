@@ -19,14 +19,15 @@ def tool_surface(tool: Tool, size: float, about: Floats | None = None, travel: F
     Facets are counter-clockwise seen from outside the tool; a triangle repeats its third point. Every point lies on the
     tool; facets cut below its round parts by SAG of `size` at most, unless its radius is over seven times that. size: of
     the bodies [length]: side of the square that stands for a plane, length of a cylinder, and of a cone's side; about (3,):
-    the place nearest to which an endless plane or cylinder is cut out, by default where the tool was stated; travel (3,).
+    the place nearest to which an endless plane or cylinder is cut out after its travel, by default the tool's own; travel
+    (3,) [length].
     """
     moved = np.zeros(3) if travel is None else np.asarray(travel, dtype=np.float64)
     if isinstance(tool, MeshedTool):
         return tool.X + moved, tool.nodes
     if not isinstance(tool, RigidTool):
         raise TypeError(f"no surface is known of a {type(tool).__name__}")
-    centre = np.zeros(3) if about is None else tool.axes.T @ (np.asarray(about, dtype=np.float64) - tool.origin)
+    centre = np.zeros(3) if about is None else tool.axes.T @ (np.asarray(about, dtype=np.float64) - tool.origin - moved)
     points, facets = _in_frame(tool, size, centre)
     return points @ tool.axes.T + tool.origin + moved, facets
 

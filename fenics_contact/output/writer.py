@@ -1,4 +1,4 @@
-"""The results folder of a run: history, XDMF for ParaView, summary and a picture, written as the run goes."""
+"""The results folder of a run: history, fields and tools for ParaView, summary and a picture, written as the run goes."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,15 +8,15 @@ from fenics_contact.output.fields import Fields, exterior_surface
 from fenics_contact.output.files import complete, writing
 from fenics_contact.output.history import HistoryFile, Summary, write_summary
 from fenics_contact.output.pictures import body_picture
-from fenics_contact.output.series import Series
+from fenics_contact.output.series import FieldFiles
 from fenics_contact.output.solved import Solved
 
 
 class Writer:
-    """Writes every accepted step into a folder: history.csv and the fields, at the end summary.json and body.png.
+    """Writes every accepted step into a folder: history.csv, the fields and the tools, at the end summary.json and body.png.
 
     Whatever ends the run, complete steps are in the folder, and no file there is half-written. FolderError, on all ranks,
-    where one cannot be written. clock: function () -> time stamp in results.xdmf, which must grow: a continuation's t does
+    where one cannot be written. clock: function () -> time stamp in results.pvd, which must grow: a continuation's t does
     not; rows: history rows of the steps before, where a run is resumed.
     """
 
@@ -29,14 +29,17 @@ class Writer:
         with writing(self.comm, folder, "history.csv"):
             if self.comm.rank == 0:
                 self._history = HistoryFile(folder, rows)
-        self._series = Series(folder, scene.mesh.domain, len(rows))
+        self._files = FieldFiles(folder, scene, len(rows))
         if not rows:
             self.write_fields(0)
 
     def write_fields(self, step: int) -> None:
         """Fields of accepted step number `step`, 0 for the start. Collective."""
         self.fields.update()
-        self._series.write(step, self.fields.all, self._clock())
+        state = self.system.state
+        functions = {self.fields.displacement.name: state.u}  # at all nodes, in the place of that at the corners
+        functions |= {field.name: field for field in self.fields.all if field is not self.fields.displacement}
+        self._files.write(step, functions, state.travel, state.t, self._clock())
 
     def write_row(self, row: HistoryRow) -> None:
         """Append a row to history.csv. Collective."""
