@@ -6,18 +6,20 @@ from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.kernels import rigid_shapes
 from fenics_contact.types import Floats, Ints64
 
-SAG = 2e-3  # of `size`: how far a facet may cut below a round surface, not to be seen at a page's width
+SAG = 2e-3  # of `size`: how far a facet may cut below a round surface in a file
 FEWEST, MOST = 6, 48  # facets per quarter of a turn
 FLAT = 8  # facets along a straight line: pictures sort them by their distance from the eye
 
 Facets = tuple[Floats, Ints64]
 
 
-def tool_surface(tool: Tool, size: float, about: Floats | None = None, travel: Floats | None = None) -> Facets:
+def tool_surface(
+    tool: Tool, size: float, about: Floats | None = None, travel: Floats | None = None, sag: float = SAG
+) -> Facets:
     """Points (n, 3) [length] of a tool's surface, where it is after its travel, and facets (m, 4), rows of points.
 
     Facets are counter-clockwise seen from outside the tool; a triangle repeats its third point. Every point lies on the
-    tool; facets cut below its round parts by SAG of `size` at most, unless its radius is over seven times that. size: of
+    tool; facets cut below its round parts by `sag` of `size` at most, as far as MOST of them do. size: of
     the bodies [length]: side of the square that stands for a plane, length of a cylinder, and of a cone's side; about (3,):
     the place nearest to which an endless plane or cylinder is cut out after its travel, by default the tool's own; travel
     (3,) [length].
@@ -28,11 +30,11 @@ def tool_surface(tool: Tool, size: float, about: Floats | None = None, travel: F
     if not isinstance(tool, RigidTool):
         raise TypeError(f"no surface is known of a {type(tool).__name__}")
     centre = np.zeros(3) if about is None else tool.axes.T @ (np.asarray(about, dtype=np.float64) - tool.origin - moved)
-    points, facets = _in_frame(tool, size, centre)
+    points, facets = _in_frame(tool, size, centre, sag * size)
     return points @ tool.axes.T + tool.origin + moved, facets
 
 
-def _in_frame(tool: RigidTool, size: float, centre: Floats) -> Facets:
+def _in_frame(tool: RigidTool, size: float, centre: Floats, sag: float) -> Facets:
     """Surface in the tool's frame, of endless shapes the part about `centre` (3,)."""
     a, b, c, d = tool.shape
     if tool.kind == rigid_shapes.PLANE:
@@ -40,14 +42,14 @@ def _in_frame(tool: RigidTool, size: float, centre: Floats) -> Facets:
         x, y = np.meshgrid(centre[0] + side, centre[1] + side, indexing="ij")
         return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), _grid(*x.shape)
     if tool.kind == rigid_shapes.BOX:
-        return _rounded_box(tool.shape[:3] - d, d, _quarter(d, size))
+        return _rounded_box(tool.shape[:3] - d, d, _quarter(d, sag))
     if tool.kind == rigid_shapes.SPHERE:
-        return _rounded_box(np.zeros(3), a, _quarter(a, size))
+        return _rounded_box(np.zeros(3), a, _quarter(a, sag))
     if tool.kind == rigid_shapes.CYLINDER:
         height = centre[2] + np.linspace(size / 2, -size / 2, FLAT + 1)
-        return _turned(np.full(FLAT + 1, a), height, _quarter(a, size))
+        return _turned(np.full(FLAT + 1, a), height, _quarter(a, sag))
     if tool.kind == rigid_shapes.CONE:
-        around = _quarter(a + size * c, size)
+        around = _quarter(a + size * c, sag)
         tilt = np.linspace(0.0, np.arctan2(b, c), around + 1 if a > 0.0 else 1)  # of the tip's normal against the axis
         down = np.linspace(0.0, size, FLAT + 1)[1:]  # along the side
         radius = np.append(a * np.sin(tilt), a * b + down * c)
@@ -56,9 +58,9 @@ def _in_frame(tool: RigidTool, size: float, centre: Floats) -> Facets:
     raise ValueError(f"no surface is known of the rigid shape with code {tool.kind}")
 
 
-def _quarter(radius: float, size: float) -> int:
-    """Facets per quarter of a turn that sink SAG of `size` into a ball of this radius, half of it by either direction."""
-    angle = np.sqrt(4.0 * SAG * size / radius) if radius > 0.0 else np.pi
+def _quarter(radius: float, sag: float) -> int:
+    """Facets per quarter of a turn that sink `sag` [length] into a ball of this radius, half of it by either direction."""
+    angle = np.sqrt(4.0 * sag / radius) if radius > 0.0 else np.pi
     return int(np.clip(np.ceil(np.pi / 2 / angle), FEWEST, MOST))
 
 
