@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
-from fenics_contact.output.fields import exterior_surface
-from fenics_contact.output.pictures import draw_body
 from meshes import two_blocks
 
 OUT = Path("results/block_on_block")
@@ -43,17 +41,14 @@ def slide(quick):
     scene.prescribe("upper_top", "z", down)
     scene.contact(slave="upper_bottom", master="lower_top", friction=FRICTION, name="interface")
     result = solve(scene, steps=25, out=OUT, overwrite=True).require()
-    return scene, result
+    return result
 
 
-def figure(t, ratio, normal, surface):
-    picture = Figure(figsize=(11, 4.5))
-    picture.subplots_adjust(left=0.02, wspace=0.3, bottom=0.13)
-    axes = picture.add_subplot(1, 2, 1, projection="3d")
-    scale = draw_body(axes, *surface)
-    axes.set_xlabel("x [mm]"), axes.set_ylabel("y [mm]")
-    picture.colorbar(scale, ax=axes, label="vertical displacement [mm]", shrink=0.6)
-    axes = picture.add_subplot(1, 2, 2)
+def figure(t, ratio, normal, blocks):
+    picture = Figure(figsize=(6.3, 7), layout="constrained")
+    bodies, axes = picture.subplots(2, 1, height_ratios=[1.3, 1])
+    blocks.draw(bodies).explain(bodies, 9, shrink=0.8)
+    bodies.set_title("at the end of the way, seen from below through the lower block", fontsize=10)
     travel = np.maximum(t - PRESSED, 0.0) / (1.0 - PRESSED) * DRAG
     axes.plot(travel, ratio, marker="o", markersize=3, label="horizontal over vertical force")
     axes.axhline(FRICTION, color="grey", linewidth=0.8, label="Coulomb's μ")
@@ -68,15 +63,14 @@ def figure(t, ratio, normal, surface):
 
 
 def main(quick=False):
-    scene, result = slide(quick)
+    result = slide(quick)
     t, normal = result.column("t"), result.column("interface_force_z_N")
     ratio = -result.column("interface_force_x_N") / normal
-    u = result.u.x.array[2::3]
-    surface = exterior_surface(scene, result.u, u)
+    blocks = result.drawing("contact_pressure")
     pressed = normal[np.argmin(np.abs(t - PRESSED))]
     sliding = ratio[t > 0.5]
     if MPI.COMM_WORLD.rank == 0:
-        figure(t, ratio, normal, surface)
+        figure(t, ratio, normal, blocks)
         print(f"vertical force when pressed {pressed:.2f} N (four codes: {FORCE[0]} to {FORCE[1]} N)")
         print(f"force ratio while sliding {sliding.min():.3f} to {sliding.max():.3f} (μ = {FRICTION})")
         verdict = result.verdict

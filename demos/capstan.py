@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_cylinder, solve
-from fenics_contact.output.fields import exterior_surface
-from fenics_contact.output.pictures import draw_slice
 from meshes import box
 
 OUT = Path("results/capstan")
@@ -37,7 +35,7 @@ def end(X, t):
 
 
 def wind(thickness):
-    """Scene, result and pulling over holding force after each step; the strap starts straight on top of the drum."""
+    """Result and pulling over holding force after each step; the strap starts straight on top of the drum."""
     length = TAIL + RIGHT
     size, cells = (length, thickness, length / 80), (80, 2, 1)
     mesh = read_gmsh(box.build, size=size, cells=cells, origin=(-TAIL, RADIUS, 0.0), name="strap")
@@ -54,41 +52,40 @@ def wind(thickness):
     # wound by 90 degrees, one end pulls along -y and the other along -x; the drum balances both
     wound = 3 * result.column("t") > 2 - 1e-9
     ratio = (result.column("wrap_force_y_N") / np.maximum(result.column("wrap_force_x_N"), 1e-12))[wound]
-    return scene, result, 3 * result.column("t")[wound] - 2, ratio
+    return result, 3 * result.column("t")[wound] - 2, ratio
 
 
-def figure(curves, last, surface):
-    picture = Figure(figsize=(12, 4), layout="constrained")
-    axes, limit, strap = picture.subplots(1, 3)
+def figure(curves, last, strap):
+    picture = Figure(figsize=(6.3, 5.5), layout="constrained")
+    places = picture.subplot_mosaic([["ratio", "strap"], ["limit", "strap"]])
+    axes, limit = places["ratio"], places["limit"]
     for thickness, (pull, ratio) in curves.items():
         moved = RIGHT * (STRETCH[3] - STRETCH[2]) * pull
-        axes.plot(moved, ratio, marker="o", markersize=3, label=f"strap {thickness:g} mm thick")
+        axes.plot(moved, ratio, marker="o", markersize=3, label=f"{thickness:g} mm thick")
     axes.axhline(EXACT, color="k", linewidth=0.8, label="exp(μθ)")
-    axes.set_xlabel("travel of the pulled end [mm]"), axes.set_ylabel("ratio of the end forces"), axes.legend()
+    axes.set_xlabel("travel of the pulled end [mm]"), axes.set_ylabel("ratio of the end forces")
+    axes.set_ylim(1.0, None), axes.legend(fontsize=9)
     share = np.array(list(curves)) / RADIUS
     limit.plot(share, EXACT - last, marker="o")
     limit.set_xlim(0, None), limit.set_ylim(0, None)
-    limit.set_xlabel("thickness over drum radius"), limit.set_ylabel("exp(μθ) less the ratio when sliding")
-    colours = draw_slice(strap, *surface)
-    angle = np.linspace(0, 2 * np.pi, 181)
-    strap.plot(RADIUS * np.cos(angle), RADIUS * np.sin(angle), color="grey", linewidth=0.8)
-    strap.set_xlabel("x [mm]"), strap.set_ylabel("y [mm]")
-    picture.colorbar(colours, ax=strap, label="displacement [mm]")
+    limit.set_xlabel("thickness over drum radius"), limit.set_ylabel("exp(μθ) less the ratio\nwhen sliding")
+    strap.draw(places["strap"]).explain(places["strap"], 9, location="bottom")
+    places["strap"].set_title("sliding; pressure also\nas the height of the band", fontsize=10)
     picture.savefig(OUT / "capstan.png", dpi=150)
 
 
 def main(quick=False):
     curves, last, root = {}, [], MPI.COMM_WORLD.rank == 0
     for thickness in THICKNESSES[:1] if quick else THICKNESSES:
-        scene, result, pull, ratio = wind(thickness)
+        result, pull, ratio = wind(thickness)
         curves[thickness] = pull, ratio
         last.append(ratio[-1])
         if root:
             spent = f"{result.verdict.iterations} Newton iterations in {len(result.history)} steps"
             print(f"strap {thickness:g} mm thick: ratio {ratio[-1]:.4f} when sliding; {spent}")
-    surface = exterior_surface(scene, result.u, np.linalg.norm(result.u.x.array.reshape(-1, 3), axis=1))
+    strap = result.drawing("contact_pressure")
     if root:
-        figure(curves, np.array(last), surface)
+        figure(curves, np.array(last), strap)
         print(f"exp(mu theta) = {EXACT:.6f}")
         if not quick:
             print(f"the last two thicknesses extrapolate to {2 * last[-1] - last[-2]:.4f}")

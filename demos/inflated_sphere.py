@@ -8,6 +8,7 @@ Units: mm, N, MPa. About a minute on two quiet cores.
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,20 +87,29 @@ def inner_radial(scene):
 
 
 def inflate(mesh, reading, K, out=None):
-    """Displacements [mm] and pressures [MPa] of all steps, and the number of the limit point's step."""
+    """Displacements [mm] and pressures [MPa] of all steps, the limit point's number, a drawing of the shell there."""
     scene = Scene(Body(mesh, "shell", READINGS[reading](a1=A1, a2=A2, K=K)), element="mixed")
     for axis in "xyz":
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", SCALE)
     radial = inner_radial(scene)
     arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": lambda state: radial(state) - LAST}
-    result = solve(scene, **arc, record={"inner_radial_mm": radial}, out=out, overwrite=True, progress=False)
+    shapes = []
+
+    def measure(state):
+        shapes.append(state.u.x.array.copy())
+        return radial(state)
+
+    result = solve(scene, **arc, record={"inner_radial_mm": measure}, out=out, overwrite=True, progress=False)
     if not result.converged:
         raise SystemExit(f"reading {reading}, K = {K}: {result.verdict.reason}")
-    return result.column("inner_radial_mm"), SCALE * result.column("t"), int(np.argmax(result.column("limit_point") == 1))
+    peak = int(np.argmax(result.column("limit_point") == 1))
+    result.u.x.array[:] = shapes[peak]
+    shell = result.drawing("displacement", mirror="xz", view=(25, -70))  # half of it, cut open
+    return result.column("inner_radial_mm"), SCALE * result.column("t"), peak, shell
 
 
-def row(reading, K, u, p, peak):
+def row(reading, K, u, p, peak, _=None):
     """A line of the table, and (largest error of the curve, of p_crit)."""
     exact, (p_limit, u_limit) = [exact_pressure(reading, K, x) for x in u], exact_limit(reading, K)
     errors = np.abs(p / exact - 1).max(), abs(p[peak] / p_limit - 1)
@@ -108,20 +118,29 @@ def row(reading, K, u, p, peak):
 
 
 def picture(curves, path):
-    figure = Figure(figsize=(10, 4.5), layout="constrained")
-    for axes, reading in zip(figure.subplots(1, 2, sharey=True), READINGS, strict=True):
+    figure = Figure(figsize=(6.3, 7), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=[1.2, 1])
+    at_limit = below.subplots()
+    for axes, reading in zip(above.subplots(1, 2, sharey=True), READINGS, strict=True):
         places = np.concatenate([np.linspace(0.2, 20, 25), np.linspace(22, LAST, 60)])
         for K, colour in zip(BULK, ("tab:blue", "tab:orange", "tab:green"), strict=True):
             if (reading, K) not in curves:
                 continue
-            u, p, peak = curves[reading, K]
+            u, p, peak, shell = curves[reading, K]
             axes.plot(places, [1e3 * exact_pressure(reading, K, x) for x in places], color=colour, linewidth=1)
             axes.plot(u, 1e3 * p, "o", color=colour, markersize=3, label=f"K = {K:g} MPa")
             axes.plot(u[peak], 1e3 * p[peak], "v", color=colour, markersize=8)
+            if (reading, K) == ("A", 5.0):
+                then = replace(shell, tools=[shell.body.X])  # the start as a shell of glass about it
+                then.draw(at_limit, limits=(0.0, u[peak])).explain(at_limit, 9)
+                at_limit.set_title(f"reading A, K = 5 MPa: half of the shell at its limit point, {1e3 * p[peak]:.2f} kPa;\n"
+                                   "grey: at the start", fontsize=10)  # fmt: skip
         axes.set_title(f"reading {reading}: " + ("I₂ = tr(B·B)" if reading == "A" else "classical I₂"))
-        axes.set_xlabel("radial displacement of the inner points [mm]")
-    figure.axes[0].legend(title="points: computed, ▼ limit point\nlines: exact")
-    figure.axes[0].set_ylabel("pressure [kPa]")
+        axes.set_xlabel("radial displacement of\nthe inner points [mm]")
+    above.axes[0].legend(
+        title="points: computed,\n▼ limit point,\nlines: exact", loc="lower right", fontsize=9, title_fontsize=9
+    )
+    above.axes[0].set_ylabel("pressure [kPa]")
     figure.savefig(path, dpi=150)
 
 

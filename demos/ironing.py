@@ -13,9 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, compat, from_elastic, read_gmsh, solve
-from fenics_contact.output.fields import exterior_surface
-from fenics_contact.output.pictures import draw_slice
+from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
 from meshes import ironing
 
 OUT = Path("results/ironing")
@@ -38,7 +36,7 @@ def path(turns):
 
 
 def iron(quick):
-    """Scene, result, and the displacements after each step."""
+    """Result, and the displacements after each step."""
     mesh, way = read_gmsh(ironing.build, depth=DEPTH, **(QUICK if quick else {})), SHORT if quick else DRAW
     scene = Scene(Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU)))
     scene.fix("foundation_bottom")
@@ -57,41 +55,40 @@ def iron(quick):
     result = solve(
         scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, overwrite=True, progress=False, record={"shape": keep}
     ).require()
-    return scene, result, shapes
+    return result, shapes
 
 
-def figure(time, vertical, horizontal, surface):
-    picture = Figure(figsize=(11, 6.5), layout="constrained")
-    places = picture.subplot_mosaic([["force", "ratio"], ["body", "body"]], height_ratios=[1.2, 1])
-    axes = places["force"]
+def figure(time, vertical, horizontal, bodies):
+    picture = Figure(figsize=(6.3, 8.5), layout="constrained")
+    axes, drawn_part, slice_ = picture.subplots(3, 1, height_ratios=[1, 1, 1.3])
     axes.plot(time, vertical, label="vertical"), axes.plot(time, horizontal, label="horizontal")
     axes.fill_between((1, 2), *VERTICAL, color="tab:blue", alpha=0.15, label="published plateaus, vertical")
-    axes.set_xlabel("time: 1 pressed, 2 drawn, 3 lifted"), axes.set_ylabel("force per depth [N/mm]"), axes.legend()
-    axes, drawn = places["ratio"], (time > 1.0) & (time <= 2.0)
+    axes.set_xlabel("time: 1 pressed, 2 drawn, 3 lifted"), axes.set_ylabel("force per depth [N/mm]")
+    axes.legend(ncol=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=9)
+    axes, drawn = drawn_part, (time > 1.0) & (time <= 2.0)
     axes.plot(time[drawn], horizontal[drawn] / vertical[drawn], color="tab:red")
     axes.fill_between((1, 2), *RATIO, color="tab:red", alpha=0.15, label="published plateaus")
     axes.axvspan(*PLATEAU, color="grey", alpha=0.15, label="a block's height from both ends")
-    axes.set_xlabel("time"), axes.set_ylabel("horizontal over vertical force"), axes.legend()
-    colours = draw_slice(places["body"], *surface, across="y")
-    places["body"].set_xlabel("x [mm]"), places["body"].set_ylabel("z [mm]")
-    picture.colorbar(colours, ax=places["body"], label="vertical displacement\nat time 1.5 [mm]")
+    axes.set_xlabel("time"), axes.set_ylabel("horizontal over vertical")
+    axes.legend(ncol=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=9)
+    bodies.draw(slice_).explain(slice_, 9, location="bottom", aspect=40)
+    slice_.set_title("half-way, at time 1.5; pressure also as the height of the band", fontsize=10)
     picture.savefig(OUT / "ironing.png", dpi=150)
 
 
 def main(quick=False):
-    scene, result, shapes = iron(quick)
+    result, shapes = iron(quick)
     time = 3 * result.column("t")
     vertical, horizontal = (sign * result.column(f"interface_force_{a}_N") / DEPTH for sign, a in ((-1, "z"), (1, "x")))
-    middle = compat.Function(scene.space)
-    middle.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
-    surface = exterior_surface(scene, middle, middle.x.array[2::3])
+    result.u.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
+    bodies = result.drawing("contact_pressure")
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
     if quick:
         plateau = (time > 1.6) & (time < 2.01)
     V, ratio = vertical[plateau], horizontal[plateau] / vertical[plateau]
     ripple = np.ptp(V) / V.mean()
     if MPI.COMM_WORLD.rank == 0:
-        figure(time, vertical, horizontal, surface)
+        figure(time, vertical, horizontal, bodies)
         print(f"vertical force {V.min():.1f} to {V.max():.1f} N/mm (published {VERTICAL}), ripple {ripple:.2%}")
         print(f"horizontal over vertical {ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f} (published {RATIO})")
         print(f"lifted: {vertical[-1]:.1e} and {horizontal[-1]:.1e} N/mm")

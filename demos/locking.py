@@ -111,18 +111,18 @@ PROBLEMS = {
 
 
 def picture(errors, ratios, path):
-    figure = Figure(figsize=(13, 4.5))
-    figure.subplots_adjust(left=0.07, right=0.79, bottom=0.13, top=0.92, wspace=0.25)
-    for i, name in enumerate(PROBLEMS):
-        axes = figure.add_subplot(1, 3, i + 1)
+    figure = Figure(figsize=(6.3, 5.5), layout="constrained")
+    *panels, corner = figure.subplots(2, 2).flat
+    for axes, name in zip(panels, PROBLEMS, strict=True):
         for element, degree in ELEMENTS:
             mark, colour = ("o--", "s-")[degree - 1], f"C{['displacement', 'mixed'].index(element)}"
             line = np.abs(errors[name, element, degree])
             axes.loglog(ratios, line, f"{colour}{mark}", fillstyle="none", label=f"{element}, degree {degree}")
         axes.set_title(name)
         axes.set_xlabel("K / μ")
-    figure.axes[0].set_ylabel("relative error")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="center right")
+        axes.set_ylabel("relative error")
+    corner.set_axis_off()
+    corner.legend(*panels[0].get_legend_handles_labels(), loc="center")
     figure.savefig(path, dpi=150)
 
 

@@ -16,8 +16,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from fenics_contact import Body, Scene, compat, mooney_paper, read_gmsh, solve
-from fenics_contact.output.fields import exterior_surface
-from fenics_contact.output.pictures import draw_slice
 from meshes import tubes
 
 OUT = Path("results/nested_tubes")
@@ -86,7 +84,7 @@ def radius(scene, group):
 
 
 def inflate(around, points):
-    """Scene, result, and by step inner radius [mm], pressure and contact pressure [MPa]; around: cells of each tube."""
+    """Result, and by step inner radius [mm], pressure and contact pressure [MPa]; around: cells of each tube."""
     size = {name: (*tube, n, n // 8) for name, tube, n in zip(("inner", "outer"), (INNER, OUTER), around, strict=True)}
     depth = 100.0 / max(around)
     mesh = read_gmsh(tubes.build, tubes=size, depth=depth)
@@ -104,26 +102,26 @@ def inflate(around, points):
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on the symmetry plane
     contact = -result.column("interface_force_x_N") / result.column("interface") / depth
     inside = result.column("t") * exact(LARGEST)[0]
-    return scene, result, np.array([result.column("inner"), inside, contact])
+    return result, np.array([result.column("inner"), inside, contact])
 
 
-def figure(curves, errors, surface):
-    picture = Figure(figsize=(13, 4), layout="constrained")
-    axes, rates, body = picture.subplots(1, 3)
+def figure(curves, errors, both):
+    picture = Figure(figsize=(6.3, 7.5), layout="constrained")
+    places = picture.subplot_mosaic([["curves", "tubes"], ["rates", "rates"]])
+    axes, rates, tubes_at_end = places["curves"], places["rates"], places["tubes"]
     m = np.linspace(INNER[0], LARGEST, 25)
     axes.plot(m, 1e3 * np.array([exact(x) for x in m]), "k-", linewidth=0.8, label=["exact", "_"])
     axes.plot(curves[0], 1e3 * curves[1:].T, "o", markersize=4, label=["pressure inside", "contact pressure"])
-    axes.set_xlabel("inner radius [mm]"), axes.set_ylabel("pressure [kPa]"), axes.legend()
+    axes.set_xlabel("inner radius [mm]"), axes.set_ylabel("pressure [kPa]")
+    axes.set_ylim(None, 125), axes.legend(loc="upper left")
     for points, rows in errors.items():
         cells, inside, contact = np.transpose(rows)
         rates.loglog(cells, inside, "o--", label=f"inside, {LABELS[points]}")
         rates.loglog(cells, contact, "o-", label=f"contact, {LABELS[points]}")
     rates.set_xticks(cells, [f"{n:.0f}" for n in cells]), rates.minorticks_off()
     rates.set_xlabel("cells around a quarter of the inner tube"), rates.set_ylabel("relative error of pressure")
-    rates.legend(fontsize=7)
-    colours = draw_slice(body, *surface)
-    body.set_xlabel("x [mm]"), body.set_ylabel("y [mm]")
-    picture.colorbar(colours, ax=body, label="displacement [mm]")
+    rates.legend(fontsize=9, loc="lower left")
+    both.draw(tubes_at_end).explain(tubes_at_end, 9, location="bottom")
     picture.savefig(OUT / "nested_tubes.png", dpi=150)
 
 
@@ -131,15 +129,15 @@ def main(quick=False):
     errors, root = {}, MPI.COMM_WORLD.rank == 0
     for points in list(LABELS)[-1:] if quick else LABELS:
         for around in MESHES[:1] if quick else MESHES:
-            scene, result, curves = inflate(around, points)
+            result, curves = inflate(around, points)
             touching = curves[:, curves[0] > FIRM]
             row = np.abs(touching[1:] / np.transpose([exact(m) for m in touching[0]]) - 1).max(axis=1)
             errors.setdefault(points, []).append((around[0], *row))
             if root:
                 print(f"{LABELS[points]}, {around} cells: errors p_inner {row[0]:.2%}, p_contact {row[1]:.2%}")
-    surface = exterior_surface(scene, result.u, np.linalg.norm(result.u.x.array.reshape(-1, 3), axis=1))
+    both = result.drawing("contact_pressure")
     if root:
-        figure(curves, errors, surface)
+        figure(curves, errors, both)
         if not quick:
             order = {points: -np.polyfit(*np.log(np.array(rows)[:, ::2]).T, 1)[0] for points, rows in errors.items()}
             print(f"orders of convergence in p_contact {order}")

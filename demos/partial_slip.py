@@ -23,12 +23,12 @@ STAR = E / (2 * (1 - NU**2))
 DEPTH = 0.1  # mm, of the slice
 DOWN, ALONG = 0.0074, 0.0011  # mm, of one axis towards and along the other: strains of 0.8 %, half the contact slips
 FINE = 0.16  # mm, half the width of the zone of small cells
-POINTS = {"nodes": "nodes, closest point (the paper)", 3: "3 x 3 Gauss points", "averages": "averages"}
+POINTS = {"nodes": "nodes (the paper)", 3: "3 x 3 Gauss points", "averages": "averages"}
 COMM = MPI.COMM_WORLD
 
 
 def press_and_draw(size, points):
-    """(x [mm], pressure, friction [MPa]) of all points, by rows, forces P and Q per depth [N/mm], and the result."""
+    """(x [mm], pressure, friction [MPa]) of all points, by rows, forces P, Q per depth [N/mm], result, drawing."""
     mesh = read_gmsh(two_cylinders.build, radius=R, fine=FINE, depth=DEPTH, **size)
     scene = Scene(Body(mesh, "lower", from_elastic(E, NU)), Body(mesh, "upper", from_elastic(E, NU)))
     scene.fix("lower_axis")
@@ -42,7 +42,8 @@ def press_and_draw(size, points):
     rows = np.stack([contact.spots()[:, 0], pressure.ravel(), np.linalg.norm(along, axis=2).ravel()], axis=1)
     rows = np.concatenate(COMM.allgather(rows))
     last = result.history[-1]
-    return rows[np.argsort(rows[:, 0])], last["rim_force_z_N"] / DEPTH, -last["rim_force_x_N"] / DEPTH, result
+    where = result.drawing("status")
+    return rows[np.argsort(rows[:, 0])], last["rim_force_z_N"] / DEPTH, -last["rim_force_x_N"] / DEPTH, result, where
 
 
 def exact(P, Q):
@@ -62,9 +63,11 @@ def tractions(x, a, p0, c):
 
 
 def picture(found, path):
-    figure = Figure(figsize=(8, 5), layout="constrained")
-    axes = figure.add_subplot(xlabel="place along the rim [mm]", ylabel="traction [MPa]")
-    (rows, P, Q, _), marks = found["nodes"], {"nodes": "o", 3: ".", "averages": "+"}
+    figure = Figure(figsize=(6.3, 7), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=[2.4, 1])
+    axes, zoom = above.subplots(), below.subplots()
+    axes.set_xlabel("place along the rim [mm]"), axes.set_ylabel("traction [MPa]")
+    (rows, P, Q, _, cylinders), marks = found["nodes"], {"nodes": "o", 3: ".", "averages": "+"}
     a, p0, c = exact(P, Q)
     x = np.linspace(-1.1 * a, 1.1 * a, 801)
     for curve, label in zip(tractions(x, a, p0, c), ("pressure, exact", "friction, exact"), strict=True):
@@ -75,14 +78,17 @@ def picture(found, path):
             axes.plot(*rows[near][:, [0, column]].T, marks[points], color=colour, fillstyle="none", markersize=5,
                       label=f"{name}, {POINTS[points]}")  # fmt: skip
     axes.axvspan(-c, c, color="grey", alpha=0.15, label="sticks")
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=9, ncol=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    cylinders.draw(zoom).explain(zoom, 9)
+    zoom.set_xlim(-1.3 * a, 1.3 * a), zoom.set_ylim(-0.4 * a, 0.4 * a)
+    zoom.set_title("where the upper cylinder sticks and slips", fontsize=10)
     figure.savefig(path, dpi=150)
 
 
 def main(quick=False):
     size = {"cells": 16, "outside": 7, "through": 12} if quick else {"cells": 36}
     found = {points: press_and_draw(size, points) for points in list(POINTS)[: 1 if quick else 3]}
-    for points, (rows, P, Q, result) in found.items():
+    for points, (rows, P, Q, result, _) in found.items():
         a, p0, c = exact(P, Q)
         pressure, friction = tractions(rows[:, 0], a, p0, c)
         off = [np.sqrt(np.mean((mine - its)[np.abs(rows[:, 0]) < a] ** 2)) / p0 for mine, its in
@@ -93,7 +99,7 @@ def main(quick=False):
             print(f"    largest pressure {rows[:, 1].max():.4f} MPa (exact {p0:.4f}), {result.verdict.iterations} tangents")
             np.savetxt(OUT / f"points_{points}" / "tractions.csv", rows, "%.9g", ",",
                        header="x_mm,pressure_MPa,friction_MPa", comments="")  # fmt: skip
-    rows, P, Q, _ = found["nodes"]
+    rows, P, Q, *_ = found["nodes"]
     (a, p0, c), cell = exact(P, Q), 2 * FINE / size["cells"]
     if COMM.rank == 0:
         picture(found, OUT / "partial_slip.png")

@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Penalty, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
-from fenics_contact.output.fields import exterior_surface
-from fenics_contact.output.pictures import draw_body
 from meshes import punch_plate
 
 OUT = Path("results/punch_on_plate")
@@ -30,7 +28,7 @@ def say(*words):
 
 
 def press(mesh, case, out, force=None, share=None, steps=10):
-    """One run; returns numbers of the last step, the force-travel curve and the deformed boundary (on rank 0)."""
+    """One run; returns numbers of the last step, the force-travel curve and what to draw (on rank 0)."""
     scene = Scene(Body(mesh, "plate", mooney_paper(a1=0.1863, a2=0.0098, K=5.0)))
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
@@ -41,9 +39,7 @@ def press(mesh, case, out, force=None, share=None, steps=10):
     result = solve(scene, **drive, steps=steps, out=out, overwrite=True)
     if not result.converged:
         raise SystemExit(f"friction {case}: {result.verdict.reason}")
-    u = result.u.x.array[2::3]
-    corners, uz = exterior_surface(scene, result.u, u)
-    comm = mesh.comm
+    u, comm = result.u.x.array[2::3], mesh.comm
     x = scene.space.tabulate_dof_coordinates()
     lowest = comm.allreduce(u.min(initial=0.0), op=MPI.MIN)
     top, bottom = (comm.allreduce(u[np.abs(x[:, 2] - z) < 1e-6].max(initial=-9.0), op=MPI.MAX) for z in (10.0, 0.0))
@@ -54,28 +50,25 @@ def press(mesh, case, out, force=None, share=None, steps=10):
         "floor_lift": bottom,
         "force": -result.history[-1]["top_force_z_N"],
         "curve": (-result.column("punch_travel_z_mm"), -result.column("top_force_z_N")),
-        "surface": (corners, uz),
+        "plate": result.drawing("contact_pressure", view=(30, -60)),
         "iterations": [row["iterations"] for row in result.history],
         "edge": punch.edge,
     }
 
 
 def four_quarters(runs, path):
-    """The paper's Figs 3-6: vertical displacement of the deformed quarter."""
-    figure = Figure(figsize=(11, 8))
-    figure.subplots_adjust(left=0.03, right=0.83, bottom=0.03, top=0.95, wspace=0.1, hspace=0.1)
-    limits = min(r["surface"][1].min() for r in runs), max(r["surface"][1].max() for r in runs)
-    for i, (case, run) in enumerate(zip(CASES, runs, strict=True)):
-        axes = figure.add_subplot(2, 2, i + 1, projection="3d")
-        scale = draw_body(axes, *run["surface"], limits=limits)
-        axes.set_title(f"μ₁ = {case[0]:g} (punch), μ₂ = {case[1]:g} (floor): {run['force']:.0f} N")
-        axes.set_xlabel("x [mm]"), axes.set_ylabel("y [mm]")
-    figure.colorbar(scale, cax=figure.add_axes((0.9, 0.25, 0.02, 0.5)), label="vertical displacement [mm]")
+    """The deformed quarters of the paper's Figs 3-6, with the pressure under the punch and the rim that lifts."""
+    figure = Figure(figsize=(6.3, 5.2), layout="constrained")
+    panels = figure.subplots(2, 2)
+    for axes, case, run in zip(panels.flat, CASES, runs, strict=True):
+        colours = run["plate"].draw(axes, limits=(0.0, max(r["plate"].colours.high for r in runs)))
+        axes.set_title(f"μ₁ = {case[0]:g}, μ₂ = {case[1]:g}: {run['force']:.0f} N", fontsize=10)
+    colours.explain(list(panels.flat), 9, location="bottom", shrink=0.7, aspect=40)
     figure.savefig(path, dpi=150)
 
 
 def curves(moved, path):
-    figure = Figure(figsize=(7, 5), layout="constrained")
+    figure = Figure(figsize=(6.3, 4.2), layout="constrained")
     axes = figure.add_subplot()
     for case, run in zip(CASES, moved, strict=True):
         travel, force = (np.concatenate([[0.0], values]) for values in run["curve"])

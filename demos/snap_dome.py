@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import ArcSteps, Body, Load, Scene, Travel, mooney_rivlin, read_gmsh, rigid_sphere, solve
-from fenics_contact.output.fields import exterior_surface
-from fenics_contact.output.pictures import draw_body
 from meshes import dome
 
 OUT = Path("results/snap_dome")
@@ -62,7 +60,7 @@ def push(mesh, largest):
     )
     if not result.converged:
         raise SystemExit(f"pushed: {result.verdict.reason}")
-    return scene, result, shapes
+    return result, shapes
 
 
 def move(mesh, travels):
@@ -76,8 +74,9 @@ def move(mesh, travels):
 
 def picture(through, back, moved, limits, shapes, path):
     """Force over travel, and the dome at the points marked on it."""
-    figure = Figure(figsize=(11, 6.5))
-    axes = figure.add_axes((0.07, 0.1, 0.5, 0.85))
+    figure = Figure(figsize=(6.3, 5.8), layout="constrained")
+    places = figure.subplot_mosaic([["curve"] * 3, [*"abc"]], height_ratios=[2, 1])
+    axes = places["curve"]
     axes.plot(*(np.insert(values, 0, 0.0) for values in through), "-o", markersize=3, label="pushed, through")
     axes.plot(*back, "--", label="pushed, back")
     axes.plot(*moved, "k+", label="moved: travel prescribed")
@@ -87,20 +86,16 @@ def picture(through, back, moved, limits, shapes, path):
     axes.set_xlabel("travel of the ball [mm]")
     axes.set_ylabel("force on the quarter [N]")
     axes.legend()
-    everywhere = [values for _, values in shapes]
-    colours = min(v.min() for v in everywhere), max(v.max() for v in everywhere)
-    for i, (letter, (corners, values)) in enumerate(zip("abc", shapes, strict=True)):
-        body = figure.add_axes((0.58, 0.64 - 0.32 * i, 0.31, 0.36), projection="3d")
-        scale = draw_body(body, corners, values, limits=colours, view=(12, 225))  # from the side of the cuts
-        body.text2D(0.1, 0.75, letter, transform=body.transAxes, fontsize=12)
-        body.set_xticks([]), body.set_yticks([])
-    figure.colorbar(scale, cax=figure.add_axes((0.92, 0.25, 0.015, 0.5)), label="vertical displacement [mm]")
+    for letter, dome_then in zip("abc", shapes, strict=True):
+        colours = dome_then.draw(places[letter], limits=(0.0, max(shape.colours.high for shape in shapes)))
+        places[letter].set_title(letter, fontsize=12)
+    colours.explain([places[letter] for letter in "abc"], 9, location="bottom", shrink=0.7, aspect=40)
     figure.savefig(path, dpi=150)
 
 
 def main(quick=False):
     mesh = read_gmsh(dome.build, radius=RADIUS, thickness=WALL, boss=5.0, cells=3 if quick else 8)
-    scene, pushed, shapes = push(mesh, largest=4.0 if quick else 1.0)
+    pushed, shapes = push(mesh, largest=4.0 if quick else 1.0)
     travel, force = curve(pushed)
     turn = int(np.argmax(travel))
     through, back = (travel[: turn + 1], force[: turn + 1]), (travel[turn:], force[turn:])
@@ -108,12 +103,13 @@ def main(quick=False):
     apart = np.abs(moved[1] - through[1]).max() / through[1].max()
 
     marks = [*np.flatnonzero(pushed.column("limit_point")[: turn + 1]), turn]
-    surfaces = []
+    then = []
     for step in marks:
         pushed.u.x.array[:] = shapes[step]
-        surfaces.append(exterior_surface(scene, pushed.u, shapes[step][2::3]))
+        pushed.system.state.travel[0] = [pushed.column(f"ball_travel_{axis}_mm")[step] for axis in "xyz"]
+        then.append(pushed.drawing("contact_pressure", mirror="x", view=(20, -70)))  # into the half that is cut open
     if ROOT:
-        picture(through, back, moved, [(travel[i], force[i]) for i in marks], surfaces, OUT / "snap_dome.png")
+        picture(through, back, moved, [(travel[i], force[i]) for i in marks], then, OUT / "snap_dome.png")
         for point in pushed.summary["limit_points"]:
             place = "through" if point["step"] <= turn + 1 else "back"
             print(f"{place:8} {point['kind']}: {point['t']:.6f} N at a travel of {travel[point['step'] - 1]:.4f} mm")

@@ -43,7 +43,7 @@ def exact_force():
 
 
 def squeeze(mesh, points, penalty):
-    """Force [N], and pressure at the points [MPa, per reference area], of this rank."""
+    """Force [N], half of what the pressure at the points scatters [MPa, per reference area], and a drawing of the blocks."""
     rubber = mooney_rivlin(a1=A1, a2=A2, K=K)
     scene = Scene(Body(mesh, "lower", rubber), Body(mesh, "upper", rubber))
     for body in ("lower", "upper"):
@@ -56,7 +56,7 @@ def squeeze(mesh, points, penalty):
     pressure, _ = result.system.contacts[0].split_traction(result.system.state)
     lowest = mesh.comm.allreduce(pressure.min(initial=np.inf), op=MPI.MIN)
     highest = mesh.comm.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
-    return result.history[-1]["interface_force_z_N"], (highest - lowest) / 2
+    return result.history[-1]["interface_force_z_N"], (highest - lowest) / 2, result.drawing("contact_pressure", mirror="xy")
 
 
 def main():
@@ -65,11 +65,11 @@ def main():
     mesh = read_gmsh(two_blocks.build, **size, **origin, lower_cells=(3, 3, 2), upper_cells=(5, 5, 2))
     exact = exact_force()
     root = MPI.COMM_WORLD.rank == 0
-    figure = Figure(figsize=(6, 4.5), layout="constrained")
-    axes = figure.add_subplot()
+    figure = Figure(figsize=(6.3, 7), layout="constrained")
+    bodies, axes = figure.subplots(2, 1)
     for points, label in POINTS.items():
-        forces, scatter = np.transpose([squeeze(mesh, points, penalty) for penalty in PENALTIES])
-        errors = np.abs(forces / exact - 1)
+        forces, scatter, drawings = zip(*(squeeze(mesh, points, penalty) for penalty in PENALTIES), strict=True)
+        errors = np.abs(np.array(forces) / exact - 1)
         axes.loglog(PENALTIES, errors, marker="o", label=label)
         if root:
             shares = ", ".join(f"{e:.1e}" for e in errors)
@@ -79,6 +79,8 @@ def main():
         axes.set_xlabel("penalty [MPa/mm]")
         axes.set_ylabel("relative error of the force")
         axes.legend()
+        drawings[-1].draw(bodies).explain(bodies, 9, shrink=0.8)
+        bodies.set_title(f"{label}, {PENALTIES[-1]:g} MPa/mm, seen from below", fontsize=10)
         OUT.mkdir(parents=True, exist_ok=True)
         figure.savefig(OUT / "stacked_blocks.png", dpi=150)
         print(f"exact force {exact:.6f} N; picture: {OUT / 'stacked_blocks.png'}")

@@ -6,7 +6,8 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.units import Units
-from fenics_contact.run import Result, solve
+from fenics_contact.result import Result
+from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Displacement, Load, Travel

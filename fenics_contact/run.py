@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
 from typing import Any
@@ -26,19 +25,16 @@ from fenics_contact.output.history import (
     penalty_summary,
     stages_line,
 )
-from fenics_contact.output.lines import Along, Table, line, zones
-from fenics_contact.output.results import Results
-from fenics_contact.output.slave_nodes import SlaveNodes
 from fenics_contact.output.units import Units
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, results_folder
+from fenics_contact.result import Result
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.targets import distances
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
-from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.control import run
@@ -51,72 +47,10 @@ from fenics_contact.solvers.snes import Snes
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Floats, Function
+from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown
 
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
-
-
-@dataclass
-class Result:
-    """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
-    summary: what summary.json holds; measured: the final state's contacts, reactions and energies. `result.u` is the
-    displacement Function."""
-
-    history: list[HistoryRow]
-    verdict: Verdict
-    system: System
-    summary: Summary
-    measured: Results = field(repr=False)
-    units: Units
-
-    @property
-    def u(self) -> Function:
-        return self.system.state.u
-
-    @property
-    def converged(self) -> bool:
-        return self.verdict.converged
-
-    def require(self) -> "Result":
-        """Itself where the run converged; else the script ends with the reason and a nonzero exit code."""
-        if self.converged:
-            return self
-        raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
-
-    def audit(self) -> Audit:
-        """Audit of every block of the tangent at the final state; print it, or ask its `right`. Collective."""
-        return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
-
-    def column(self, name: str) -> Array:
-        """A history column at all accepted steps; KeyError lists the columns."""
-        if self.history and name not in self.history[0]:
-            raise KeyError(f"no column '{name}' in the history; it has: {', '.join(self.history[0])}")
-        return np.array([row[name] for row in self.history])
-
-    def table(self) -> Table:
-        """All history columns as arrays by name: what `pandas.DataFrame` takes."""
-        return {name: self.column(name) for name in (self.history[0] if self.history else ())}
-
-    def line(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Table:
-        """A contact's nodal values along a line of its slave surface at the final state: arrays by name. Collective.
-
-        Columns: arc (way along the deformed line), reference and current positions, pressure and friction on the current
-        area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y", "z", or a function of the reference
-        positions X (n, 3) -> (n,), that orders the points; cut: {axis: value}, the plane of the undeformed body that cuts
-        the surface, e.g. {"z": 0.0}; by default all corners of its facets. KeyError lists the contacts.
-        """
-        return line(self._surface(contact), along, cut, self.units)
-
-    def widths(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Floats:
-        """Starts and ends (n, 2) [length] of the zones in contact along the arc of such a line. Collective."""
-        return zones(self.line(contact, along, cut), self.units)
-
-    def _surface(self, contact: str) -> SlaveNodes:
-        names = [surface.contact.name for surface in self.measured.surfaces]
-        if contact not in names:
-            raise KeyError(f"no contact '{contact}'; there is: {', '.join(names) or 'none'}")
-        return self.measured.surfaces[names.index(contact)]
 
 
 @ends_together
@@ -222,7 +156,7 @@ def solve(
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
-    return Result(kept.history, verdict, system, summary, kept.results, scene.units)
+    return Result(kept.history, verdict, system, summary, scene, kept.results)
 
 
 def _refuse_nan(system: System, times: Floats) -> None:

@@ -45,17 +45,18 @@ TABLE = {
     "solvers": {"numpy", "mpi4py", "petsc4py", "assembly", "compat", "timing"},
     "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "output",
               "solid", "timing", "values"},
-    "output": {"numpy", "mpi4py", "basix", "matplotlib", "mpl_toolkits", "agreement", "compat", "assembly", "contact",
-               "kernels", "solid", "values"},
+    "output": {"numpy", "mpi4py", "basix", "matplotlib", "agreement", "compat", "assembly", "contact", "kernels", "solid",
+               "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "assembly", "compat", "solid",
-                "mesh_io", "contact", "packages", "solvers", "scene", "run"},
+                "mesh_io", "contact", "packages", "result", "solvers", "scene", "run"},
     "options": {"numpy", "solvers", "values"},
     "restart": {"mpi4py", "agreement", "assembly", "solvers", "output", "scene", "values"},
     "recording": {"tqdm", "output", "scene", "solvers", "restart", "values"},
+    "result": {"numpy", "matplotlib", "agreement", "assembly", "output", "scene", "solvers", "values"},
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
-            "recording", "restart", "values"},
+            "recording", "restart", "result", "values"},
     # what the package offers to its users
-    "__init__": {"packages", "values", "mesh_io", "contact", "solid", "scene", "solvers", "output", "run"},
+    "__init__": {"packages", "values", "mesh_io", "contact", "solid", "scene", "solvers", "output", "result", "run"},
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one
 ONLY = {

@@ -152,24 +152,3 @@ def _joined(found: Sequence[NodalContact]) -> NodalContact:
         np.any([at.on for at in found], axis=0), pick("area"), pick("pressure"), pick("friction"), gap, pick("slip"),
         STATUS_OF_RANK[rank.astype(int)], pick("closed"), pick("covered"),
     )  # fmt: skip
-
-
-def exterior_surface(scene: Solved, u: Function, values: Floats | None = None) -> tuple[Floats, Floats] | tuple[None, None]:
-    """Deformed boundary on rank 0 for pictures: corners (facets, 3 or 4, 3) [length] and the field at them.
-
-    values: (nodes,) array over the local nodes of the scene's space, e.g. u.x.array[2::3]. Other ranks get (None, None).
-    """
-    mesh = scene.mesh.domain
-    cells, local = compat.cells_of_exterior_facets(mesh)
-    x = scene.space.tabulate_dof_coordinates() + u.x.array.reshape(-1, 3)
-    values = np.zeros(len(x)) if values is None else values
-    ring = [0, 1, 3, 2] if compat.cell_name(mesh) == "hexahedron" else [0, 1, 2]
-    corners, colours = [], []
-    for facet in range(6 if len(ring) == 4 else 4):
-        dofs = compat.cell_dofs(scene.space)[cells[local == facet]][:, compat.facet_closure_dofs(scene.space, facet)[ring]]
-        corners.append(x[dofs])
-        colours.append(values[dofs])
-    parts = mesh.comm.gather((np.concatenate(corners), np.concatenate(colours)))
-    if parts is None:
-        return None, None
-    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

@@ -1,66 +1,305 @@
-"""PNG pictures: the deformed body coloured by a field, and curves."""
+"""Pictures of a model: deformed bodies coloured by a field, tools around them, a slice in its plane, all else in space."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
 
-from fenics_contact.types import Floats
+from fenics_contact.output.colours import TOOL, Colours, shade
+from fenics_contact.output.skin import AXES, FLAT, Skin, normals, quarters
+from fenics_contact.output.views import View, slice_axis
+from fenics_contact.types import Array, Bools, Floats
 
-COLOURS = "viridis"
+WIDTH, LETTERS = 6.3, 9.0  # inches (16 cm, a page's width), points
+TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
+SEE_THROUGH = 0.18  # opacity of tools, and of bodies that would hide the surface the field lives on
+SHARP = np.cos(np.radians(30.0))  # of the angle between a tool's facets from which on their edge is drawn
+BAND = 0.02  # of the picture's size: thickness of a tool's wall in a slice
+SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
+MANY = 3000  # facets with a field beyond which each has one colour
 
-
-def draw_body(
-    axes: Any,
-    corners: Floats,
-    values: Floats,
-    limits: tuple[float, float] | None = None,
-    view: tuple[float, float] = (28, 40),
-) -> Any:
-    """Draw facets (n, 3 or 4, 3) coloured by their mean value into 3-D axes; returns the colour map for a colour bar."""
-    colour = values.mean(axis=1)
-    low, high = limits or (colour.min(), colour.max())
-    scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(low, high), COLOURS)
-    facets = Poly3DCollection(corners, facecolors=scale.to_rgba(colour), edgecolors=(0, 0, 0, 0.25), linewidths=0.2)
-    axes.add_collection3d(facets)
-    lowest, highest = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    for name, a, b in zip("xyz", lowest, highest, strict=True):
-        getattr(axes, f"set_{name}lim")(a, b)
-    ends = np.array([lowest[2], highest[2]])
-    near_zero = np.abs(ends) < 0.01 * np.ptp(ends)  # a penetration is no height worth a label
-    axes.set_zticks(ends, ["0" if zero else f"{z:.3g}" for z, zero in zip(ends, near_zero, strict=True)])
-    axes.set_box_aspect(np.maximum(highest - lowest, 1e-12 * np.ptp([lowest, highest])))
-    axes.view_init(*view)
-    return scale
+Layer = tuple[Floats, Floats, Floats, Floats]  # corners (n, 4, 3), colours of faces and edges (n, 4), by which to sort (n,)
 
 
-def draw_slice(axes: Any, corners: Floats, values: Floats, across: str = "z") -> Any:
-    """Draw the facets (n, 3 or 4, 3) normal to an axis, coloured by their mean value, into plane axes; returns the colours.
+@dataclass(frozen=True)
+class Drawing:
+    """A model at one state, ready to draw on any axes.
 
-    For plane strain: both ends of the slice lie on top of each other.
+    body: facets with the field; tools: tiles (n, 4, 3) of each [length]; hidden (bodies,): seen through, for the field is
+    behind them; length: the unit's name.
     """
-    axis = "xyz".index(across)
-    flat = np.ptp(corners[..., axis], axis=1) < 1e-9 * np.ptp(corners)
-    plane = [i for i in range(3) if i != axis]
-    facets = PolyCollection(corners[flat][..., plane], array=values[flat].mean(axis=1), cmap=COLOURS)
-    facets.set(edgecolor=(0, 0, 0, 0.25), linewidth=0.2)
-    axes.add_collection(facets)
-    axes.autoscale()
-    axes.set_aspect("equal")
-    return facets
+
+    body: Skin
+    tools: list[Floats]
+    view: View
+    colours: Colours
+    hidden: Bools
+    title: str
+    length: str
+
+    @property
+    def is_slice(self) -> bool:
+        return self.view.axis is not None and slice_axis(self.body) == self.view.axis
+
+    def draw(self, axes: Any, limits: tuple[float, float] | None = None) -> Colours:
+        """Draw into plane axes; limits: of the colours. Returns them, for a colour bar."""
+        tint = self.colours
+        if limits is not None:
+            tint = Colours(tint.label, tint.kind, tint.on_contact, *limits)
+        corners = self.view.flat(self.body.x.reshape(-1, 3))
+        size = float(np.ptp(corners, axis=0).max())
+        if self.is_slice:
+            _paint_slice(axes, self, tint, size)
+            first, second = (i for i in range(3) if i != self.view.axis)
+            axes.set_xlabel(f"{AXES[first]} [{self.length}]")
+            axes.set_ylabel(f"{AXES[second]} [{self.length}]")
+        else:
+            _paint_space(axes, self, tint)
+            axes.set_axis_off()
+        low, high = self.extent()
+        if not self.is_slice:
+            low = low - [0.0, _triad(axes, self.view, low, high, self.length)]
+        axes.set_xlim(low[0], high[0]), axes.set_ylim(low[1], high[1])
+        axes.set_aspect("equal")
+        return tint
+
+    def extent(self) -> tuple[Floats, Floats]:
+        """Least and largest places (2,) of all that is drawn, with a margin."""
+        points = [self.body.x, *(self.tools if not self.is_slice else [_section(t, self)[0] for t in self.tools])]
+        flat = np.concatenate([self.view.flat(p.reshape(-1, 3)) for p in points])
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        banded = self.is_slice and self.colours.on_contact and self.colours.kind == "amount"
+        margin = (0.02 + (SPIKE if banded else 0.0)) * float(np.max(high - low))
+        return low - margin, high + margin
+
+    def figure(self, limits: tuple[float, float] | None = None, title: str | None = None) -> Figure:
+        """A figure of its own, as wide as a page."""
+        low, high = self.extent()
+        across, tall = high - low
+        ticks = 0.7 if self.is_slice else 0.0
+        below = across > 2.2 * tall and self.colours.kind != "status"  # where the colour bar goes
+        room = WIDTH - ticks - (0.1 if below else 1.3)
+        height = min(room * tall / across, TALLEST)
+        height = max(height, FLATTEST)
+        width = min(room, max(height * across / tall, 0.45 * WIDTH)) + WIDTH - room
+        size = (width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0))
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.add_subplot()
+        bar: dict[str, Any] = {"location": "bottom", "shrink": 0.7, "aspect": 35} if below else {"shrink": 0.9, "aspect": 22}
+        self.draw(axes, limits).explain(axes, LETTERS, **bar)
+        axes.set_title(self.title if title is None else title, fontsize=LETTERS + 1)
+        axes.tick_params(labelsize=LETTERS)
+        axes.xaxis.label.set_size(LETTERS), axes.yaxis.label.set_size(LETTERS)
+        return figure
 
 
-def body_picture(
-    path: str | Path, corners: Floats, values: Floats, label: str, title: str = "", view: tuple[float, float] = (28, 40)
-) -> None:
-    """One PNG of a deformed body with a colour bar named `label`."""
-    figure = Figure(figsize=(8, 5))  # a constrained layout collapses 3-D axes on Matplotlib 3.6
-    axes = figure.add_subplot(projection="3d")
-    scale = draw_body(axes, corners, values, view=view)
-    figure.colorbar(scale, ax=axes, label=label, shrink=0.7, pad=0.12)
-    axes.set_title(title)
-    figure.savefig(Path(path), dpi=150, format="png")
+def save(figure: Figure, path: str | Path) -> None:
+    """The figure as a file, PNG or what the path's ending says."""
+    ending = Path(path).suffix[1:].lower()
+    figure.savefig(path, dpi=200, format=ending if ending in figure.canvas.get_supported_filetypes() else "png")
+
+
+# -- in space -------------------------------------------------------------------------------------------------------------
+def _paint_space(axes: Any, drawing: Drawing, tint: Colours) -> None:
+    """All facets in one collection, the farthest first; of bodies that are not seen through those that face the eye."""
+    view, hidden = drawing.view, drawing.hidden[drawing.body.body]
+    body = drawing.body.part(~hidden & (normals(drawing.body.x) @ view.towards > 0.0))
+    coloured = np.isfinite(body.values).any(axis=1)
+    fine = coloured & (tint.kind == "status" or np.count_nonzero(coloured) < MANY)
+    layers = [_facets(body.part(~fine), view, tint), _cut_facets(body.part(fine), view, tint)]
+    glass = [*drawing.tools, drawing.body.part(hidden).x]
+    layers += [part for tiles in glass for part in (_tiles(tiles, view), _edges(tiles, view))]
+    corners, face, edge, place = (np.concatenate(column) for column in zip(*layers, strict=True))
+    order = np.argsort(place, kind="stable")
+    widths = np.where(face[:, 3] == 0.0, 0.5, 0.25)
+    axes.add_collection(PolyCollection(view.flat(corners[order]), facecolors=face[order], edgecolors=edge[order],
+                                       linewidths=widths[order]))  # fmt: skip
+
+
+def _facets(body: Skin, view: View, tint: Colours) -> Layer:
+    """Whole facets, each in the colour of its mean."""
+    bright = shade(normals(body.x) @ np.column_stack([view.right, view.up, view.towards]))
+    face = tint.of(_mean(body.values), bright)
+    return body.x, face, np.broadcast_to(np.array([0.0, 0.0, 0.0, 0.3]), face.shape), view.depth(body.x).mean(axis=1)
+
+
+def _cut_facets(body: Skin, view: View, tint: Colours) -> Layer:
+    """Facets in quarters, each in the colour of its own corner's part; then the facets' edges."""
+    values, cut = quarters(body.values), quarters(body.x)
+    face = tint.of(values[:, 0] if tint.kind == "status" else _mean(values))
+    corners, lines = np.concatenate([cut, body.x]), np.zeros((len(body.x), 4))
+    edges = np.concatenate([face, np.broadcast_to([0.0, 0.0, 0.0, 0.35], lines.shape)])  # of the same colour: no seams
+    return corners, np.concatenate([face, lines]), edges, np.concatenate([view.depth(cut).mean(axis=1), _over(body.x, view)])
+
+
+def _over(corners: Floats, view: View) -> Floats:
+    """Place of lines that lie over the quarters of the facets they bound, the nearest half-way to the nearest corner."""
+    depth = view.depth(corners)
+    return (
+        0.5 * (depth.mean(axis=1) + depth.max(axis=1, initial=-np.inf)) + 1e-3 * np.ptp(depth) if len(depth) else depth[:, 0]
+    )
+
+
+def _mean(values: Floats) -> Floats:
+    """Means (n,) over the corners of (n, 4) that have a value; NaN where none has."""
+    there = np.isfinite(values)
+    count = there.sum(axis=1)
+    return np.where(count > 0, np.where(there, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+
+
+def _tiles(tiles: Floats, view: View) -> Layer:
+    """Facets to be seen through. Those that face away lie behind surfaces they touch, whose colours they leave alone."""
+    normal = normals(tiles)
+    face = np.column_stack([TOOL * shade(normal @ np.column_stack([view.right, view.up, view.towards]))[:, None],
+                            np.full(len(tiles), SEE_THROUGH)])  # fmt: skip
+    place = view.depth(tiles).mean(axis=1) - np.where(normal @ view.towards < 0.0, 0.5 * _side(tiles), 0.0)
+    return tiles, face, np.zeros_like(face), place
+
+
+def _edges(tiles: Floats, view: View) -> Layer:
+    """Edges at which a surface that is seen through ends or turns sharply, as facets without area, over what they touch."""
+    ends = np.stack([tiles, np.roll(tiles, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+    normal = np.repeat(_unit(normals(tiles)), 4, axis=0)
+    there = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 0.0
+    ends, normal = ends[there], normal[there]
+    size = max(float(np.ptp(ends)) if len(ends) else 1.0, 1e-300)
+    spot = np.round(ends.mean(axis=1) / size * 1e6 + 0.123).astype(np.int64)
+    _, first, which, count = np.unique(spot, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    total = np.zeros((len(first), 3))
+    np.add.at(total, which.ravel(), normal)
+    # of two unit normals with the cosine c the sum is sqrt(2 + 2 c) long
+    sharp = (count == 1) | ((count == 2) & (np.linalg.norm(total, axis=1) < np.sqrt(2 + 2 * SHARP)))
+    chosen = ends[first[sharp]][:, [0, 1, 1, 0]]
+    lines = np.tile([*(0.7 * TOOL), 0.9], (len(chosen), 1))
+    return chosen, np.zeros((len(chosen), 4)), lines, view.depth(chosen).mean(axis=1) + _side(tiles)
+
+
+def _side(tiles: Floats) -> float:
+    """Side of the largest facet, if it were a square."""
+    return float(np.sqrt(np.linalg.norm(normals(tiles), axis=1).max(initial=0.0)))
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def _triad(axes: Any, view: View, low: Floats, high: Floats, unit: str) -> float:
+    """The axes' directions in the lower left corner, their arms a round number of lengths long; returns the room below."""
+    span = float(np.max(high - low))
+    exponent = np.floor(np.log10(0.12 * span))
+    length = float(max(m * 10**exponent for m in (1, 2, 5) if m * 10**exponent <= 0.12 * span))
+    arms = length * np.column_stack([view.right, view.up])
+    foot = low + [0.03 * span - min(0.0, arms[:, 0].min()), -1.5 * max(0.0, arms[:, 1].max())]
+    axes.add_collection(LineCollection(np.stack([np.broadcast_to(foot, arms.shape), foot + arms], axis=1), colors="0.2",
+                                       linewidths=1.0))  # fmt: skip
+    seen = np.linalg.norm(arms, axis=1) > 0.2 * length
+    for letter, arm in zip(np.array(list(AXES))[seen], arms[seen], strict=True):
+        tip = foot + 1.3 * arm
+        axes.text(*tip, letter, fontsize=LETTERS, ha="center", va="center", color="0.2")
+    reach = foot[0] + max(0.0, 1.5 * arms[:, 0].max())
+    axes.text(reach + 0.02 * span, foot[1], f"arms: {length:g} {unit}", fontsize=LETTERS, va="center", color="0.2")
+    return float(low[1] - foot[1] - 1.4 * min(0.0, arms[:, 1].min()) + 0.03 * span)
+
+
+# -- slices ---------------------------------------------------------------------------------------------------------------
+def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> None:
+    """The side of a slice that faces the eye, its surfaces as lines, walls of the tools."""
+    body, view = drawing.body, drawing.view
+    near = view.depth(body.X) >= view.depth(body.X).max() - FLAT * np.ptp(body.X)
+    side = body.part(near.all(axis=1))
+    wall = body.part(~near.all(axis=1))
+    face = tint.of(_mean(side.values))
+    axes.add_collection(PolyCollection(view.flat(side.x), facecolors=face, edgecolors=(0, 0, 0, 0.22), linewidths=0.25))
+    for tiles in drawing.tools:
+        ends, normal = _section(tiles, drawing)
+        flat, out = view.flat(ends), view.flat(normal)
+        inner = flat - BAND * size * out[:, None]
+        _fill(axes, np.concatenate([flat, inner[:, ::-1]], axis=1), (*TOOL, 0.6))
+        axes.add_collection(LineCollection(flat, colors=[0.6 * TOOL], linewidths=1.2, capstyle="round"))
+    ends, values, normal = _surface_lines(wall, near[~near.all(axis=1)])
+    flat = view.flat(ends)
+    axes.add_collection(LineCollection(flat, colors="0.15", linewidths=0.6, capstyle="round"))
+    if tint.on_contact:
+        there = np.isfinite(values).all(axis=1)
+        out = _normals_at_ends(flat[there], view.flat(normal[there]))
+        _paint_surface(axes, flat[there], values[there], out, tint, size)
+
+
+def _paint_surface(axes: Any, ends: Floats, values: Floats, out: Floats, tint: Colours, size: float) -> None:
+    """A contact field on lines (n, 2, 2) with normals there: thick, in its colours; of amounts also as a band inside the
+    body whose height is the value."""
+    if tint.kind == "status":
+        middle = ends.mean(axis=1, keepdims=True)
+        ends = np.concatenate([np.concatenate([ends[:, :1], middle], axis=1), np.concatenate([middle, ends[:, 1:]], axis=1)])
+        values = np.concatenate([values[:, 0], values[:, 1]])[:, None]
+    face = tint.of(values.mean(axis=1))
+    if tint.kind == "amount" and len(ends):
+        height = SPIKE * size * np.clip(values / tint.high, 0.0, 1.0)
+        band = np.concatenate([ends, (ends - height[..., None] * out)[:, ::-1]], axis=1)
+        axes.add_collection(PolyCollection(band, facecolors=face, edgecolors=face, linewidths=0.3, alpha=0.7, zorder=3))
+        axes.add_collection(LineCollection(band[:, 2:], colors="0.15", linewidths=0.5, zorder=3))
+    axes.add_collection(LineCollection(ends, colors="0.15", linewidths=4.0, capstyle="butt", zorder=4))
+    axes.add_collection(LineCollection(ends, colors=face, linewidths=3.0, capstyle="butt", zorder=4))
+
+
+def _normals_at_ends(ends: Floats, normal: Floats) -> Floats:
+    """Unit normals (n, 2, 2) at the ends of lines (n, 2, 2): means of the lines (n, 2) that meet there."""
+    spot = np.round(ends.reshape(-1, 2) / max(float(np.ptp(ends)) if len(ends) else 1.0, 1e-300) * 1e6 + 0.123)
+    _, which = np.unique(spot, axis=0, return_inverse=True)
+    total = np.zeros((len(spot), 2))
+    np.add.at(total, which.ravel(), np.repeat(_unit(normal), 2, axis=0))
+    return _unit(total[which.ravel()]).reshape(ends.shape)
+
+
+def _surface_lines(wall: Skin, near: Bools) -> tuple[Floats, Floats, Floats]:
+    """Edges in a slice's near plane of the facets across it: ends (n, 2, 3), values there (n, 2), facets' normals (n, 3)."""
+    following = np.roll(wall.X, -1, axis=1)
+    edge = near & np.roll(near, -1, axis=1) & (np.linalg.norm(following - wall.X, axis=2) > 0.0)
+    there = edge.any(axis=1)
+    i = np.argmax(edge[there], axis=1)
+    rows, pair = np.flatnonzero(there)[:, None], np.column_stack([i, (i + 1) % 4])
+    return wall.x[rows, pair], wall.values[rows, pair], normals(wall.x[there])
+
+
+def _section(tiles: Floats, drawing: Drawing) -> tuple[Floats, Floats]:
+    """Where a tool meets the middle plane of a slice: ends (n, 2, 3) of lines, unit normals (n, 3) in the plane."""
+    view = drawing.view
+    depth = view.depth(drawing.body.X)
+    place = 0.5 * (depth.min() + depth.max()) + 1e-4 * np.ptp(depth)  # off the corners of a tool that has the same middle
+    triangles = np.concatenate([tiles[:, [0, 1, 2]], tiles[:, [0, 2, 3]]])
+    above = view.depth(triangles) > place
+    triangles = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    height = view.depth(triangles) - place
+    crossed = (height > 0.0) != (np.roll(height, -1, axis=1) > 0.0)  # two edges of each
+    first, second = np.argmax(crossed, axis=1), 2 - np.argmax(crossed[:, ::-1], axis=1)
+    ends = np.stack([_crossing(triangles, height, edge) for edge in (first, second)], axis=1)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return ends, _unit(normal - np.outer(normal @ view.towards, view.towards))
+
+
+def _crossing(triangles: Floats, height: Floats, edge: Array) -> Floats:
+    """Point (n, 3) of height zero on the edge number (n,) of each triangle."""
+    rows, after = np.arange(len(edge)), (edge + 1) % 3
+    share = height[rows, edge] / np.where(height[rows, edge] == height[rows, after], 1.0,
+                                          height[rows, edge] - height[rows, after])  # fmt: skip
+    start, end = triangles[rows, edge], triangles[rows, after]
+    return start + share[:, None] * (end - start)
+
+
+def _fill(axes: Any, polygons: Floats, colour: tuple[float, ...]) -> None:
+    """Polygons (n, k, 2) in one transparent colour, once where they overlap."""
+    if not len(polygons):
+        return
+    (x, y), (p, q) = (polygons[:, i].T - polygons[:, 0].T for i in (1, 2))
+    turn = x * q - y * p < 0.0  # all run the same way round, or overlaps would cancel
+    polygons = np.where(turn[:, None, None], polygons[:, ::-1], polygons)
+    count, k, _ = polygons.shape
+    codes = np.full((count, k + 1), Outline.LINETO)
+    codes[:, 0], codes[:, -1] = Outline.MOVETO, Outline.CLOSEPOLY
+    vertices = np.concatenate([polygons, polygons[:, :1]], axis=1).reshape(-1, 2)
+    axes.add_patch(PathPatch(Outline(vertices, codes.ravel()), facecolor=colour, edgecolor="none", zorder=1))

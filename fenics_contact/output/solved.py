@@ -1,16 +1,12 @@
-"""What the output takes of a scene: its mesh with names, its bodies, tools and slave surfaces, its units."""
+"""What the output takes of a scene: its mesh with names, its bodies, supports, contacts and tools, its units."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 from fenics_contact.contact.tools import Tool
 from fenics_contact.output.units import Units
 from fenics_contact.solid.body import Body, NamedCells
-from fenics_contact.types import Ints, Measure, Space
-
-
-class NamedParts(NamedCells, Protocol):
-    def facets(self, *names: str) -> Ints: ...
+from fenics_contact.types import Floats, Ints, Measure, Space
 
 
 class Touching(Protocol):
@@ -28,10 +24,17 @@ class Held(Protocol):
     @property
     def axis(self) -> int: ...
 
+    @property
+    def value(self) -> float | Callable[[Floats, float], Any]: ...
+
+
+class NamedFacets(NamedCells, Protocol):
+    def facets(self, *names: str) -> Ints: ...
+
 
 class Solved(Protocol):
     @property
-    def mesh(self) -> NamedParts: ...
+    def mesh(self) -> NamedFacets: ...
 
     @property
     def space(self) -> Space: ...

@@ -4,10 +4,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fenics_contact.output.columns import HistoryRow
-from fenics_contact.output.fields import Fields, exterior_surface
+from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import complete, writing
 from fenics_contact.output.history import HistoryFile, Summary, write_summary
-from fenics_contact.output.pictures import body_picture
+from fenics_contact.output.pictures import save
+from fenics_contact.output.plot import drawing
 from fenics_contact.output.series import FieldFiles
 from fenics_contact.output.solved import Solved
 
@@ -49,12 +50,13 @@ class Writer:
 
     def finish(self, summary: Summary) -> None:
         """summary.json and body.png. Collective."""
-        u = self.system.state.u
-        corners, values = exterior_surface(self.scene, u, u.x.array[2::3])
-        with writing(self.comm, self.folder, "summary.json and body.png"):
-            if self._history is not None and corners is not None and values is not None:
+        with writing(self.comm, self.folder, "summary.json"):
+            if self._history is not None:
                 self._history.close()
                 write_summary(self.folder, summary)
-                label = f"vertical displacement [{self.scene.units.length}]"
+        self.fields.update()
+        drawn = drawing(self.scene, self.system, fields=self.fields)
+        with writing(self.comm, self.folder, "body.png"):
+            if drawn is not None:
                 with complete(self.folder / "body.png") as draft:
-                    body_picture(draft, corners, values, label, f"t = {self.system.state.t:.4g}")
+                    save(drawn.figure(), draft)

@@ -12,7 +12,8 @@ import numpy as np
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_cone, rigid_cylinder, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
-from fenics_contact.run import Result, solve
+from fenics_contact.result import Result
+from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import from_elastic

@@ -19,7 +19,7 @@ from typing import Any
 from tqdm import tqdm
 
 from fenics_contact import compat
-from fenics_contact.run import Result
+from fenics_contact.result import Result
 
 # What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
 METRICS = (

@@ -1,0 +1,57 @@
+"""Curves: columns of a history over one another, and a quantity along a line, with names and units of a reader's words."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from fenics_contact.output.pictures import LETTERS, WIDTH
+from fenics_contact.output.units import Units
+from fenics_contact.types import Array, Floats
+
+MARKS = 40  # points of a curve up to which each is marked
+
+
+def words(column: str, units: Units) -> tuple[str, str]:
+    """A column's name as a reader says it, and its unit, "" where the name has none."""
+    L, F, p = units.length, units.force, units.pressure
+    known = (L, F, p, f"{F}{L}", f"{L}2", f"{F}_per_{L}", f"{p}_per_{L}")
+    unit = next((u for u in sorted(known, key=len, reverse=True) if column.endswith(f"_{u}")), "")
+    name = column.removesuffix(f"_{unit}") if unit else column
+    return name.replace("_", " "), unit.replace("_per_", "/").replace(f"{L}2", f"{L}²")
+
+
+def labelled(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def history_figure(table: Mapping[str, Array], units: Units) -> Figure:
+    """All columns but the first over the first, those of one unit on one pair of axes; table: {column name: (steps,)}."""
+    (x, places), *rest = table.items()
+    by_unit: dict[str, list[str]] = {}
+    for column, _ in rest:
+        by_unit.setdefault(words(column, units)[1], []).append(column)
+    figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(by_unit)), layout="constrained")
+    for axes, (unit, columns) in zip(figure.subplots(len(by_unit), 1, squeeze=False)[:, 0], by_unit.items(), strict=True):
+        for column in columns:
+            axes.plot(places, table[column], marker="o" if len(places) <= MARKS else None, markersize=3, linewidth=1.2,
+                      label=words(column, units)[0])  # fmt: skip
+        name = words(columns[0], units)[0] if len(columns) == 1 else ""
+        axes.set_ylabel(labelled(name, unit) if name else f"[{unit}]" if unit else "", fontsize=LETTERS)
+        axes.set_xlabel(labelled(*words(x, units)), fontsize=LETTERS)
+        axes.tick_params(labelsize=LETTERS)
+        axes.grid(linewidth=0.3)
+        if len(columns) > 1:
+            axes.legend(fontsize=LETTERS)
+    return figure
+
+
+def along_line(axes: Any, place: Floats, pressure: Floats, label: str | None = None, **line: Any) -> None:
+    """A contact quantity (n,) over places (n,) along a line, NaN left out, filled down to zero; into given axes."""
+    there = np.isfinite(place) & np.isfinite(pressure)
+    order = np.argsort(place[there], kind="stable")
+    place, pressure = place[there][order], pressure[there][order]
+    (drawn,) = axes.plot(place, pressure, **({"linewidth": 1.2, "label": label} | line))
+    axes.fill_between(place, 0.0, pressure, color=drawn.get_color(), alpha=0.12, linewidth=0.0)
+    axes.grid(linewidth=0.3)

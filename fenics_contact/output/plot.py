@@ -1,0 +1,85 @@
+"""From a scene and its system's state to a drawing: the field's values, the tools where they are, the view, the mirrors."""
+
+import numpy as np
+
+from fenics_contact.assembly.system import System
+from fenics_contact.output.colours import colours
+from fenics_contact.output.fields import Fields
+from fenics_contact.output.pictures import Drawing
+from fenics_contact.output.skin import AXES, look, mirrored, skin, symmetry_planes, tool_tiles
+from fenics_contact.output.solved import Solved
+from fenics_contact.output.views import Angles, choose, slice_axis
+from fenics_contact.types import Floats
+from fenics_contact.values import SceneError
+
+FROM_BELOW = 0.1  # sine of the angle below the x-y plane from which on the picture says so
+AROUND = 0.15  # of the bodies' largest length: how far about them tools are drawn
+
+
+def default_field(scene: Solved) -> str:
+    """The contact pressure, in a scene without contacts the displacement."""
+    return "contact_pressure" if scene.contacts else "displacement"
+
+
+def drawing(
+    scene: Solved,
+    system: System,
+    field: str | None = None,
+    mirror: str = "",
+    view: str | Angles | None = None,
+    fields: Fields | None = None,
+    title: str | None = None,
+) -> Drawing | None:
+    """The model at the system's state, on rank 0; None on the others. Collective.
+
+    field, mirror, view as for `Result.plot`; fields: those of the scene, up to date, where there are some. SceneError, on
+    all ranks, for an unknown field, one that the scene does not have, and a mirror where no symmetry is.
+    """
+    planes = symmetry_planes(scene)
+    _refuse(mirror, view, planes)
+    if fields is None:
+        fields = Fields(scene, system)
+        fields.update()
+    seen = look(fields, field or default_field(scene))
+    body = skin(fields, seen)
+    if body is None:
+        return None
+    tint = colours(seen.label, seen.kind, seen.on_contact, body.values)
+    low, high = _neighbourhood(body.x.reshape(-1, 3), planes, slice_axis(body))
+    tiles = tool_tiles(scene, system.state.travel, low, high)
+    body, tiles = mirrored(body, tiles, {axis: planes[axis] for axis in sorted(map(AXES.index, mirror))})
+    # bodies whose own surfaces carry nothing of a contact field would hide those that do
+    carries = np.bincount(body.body[body.slave], minlength=len(scene.bodies)) > 0
+    hidden = ~carries if seen.on_contact else np.zeros(len(scene.bodies), dtype=bool)
+    chosen = choose(body, ~hidden[body.body], view)
+    if title is None:
+        title = f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
+        nothing = seen.on_contact and seen.kind == "amount" and not np.any(np.nan_to_num(body.values) > 0.0)
+        title += ", nothing touches" if nothing else ""
+    return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length)
+
+
+def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None) -> tuple[Floats, Floats]:
+    """Box about the bodies in which tools are drawn: up to planes of symmetry; all that crosses a slice."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float(np.max(high - low))
+    near_low, near_high = np.full(3, AROUND * size), np.full(3, AROUND * size)
+    for axis, place in planes.items():
+        ends = near_low if abs(low[axis] - place) < abs(high[axis] - place) else near_high
+        ends[axis] = 0.0
+    if across is not None:
+        near_low[across] = near_high[across] = size
+    return low - near_low, high + near_high
+
+
+def _refuse(mirror: str, view: str | Angles | None, planes: dict[int, float]) -> None:
+    known = {AXES[axis] for axis in planes}
+    if not isinstance(mirror, str) or not set(mirror) <= known or len(set(mirror)) < len(mirror):
+        there = f"there are planes normal to {', '.join(sorted(known))}" if known else "there are none"
+        raise SceneError(
+            f"mirror = {mirror!r}: give the axes of planes of symmetry, flat ends of the bodies held along their normal "
+            f"alone; {there}"
+        )
+    angles = isinstance(view, tuple | list) and len(view) == 2 and np.all(np.isfinite(np.array(view, dtype=float)))
+    if view is not None and not angles and view not in list(AXES):
+        raise SceneError(f"view = {view!r}: give 'x', 'y', 'z' or (elevation, azimuth) in degrees")

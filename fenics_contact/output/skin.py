@@ -1,0 +1,258 @@
+"""What a picture shows: the deformed boundary of the bodies with a field on it, the tools' surfaces, the symmetry planes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.output.fields import Fields
+from fenics_contact.output.solved import Solved
+from fenics_contact.output.tool_surfaces import tool_surface
+from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64, Mesh
+from fenics_contact.values import SceneError
+
+AXES = "xyz"
+TILES = 24  # tiles of a tool along the bodies' largest length: its facets are cut to about this size
+SAG = 1e-4  # of twice the picture's diagonal: how far facets cut below round tools, a thin line at a page's width
+MANY = 10_000  # tiles of a tool from which on only the large ones are cut
+FINEST = 8  # times at most that facets are halved for it
+FLAT = 1e-6  # of the bodies' size: what counts as no distance and no displacement
+
+Part = int | Callable[[Floats], Floats]  # of a Function's values at a node: a component, or what is made of all (n, width)
+
+
+@dataclass(frozen=True)
+class Look:
+    """A field to draw.
+
+    label: with its unit; values: function of the cells behind n facets and the facets' number in their cells -> values
+    (n, 4) at the facets' corners; on_contact: it lives on slave surfaces; kind: "amount", "signed" (zero in the middle of
+    the colours) or "status".
+    """
+
+    label: str
+    values: Callable[[Ints, int], Floats]
+    on_contact: bool = False
+    kind: str = "amount"
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Boundary facets, on rank 0: corners X, x (n, 4, 3) before and after the deformation [length], a triangle repeating its
+    last; values (n, 4) of the field there, NaN where there is none; slave (n,); body (n,): number of the facet's body.
+
+    Corners run counter-clockwise seen from outside.
+    """
+
+    X: Floats
+    x: Floats
+    values: Floats
+    slave: Bools
+    body: Ints64
+
+    def part(self, chosen: Array) -> "Skin":
+        """Some of the facets: chosen (n,) are flags or numbers."""
+        return Skin(*(getattr(self, name)[chosen] for name in ("X", "x", "values", "slave", "body")))
+
+
+def look(fields: Fields, name: str) -> Look:
+    """The field of a name; SceneError lists the names."""
+    units, mesh = fields.scene.units, fields.scene.mesh.domain
+    word, _, axis = name.rpartition("_")
+    if name == "displacement":
+        return Look(f"displacement [{units.length}]", _nodal(fields.displacement, _size))
+    if word == "displacement" and axis in AXES:
+        return Look(
+            f"displacement along {axis} [{units.length}]", _nodal(fields.displacement, AXES.index(axis)), kind="signed"
+        )
+    if name == "J":
+        return Look("volume ratio J", _per_cell(mesh, fields.J.x.array))
+    stress = fields.cauchy_stress.x.array.reshape(-1, 3, 3)
+    if name == "von_mises":
+        return Look(f"von Mises stress [{units.pressure}]", _per_cell(mesh, _von_mises(stress)))
+    if word == "stress" and len(axis) == 2 and set(axis) <= set(AXES):
+        values = stress[:, AXES.index(axis[0]), AXES.index(axis[1])]
+        return Look(f"Cauchy stress {axis} [{units.pressure}]", _per_cell(mesh, values), kind="signed")
+    on_contact: dict[str, tuple[str, Function, Part, str]] = {
+        "contact_pressure": (f"contact pressure [{units.pressure}]", fields.contact_pressure, 0, "amount"),
+        "friction_traction": (f"friction traction [{units.pressure}]", fields.friction_traction, _size, "amount"),
+        "gap": (f"gap [{units.length}]", fields.gap, 0, "signed"),
+        "status": ("contact status", fields.status, 0, "status"),
+    }
+    if name not in on_contact:
+        raise SceneError(
+            f"no field '{name}' to draw; there are displacement, displacement_x, _y, _z, J, von_mises, stress_xx, _xy, ..., "
+            f"and on the slave surfaces {', '.join(on_contact)}"
+        )
+    if not fields.scene.contacts:
+        raise SceneError(f"field '{name}': the scene has no contacts; draw 'displacement', 'von_mises' or 'J'")
+    label, function, column, kind = on_contact[name]
+    return Look(label, _nodal(function, column), on_contact=True, kind=kind)
+
+
+def _size(values: Floats) -> Floats:
+    return np.linalg.norm(values, axis=1)
+
+
+def _nodal(function: Function, part: Part) -> Callable[[Ints, int], Floats]:
+    """Values of a Function of degree 1 at the corners of facets."""
+    space = function.function_space
+    table = function.x.array.reshape(-1, max(1, space.dofmap.index_map_bs))
+    values = part(table) if callable(part) else table[:, part]
+    return lambda cells, facet: values[compat.cell_dofs(space)[cells][:, _ring(space.mesh, space, facet)]]
+
+
+def _per_cell(mesh: Mesh, values: Floats) -> Callable[[Ints, int], Floats]:
+    return lambda cells, facet: np.repeat(values[cells][:, None], 4, axis=1)
+
+
+def _ring(mesh: Mesh, space: object, facet: int) -> Ints:
+    """Numbers in the cell of a facet's four corners, one after the other around it; a triangle repeats its last."""
+    ring = [0, 1, 3, 2] if compat.cell_name(mesh) == "hexahedron" else [0, 1, 2, 2]
+    return compat.facet_closure_dofs(space, facet)[ring]
+
+
+def _von_mises(stress: Floats) -> Floats:
+    """Of stresses (n, 3, 3)."""
+    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+
+
+def skin(fields: Fields, chosen: Look) -> Skin | None:
+    """The boundary of all bodies on rank 0, in an order that no partition changes; None on the others. Collective."""
+    scene, u = fields.scene, fields.displacement
+    mesh, space = scene.mesh.domain, u.function_space
+    X = space.tabulate_dof_coordinates()
+    x = X + u.x.array.reshape(-1, 3)
+    slaves = sorted({name for contact in scene.contacts for name in contact.slave})
+    touching = _keys(*compat.cells_of_exterior_facets(mesh, scene.mesh.facets(*slaves))) if slaves else np.empty(0)
+    cells, local = compat.cells_of_exterior_facets(mesh)
+    body, number = _bodies(scene), compat.original_cells(mesh).astype(np.int64)
+    parts = []
+    for facet in range(6 if compat.cell_name(mesh) == "hexahedron" else 4):
+        mine = cells[local == facet]
+        of_cell = compat.cell_dofs(space)[mine]
+        nodes = of_cell[:, _ring(mesh, space, facet)]
+        slave = np.isin(_keys(mine, facet), touching)
+        values = chosen.values(mine, facet)
+        values = np.where(slave[:, None], values, np.nan) if chosen.on_contact else values
+        inside_out = _inside_out(X[nodes], X[of_cell].mean(axis=1))
+        nodes[inside_out], values[inside_out] = nodes[inside_out, ::-1], values[inside_out, ::-1]
+        parts.append((X[nodes], x[nodes], values, slave, body[mine], _keys(number[mine], facet)))
+    gathered = mesh.comm.gather([np.concatenate(column) for column in zip(*parts, strict=True)])
+    if gathered is None:
+        return None
+    *columns, keys = (np.concatenate(column) for column in zip(*gathered, strict=True))
+    return Skin(*columns).part(np.argsort(keys, kind="stable"))
+
+
+def _keys(cells: Array, local: Array | int) -> Ints64:
+    return np.asarray(cells, dtype=np.int64) * 6 + local
+
+
+def _inside_out(corners: Floats, middle: Floats) -> Bools:
+    """Whether facets (n, 4, 3) run clockwise seen from outside of their cells, whose middles are (n, 3)."""
+    return np.einsum("nc,nc->n", normals(corners), corners.mean(axis=1) - middle) < 0.0
+
+
+def normals(corners: Floats) -> Floats:
+    """Normal times area (n, 3) of facets (n, 4, 3)."""
+    return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+
+
+def _bodies(scene: Solved) -> Ints64:
+    """Number of the body that each local cell belongs to, -1 for none."""
+    tags, topology = scene.mesh.cell_tags, scene.mesh.domain.topology
+    count = topology.index_map(3).size_local + topology.index_map(3).num_ghosts
+    found = np.full(count, -1, dtype=np.int64)
+    for number, body in enumerate(scene.bodies):
+        found[tags.indices[tags.values == scene.mesh.volume_tag(body.group)]] = number
+    return found
+
+
+# -- tools --------------------------------------------------------------------------------------------------------------
+def tool_tiles(scene: Solved, travel: Floats, low: Floats, high: Floats) -> list[Floats]:
+    """Of each tool the tiles (n, 4, 3) of its surface between the corners low, high (3,) of a box [length].
+
+    travel (tools, 3). What leaves the box ends on its faces; tiles are small against the box, for painting by distance.
+    """
+    size, about = 2.0 * float(np.linalg.norm(high - low)), 0.5 * (low + high)
+    found = []
+    for tool, moved in zip(scene.tools, travel, strict=True):
+        points, facets = tool_surface(tool, size, about, moved, SAG)
+        tiles = points[facets]
+        for _ in range(FINEST):
+            tiles = tiles[_meets(tiles, low, high)]
+            sides = np.linalg.norm(tiles - np.roll(tiles, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+            large = sides > np.max(high - low) / TILES
+            if not large.any():
+                break
+            if len(tiles) < MANY:
+                large[:] = True  # neighbours keep whole edges in common, and those of one tile alone are the surface's ends
+            tiles = np.concatenate([tiles[~large], quarters(tiles[large])])
+        edge = FLAT * np.max(high - low)  # tiles that only touch the box from outside stay there
+        inside = ((tiles > low + edge) & (tiles < high - edge)).all(axis=2).any(axis=1)
+        found.append(np.clip(tiles[inside], low, high))
+    return found
+
+
+def _meets(tiles: Floats, low: Floats, high: Floats) -> Bools:
+    """Whether the boxes around tiles meet a box."""
+    return ((tiles.max(axis=1) >= low) & (tiles.min(axis=1) <= high)).all(axis=1)
+
+
+def quarters(corners: Floats) -> Floats:
+    """Each of the facets (n, 4, ...) cut into four; the quarter i of a facet holds its corner i, as the first of its own."""
+    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
+    centre = np.repeat(corners.mean(axis=1, keepdims=True), 4, axis=1)
+    cut = np.stack([corners, middles, centre, np.roll(middles, 1, axis=1)], axis=2)
+    return cut.reshape(-1, *corners.shape[1:])
+
+
+# -- symmetry -------------------------------------------------------------------------------------------------------------
+def symmetry_planes(scene: Solved) -> dict[int, float]:
+    """{axis: place [length]} of the planes that supports make planes of symmetry: flat ends of the bodies, held along
+    their normal alone. Of two along one axis the one nearer to the origin. Collective."""
+    held: dict[tuple[str, ...], set[int]] = {}
+    for support in scene.supports:
+        held.setdefault(support.group, set()).add(support.axis)
+    zero = [s for s in scene.supports if isinstance(s.value, float) and s.value == 0.0 and held[s.group] == {s.axis}]
+    X = scene.space.tabulate_dof_coordinates()
+    low, high = extremes(scene.mesh.comm, X)
+    near, planes = FLAT * float(np.max(high - low)), dict[int, float]()
+    for support in zero:
+        nodes = compat.locate_blocks(scene.space, scene.mesh.facets(*support.group))
+        least, most = extremes(scene.mesh.comm, X[nodes])
+        place, axis = float(least[support.axis]), support.axis
+        at_end = min(abs(place - low[axis]), abs(place - high[axis])) < near
+        if most[axis] - least[axis] < near and at_end and abs(place) <= abs(planes.get(axis, np.inf)):
+            planes[axis] = place
+    return planes
+
+
+def extremes(comm: MPI.Comm, X: Floats) -> tuple[Floats, Floats]:
+    """Least and largest coordinates (3,) of the points (n, 3) of all ranks. Collective."""
+    low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)
+    return np.min(comm.allgather(low), axis=0), np.max(comm.allgather(high), axis=0)
+
+
+def mirrored(body: Skin, tiles: Sequence[Floats], planes: dict[int, float]) -> tuple[Skin, list[Floats]]:
+    """Bodies and tools with their images behind planes {axis: place}; what lies in a plane is no surface any more."""
+    tiles = list(tiles)
+    for axis, place in planes.items():
+        span = float(np.ptp(body.X[..., axis]))
+        body = body.part(np.abs(body.X[..., axis] - place).max(axis=1) > FLAT * span)
+        image = replace(body, X=_image(body.X, axis, place), x=_image(body.x, axis, place), values=body.values[:, ::-1])
+        pairs = ((getattr(body, name), getattr(image, name)) for name in ("X", "x", "values", "slave", "body"))
+        body = Skin(*(np.concatenate(pair) for pair in pairs))
+        tiles = [np.concatenate([one, _image(one, axis, place)]) for one in tiles]
+    return body, tiles
+
+
+def _image(corners: Floats, axis: int, place: float) -> Floats:
+    """Facets behind a plane, their corners the other way round so that they still look out."""
+    image = corners[:, ::-1].copy()
+    image[..., axis] = 2 * place - image[..., axis]
+    return image

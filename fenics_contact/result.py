@@ -1,0 +1,142 @@
+"""What a run gives back: its history, its verdict, its final state, and pictures of them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from fenics_contact.agreement import agreed
+from fenics_contact.assembly.system import System
+from fenics_contact.output.columns import HistoryRow
+from fenics_contact.output.curves import history_figure
+from fenics_contact.output.history import Summary
+from fenics_contact.output.lines import Along, Table, line, zones
+from fenics_contact.output.pictures import Drawing, save
+from fenics_contact.output.plot import drawing
+from fenics_contact.output.results import Results
+from fenics_contact.output.slave_nodes import SlaveNodes
+from fenics_contact.output.views import Angles
+from fenics_contact.scene.scene import Scene
+from fenics_contact.solvers.audit import Audit, audit
+from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.types import Array, Floats, Function
+from fenics_contact.values import SceneError
+
+Target = str | PathLike[str] | None  # of a picture
+
+
+@dataclass
+class Result:
+    """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
+    summary: what summary.json holds; scene: what was solved; measured: the final state's contacts, reactions and energies.
+    `result.u` is the displacement Function."""
+
+    history: list[HistoryRow]
+    verdict: Verdict
+    system: System
+    summary: Summary
+    scene: Scene
+    measured: Results = field(repr=False)
+
+    @property
+    def u(self) -> Function:
+        return self.system.state.u
+
+    @property
+    def converged(self) -> bool:
+        return self.verdict.converged
+
+    def require(self) -> "Result":
+        """Itself where the run converged; else the script ends with the reason and a nonzero exit code."""
+        if self.converged:
+            return self
+        raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
+
+    def audit(self) -> Audit:
+        """Audit of every block of the tangent at the final state; print it, or ask its `right`. Collective."""
+        return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
+
+    def column(self, name: str) -> Array:
+        """A history column at all accepted steps; KeyError lists the columns."""
+        if self.history and name not in self.history[0]:
+            raise KeyError(f"no column '{name}' in the history; it has: {', '.join(self.history[0])}")
+        return np.array([row[name] for row in self.history])
+
+    def table(self) -> Table:
+        """All history columns as arrays by name: what `pandas.DataFrame` takes."""
+        return {name: self.column(name) for name in (self.history[0] if self.history else ())}
+
+    def line(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Table:
+        """A contact's nodal values along a line of its slave surface at the final state: arrays by name. Collective.
+
+        Columns: arc (way along the deformed line), reference and current positions, pressure and friction on the current
+        area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y", "z", or a function of the reference
+        positions X (n, 3) -> (n,), that orders the points; cut: {axis: value}, the plane of the undeformed body that cuts
+        the surface, e.g. {"z": 0.0}; by default all corners of its facets. KeyError lists the contacts.
+        """
+        return line(self._surface(contact), along, cut, self.scene.units)
+
+    def widths(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Floats:
+        """Starts and ends (n, 2) [length] of the zones in contact along the arc of such a line. Collective."""
+        return zones(self.line(contact, along, cut), self.scene.units)
+
+    def _surface(self, contact: str) -> SlaveNodes:
+        names = [surface.contact.name for surface in self.measured.surfaces]
+        if contact not in names:
+            raise KeyError(f"no contact '{contact}'; there is: {', '.join(names) or 'none'}")
+        return self.measured.surfaces[names.index(contact)]
+
+    # -- pictures -------------------------------------------------------------------------------------------------
+    def drawing(self, field: str | None = None, *, mirror: str = "", view: str | Angles | None = None) -> Drawing | None:
+        """What `plot` draws, for axes of one's own: `drawing.draw(axes)`. On rank 0; None on the others. Collective."""
+        return drawing(self.scene, self.system, field, mirror, view)
+
+    def plot(
+        self,
+        field: str | None = None,
+        path: Target = None,
+        *,
+        mirror: str = "",
+        view: str | Angles | None = None,
+        limits: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> Figure | None:
+        """Picture of the final state: deformed bodies coloured by a field, with the tools.
+
+        field: "contact_pressure" (where the scene has contacts the default), "friction_traction", "gap" or "status" on the
+        slave surfaces; "displacement" (its size, the default elsewhere), "displacement_x", "_y", "_z", "von_mises",
+        "stress_xx", "stress_xy", ..., "J". path: file to write, by its ending .png, .pdf or .svg; mirror: axes of symmetry
+        planes behind which the model is drawn too, "x" or "xy"; view: "x", "y", "z" (along that axis) or (elevation,
+        azimuth) in degrees, by default along the thin axis of a plane-strain slice, else from where most of the field is
+        seen; limits: of the colours, in the field's unit; title: by default t.
+
+        A Matplotlib Figure on rank 0, None on the others. Collective. SceneError for a field that the scene does not have
+        and for a mirror without a plane of symmetry, on all ranks.
+        """
+        found = self.drawing(field, mirror=mirror, view=view)
+        return self._figure(path, lambda: found.figure(limits, title) if found else Figure())
+
+    def plot_history(
+        self, x: str, y: str | Sequence[str], path: Target = None, *, factors: tuple[float, float] = (1.0, 1.0)
+    ) -> Figure | None:
+        """Curves of history columns y over the column x, as "force over travel"; units come from the columns' names.
+
+        factors: of x and y, (-1, -1) for what goes downwards. A Figure on rank 0, None on the others. Collective. KeyError
+        lists the columns.
+        """
+        columns = [y] if isinstance(y, str) else list(y)
+        table = {name: factor * self.column(name) for name, factor in ((x, factors[0]), *((c, factors[1]) for c in columns))}
+        return self._figure(path, lambda: history_figure(table, self.scene.units))
+
+    def _figure(self, path: Target, make: Callable[[], Figure]) -> Figure | None:
+        """A figure that rank 0 makes and, given a path, saves; the others wait for it. Collective."""
+        comm, figure = self.system.comm, None
+        with agreed(comm, f"picture '{path}'" if path else "picture", SceneError):
+            if comm.rank == 0:
+                figure = make()
+                if path is not None:
+                    save(figure, Path(path))
+        return figure

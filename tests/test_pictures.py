@@ -1,0 +1,317 @@
+"""Pictures by what they hold, not by their pixels: facets, tools, view, colours, letters; on any number of ranks."""
+
+import gmsh
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.text import Text
+from mpi4py import MPI
+
+from fenics_contact import (
+    Body,
+    Scene,
+    Units,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    solve,
+)
+from fenics_contact.output.colours import BODY, STATUS, colours
+from fenics_contact.output.curves import along_line, words
+from fenics_contact.output.fields import Fields
+from fenics_contact.output.pictures import LETTERS, WIDTH
+from fenics_contact.output.plot import drawing
+from fenics_contact.output.skin import normals, symmetry_planes
+from fenics_contact.values import SceneError
+from meshes import box, punch_plate, two_blocks
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+ROOT = COMM.rank == 0
+RUBBER = {"a1": 0.1863, "a2": 0.0098, "K": 5.0}  # MPa
+
+
+@pytest.fixture(scope="module")
+def punched():
+    """Result of a punch pressed into a quarter of a plate of 7 x 7 x 2 cells."""
+    mesh = read_gmsh(punch_plate.build, inside=4, outside=3, layers=2, ratio=1.0)
+    scene = Scene(Body(mesh, "plate", mooney_rivlin(**RUBBER)))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
+    scene.contact("top", punch, 0.3, name="top")
+    scene.contact("bottom", rigid_plane(name="floor"), name="bottom")
+    return solve(scene, move={punch: (0, 0, -2.0)}, steps=2, progress=False)
+
+
+@pytest.fixture(scope="module")
+def rolled():
+    """Result of a slice x-y of one layer pressed on a floor by a roller."""
+    mesh = read_gmsh(box.build, size=(20.0, 5.0, 1.0), cells=(20, 5, 1))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.fix("ymin")
+    scene.fix(("zmin", "zmax"), "z")
+    roller = rigid_cylinder(3.0, point=(10, 8, 0), axis=(0, 0, 1), name="roller")
+    scene.contact("ymax", roller, 0.2, name="tread")
+    return solve(scene, move={roller: (0, -0.8, 0)}, steps=2, progress=False)
+
+
+def area(skin):
+    return np.linalg.norm(normals(skin.X), axis=1).sum()
+
+
+def refused(words, call):
+    """A SceneError on every rank."""
+    with pytest.raises(SceneError, match=words):
+        call()
+
+
+def holds(figure):
+    """All that a reader needs: page width, letters of 9 points, nothing cut off."""
+    assert figure.get_size_inches()[0] <= WIDTH + 1e-9
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) >= LETTERS
+    box = figure.get_tightbbox(canvas.get_renderer())
+    width, height = figure.get_size_inches()
+    assert box.x0 > -0.01 and box.y0 > -0.01 and box.x1 < width + 0.01 and box.y1 < height + 0.01
+
+
+def test_pressure_under_a_punch(punched):
+    drawn, figure = punched.drawing(), punched.plot("contact_pressure")
+    fields = Fields(punched.scene, punched.system)
+    fields.update()
+    highest = COMM.allreduce(float(np.nanmax(fields.contact_pressure.x.array)), op=MPI.MAX)
+    assert (drawn is None) is (figure is None) is (not ROOT)
+    if not ROOT:
+        return
+    assert len(drawn.body.x) == 2 * 49 + 4 * 14 and np.count_nonzero(drawn.body.slave) == 2 * 49
+    assert np.isfinite(drawn.body.values[drawn.body.slave]).all() and np.isnan(drawn.body.values[~drawn.body.slave]).all()
+    np.testing.assert_allclose(area(drawn.body), 2 * 40.0**2 + 4 * 40.0 * 10.0, rtol=1e-12)
+    assert drawn.view.axis is None and drawn.view.towards[2] > 0.3  # contact is seen from where its normals point
+    assert (drawn.colours.low, drawn.colours.high) == (0.0, pytest.approx(highest)) and not drawn.hidden.any()
+    punch, floor = drawn.tools
+    np.testing.assert_allclose(punch[..., 2].min(), 8.0)  # after its travel
+    assert punch[..., :2].min() >= 0.0 and len(punch) > 10 and np.abs(floor[..., 2]).max() < 1e-12  # cut like the plate
+    assert isinstance(figure, Figure) and "contact pressure [MPa]" in [axes.get_ylabel() for axes in figure.axes]
+    axes = figure.axes[0]
+    (painted,) = (c for c in axes.collections if isinstance(c, PolyCollection))
+    assert len(painted.get_paths()) > len(punch) + len(floor)
+    flat = drawn.view.flat(drawn.body.x.reshape(-1, 3))
+    for (low, high), places in zip((axes.get_xlim(), axes.get_ylim()), flat.T, strict=True):
+        assert low < places.min() and places.max() < high
+    holds(figure)
+
+
+def test_mirrors_double_the_model(punched):
+    planes = symmetry_planes(punched.scene)
+    assert planes == {0: pytest.approx(0.0), 1: pytest.approx(0.0)}
+    once, twice, four = (punched.drawing("displacement_z", mirror=mirror) for mirror in ("", "x", "xy"))
+    refused("planes normal to x, y", lambda: punched.drawing(mirror="z"))
+    if not ROOT:
+        return
+    cut = 40.0 * 10.0  # of a face that lies in a plane of symmetry
+    np.testing.assert_allclose(area(twice.body), 2 * (area(once.body) - cut))
+    np.testing.assert_allclose(area(four.body), 4 * (area(once.body) - 2 * cut))
+    assert np.allclose(twice.body.X.min(axis=(0, 1)), [-40.0, 0.0, 0.0])
+    out = four.body.X.mean(axis=1) - [0.0, 0.0, 5.0]
+    assert (np.einsum("nc,nc->n", normals(four.body.X), out) > 0.0).all()  # images look out too
+    assert [len(tiles) for tiles in four.tools] == [4 * len(tiles) for tiles in once.tools]
+    assert four.colours == once.colours
+
+
+def test_wrong_wishes_are_refused_on_all_ranks(punched, tmp_path):
+    refused("no field 'pressure'.*contact_pressure", lambda: punched.plot("pressure"))
+    refused("view = 'w'", lambda: punched.plot(view="w"))
+    refused("picture.*No such file", lambda: punched.plot(path=COMM.bcast(tmp_path) / "nowhere" / "a.png"))
+
+
+def test_a_slice_is_seen_along_its_thin_axis(rolled, tmp_path):
+    path = COMM.bcast(tmp_path) / "slice.pdf"
+    drawn, figure, above = rolled.drawing(), rolled.plot(path=path), rolled.drawing(view=(30, -60))
+    if not ROOT:
+        return
+    assert path.read_bytes().startswith(b"%PDF")
+    assert drawn.is_slice and drawn.view.axis == 2 and not above.is_slice
+    axes = figure.axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
+    side, band = (c for c in axes.collections if isinstance(c, PolyCollection))
+    assert len(side.get_paths()) == 20 * 5 and len(band.get_paths()) == 20  # pressure as a band on the 20 slave facets
+    assert any(isinstance(patch, PathPatch) for patch in axes.patches)  # the roller's wall
+    lines = np.concatenate([np.concatenate(c.get_segments()) for c in axes.collections if isinstance(c, LineCollection)])
+    assert np.hypot(lines[:, 0] - 10.0, lines[:, 1] - 7.2).min() == pytest.approx(3.0, rel=0.02)
+    holds(figure)
+
+
+@pytest.mark.parametrize(
+    ("size", "cells", "held", "axis"),
+    [
+        ((20.0, 0.5, 0.7), (8, 2, 1), "z", 2),  # a strap thinner than its one layer
+        ((20.0, 10.0, 0.7), (8, 4, 2), "z", 2),  # two layers, thin
+        ((10.0, 0.7, 10.0), (4, 1, 4), "y", 1),
+        ((20.0, 10.0, 0.7), (8, 4, 1), "", None),  # a sheet that grows thinner
+        ((2.0, 2.0, 2.0), (1, 1, 1), "z", None),  # a single cell
+    ],
+)
+def test_what_is_a_slice(size, cells, held, axis):
+    scene = Scene(Body(read_gmsh(box.build, size=size, cells=cells), "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.fix("xmin")
+    for letter in held:
+        scene.fix((f"{letter}min", f"{letter}max"), letter)
+    scene.prescribe("xmax", "x", 0.01)
+    drawn = solve(scene, steps=1, progress=False).drawing()
+    if ROOT:
+        assert drawn.view.axis == axis and drawn.is_slice is (axis is not None)
+
+
+def test_a_status_map_has_a_legend_of_its_four_words(rolled, punched):
+    slice_map, whole = rolled.plot("status"), punched.plot("status", mirror="x")
+    if not ROOT:
+        return
+    for figure in (slice_map, whole):
+        legend = figure.axes[0].get_legend()
+        assert [text.get_text() for text in legend.get_texts()][:4] == ["open", "closed", "stick", "slip"]
+        assert len(figure.axes) == 1  # no colour bar
+        holds(figure)
+    (painted,) = (c for c in whole.axes[0].collections if isinstance(c, PolyCollection))
+    found = {tuple(np.round(colour[:3], 3)) for colour in painted.get_facecolors() if colour[3] == 1.0}
+    known = {tuple(round(int(colour[i : i + 2], 16) / 255, 3) for i in (1, 3, 5)) for colour in STATUS}
+    assert len(found & known) >= 2  # under the rough punch some stick or slip, the rim is open
+    assert all(np.ptp(np.array(colour) / BODY) < 0.01 for colour in found - known)  # all else is the body's, shaded
+
+
+@pytest.mark.parametrize("off", [np.nan, 0.0])
+def test_values_off_the_slave_surfaces_are_not_drawn(punched, off):
+    """NaN or zero there, what is drawn is the same; NaN on a slave surface is grey."""
+    fields = Fields(punched.scene, punched.system)
+    fields.update()
+    z = fields.contact_pressure.function_space.tabulate_dof_coordinates()[:, 2]
+    inside = (z > 1e-9) & (z < 10.0 - 1e-9)
+    fields.contact_pressure.x.array[inside] = off
+    drawn, plain = drawing(punched.scene, punched.system, fields=fields), punched.drawing()
+    fields.contact_pressure.x.array[:] = np.nan
+    empty = drawing(punched.scene, punched.system, fields=fields)
+    if ROOT:
+        np.testing.assert_array_equal(drawn.body.values, plain.body.values)
+        assert drawn.colours == plain.colours
+        assert np.isnan(empty.body.values).all()
+        np.testing.assert_allclose(empty.colours.of(empty.body.values[:, 0])[:, :3], np.tile(BODY, (len(empty.body.x), 1)))
+        holds(empty.figure())
+
+
+def test_a_scene_without_contacts_shows_its_displacement():
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)), units=Units("m", "kN", "kPa"))
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", 0.2)
+    result = solve(scene, steps=1, progress=False)
+    drawn, figure = result.drawing(), result.plot()
+    stress, ratio = result.drawing("stress_zz"), result.drawing("J")
+    refused("no contacts", lambda: result.plot("contact_pressure"))
+    refused("there are none", lambda: result.plot(mirror="x"))
+    if ROOT:
+        assert drawn.colours.label == "displacement [m]" and not drawn.tools
+        assert drawn.colours.low == 0.0 and 0.2 <= drawn.colours.high < 0.25  # the sides move inwards too
+        assert stress.colours.label == "Cauchy stress zz [kPa]" and ratio.colours.low > 0.9
+        holds(figure)
+
+
+def test_a_contact_between_bodies_is_seen_through_one_of_them():
+    mesh = read_gmsh(two_blocks.build, lower_cells=(4, 4, 1), upper_cells=(3, 3, 1))
+    scene = Scene(*(Body(mesh, name, mooney_rivlin(**RUBBER)) for name in ("lower", "upper")))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -0.5)
+    scene.contact("upper_bottom", "lower_top", name="interface")
+    result = solve(scene, steps=1, progress=False)
+    drawn, whole = result.drawing(), result.drawing("von_mises")
+    if ROOT:
+        assert drawn.hidden.tolist() == [True, False] and not whole.hidden.any()
+        assert drawn.view.towards[2] < 0.0 and "seen from below" in drawn.title
+        assert set(drawn.body.body[drawn.body.slave]) == {1}
+        holds(drawn.figure())
+
+
+def test_a_huge_tool_leaves_the_body_its_size():
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(3, 3, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.fix("zmin")
+    ball = rigid_sphere(50.0, (1.0, 1.0, 51.0), name="ball")
+    scene.contact("zmax", ball, name="lid")
+    result = solve(scene, move={ball: (0, 0, -0.05)}, steps=1, progress=False)
+    drawn = result.drawing()
+    if ROOT:
+        (tiles,) = drawn.tools
+        assert len(tiles) > 10 and tiles.min() > -0.5 and tiles.max() < 2.5
+        np.testing.assert_allclose(np.linalg.norm(tiles.mean(axis=1) - [1.0, 1.0, 50.95], axis=1), 50.0, atol=0.02)
+
+
+def tetrahedra():
+    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "cube")
+    for tag in range(1, 7):
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [tag]), f"face{tag}")
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tetrahedra(degree):
+    scene = Scene(Body(read_gmsh(tetrahedra), "cube", neo_hooke(mu=0.4, K=2.0)), degree=degree)
+    scene.fix("face5")
+    scene.prescribe("face6", "z", -0.1)
+    result = solve(scene, steps=1, progress=False)
+    drawn, figure = result.drawing("displacement_z"), result.plot("von_mises")
+    if ROOT:
+        np.testing.assert_allclose(area(drawn.body), 6.0, rtol=1e-12)
+        assert (np.einsum("nc,nc->n", normals(drawn.body.X), drawn.body.X.mean(axis=1) - 0.5) > 0.0).all()
+        assert (drawn.colours.low, drawn.colours.high) == (pytest.approx(-0.1), pytest.approx(0.0))
+        holds(figure)
+
+
+def test_curves_have_names_and_units(punched):
+    figure = punched.plot_history(
+        "punch_travel_z_mm", ["top_force_z_N", "bottom_force_z_N", "top_area_mm2"], factors=(-1, 1)
+    )
+    with pytest.raises(KeyError, match="top_force_z_N"):
+        punched.plot_history("t", "top_force")
+    assert words("limit_point", Units()) == ("limit point", "")
+    if not ROOT:
+        return
+    forces, contact_area = figure.axes
+    assert forces.get_xlabel() == "punch travel z [mm]" and contact_area.get_ylabel() == "top area [mm²]"
+    assert [text.get_text() for text in forces.get_legend().get_texts()] == ["top force z", "bottom force z"]
+    np.testing.assert_allclose(forces.lines[0].get_xdata(), [1.0, 2.0])
+    holds(figure)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "limits"),
+    [
+        ("amount", [0.0, 2.0, np.nan], (0.0, 2.0)),
+        ("signed", [-1.0, 3.0], (-3.0, 3.0)),  # zero in the middle
+        ("signed", [-0.01, 3.0], (-0.01, 3.0)),  # one side is all there is
+        ("amount", [np.nan], (0.0, 1.0)),
+        ("amount", [2.0, 2.0], (1.9, 2.1)),
+    ],
+)
+def test_limits_of_colours(kind, values, limits):
+    found = colours("", kind, False, np.array(values))
+    np.testing.assert_allclose((found.low, found.high), limits)
+    assert (found.scale.get_cmap().name == "RdBu_r") is (limits[0] == -limits[1])  # pale in the middle: zero
+
+
+def test_pressure_along_a_line_leaves_out_what_is_not_there():
+    axes = Figure().add_subplot()
+    along_line(axes, np.array([2.0, 0.0, 1.0, 3.0]), np.array([0.0, 1.0, 2.0, np.nan]), label="a")
+    np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 1.0], [1.0, 2.0], [2.0, 0.0]])
