@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact.studies import Study, answer, expand, grid, stability_map, work_precision
 from fenics_contact.studies.__main__ import NAMES, run
-from fenics_contact.studies.charts import StudyError, cheapest, hold_slope, medians, pareto, savings
+from fenics_contact.studies.charts import StudyError, _short_panels, cheapest, hold_slope, medians, pareto, savings
 from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
 from fenics_contact.studies.runner import read
 
@@ -89,13 +89,18 @@ def test_charts(folder):
     assert pareto([(3.0, 1.0), (1.0, 2.0), (2.0, 2.5), (4.0, 0.5)]) == [1, 0, 3]
     front = work_precision(folder / "work.png", rows, base, panels, "a title", ["h", "way"])
     assert {row["way"] for row in front} == {"a"}
+    apart = [row | {"error": float("nan"), "value": row["h"]} for row in rows]
+    assert work_precision(folder / "values.png", apart, base, panels, parameters=["h", "way"]) == []
+    assert "no reference" in answer(apart, base, panels, ["h", "way"])
+    many = _short_panels({"many": dict.fromkeys("abcdefghi", {}), "few": {"a": {}}})
+    assert [len(curves) for curves in many.values()] == [3, 3, 3, 1]
     failed = case(1.0, "diverges") | {"h": 1.0, "way": "a"}
     stability_map(folder / "map.png", [failed, *rows[1:]], "h", "way", title="where it fails")
     stability_map(folder / "panels.png", rows, "h", "iterations", panel="way", wrong=lambda row: row["error"] > 0.1)
     values = [row | {"value": 1.0 + row["error"]} for row in rows]
     (line,) = savings(folder / "savings.png", values, {"coarse": (base | {"h": 0.08}, base)}, ["h", "way"])
     assert line == "coarse: 0.00 of the time, force differs by 98.73%"  # 1/1953; (1 + 1)/(1 + 0.0064) - 1
-    pictures = ("work.png", "map.png", "panels.png", "savings.png")
+    pictures = ("work.png", "values.png", "map.png", "panels.png", "savings.png")
     assert all((folder / name).stat().st_size > 5000 for name in pictures)
 
 

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from fenics_contact.studies.runner import Panels, Row, Run, Values, of_curve
-from fenics_contact.studies.stability import short
+from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
 
 # Okabe & Ito's colours, told apart with any colour vision and in grey with the markers
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C00")
 MARKERS = "os^Dv<>P"
+MOST = 4  # curves to a panel, and labels beside it
 AIMS = (0.01, 0.001)  # relative errors a user may want
 
 End = tuple[str, tuple[float, float] | None, str]  # of a curve: its label, its last point if it has one, its colour
@@ -95,6 +96,8 @@ def answer(rows: list[Row], base: Run, panels: Panels, parameters: Sequence[str]
     one nearest to the baseline."""
     rows = medians(rows, parameters)
     unit, parts = _unit(rows, base), []
+    if not any(row["error"] > 0.0 for row in rows if row["converged"] is True):
+        return "no run has an error: there is no reference to choose by"
     for aim in AIMS:
         good = lasting(rows, base, panels, aim)
         fastest = cheapest(good, aim)
@@ -132,49 +135,65 @@ def work_precision(
     """Draw log error against log time over the baseline's time, a panel for each question; returns the Pareto front's rows.
 
     path: picture; rows: of a study; base, panels: as given to `expand`; parameters: the study's, for medians over repeats.
-    The front of all panels is grey; beside each point stands the value of the curve's first parameter.
+    The front of all panels is grey; beside each point stands the value of the curve's first parameter. Rows without any
+    error, of a study without a reference, are drawn by their values over time, and have no front.
     """
     rows = medians(rows, parameters)
     unit = _unit(rows, base)
     good = [r for r in rows if r["converged"] is True and r["error"] > 0.0]
-    front = pareto([(_seconds(r) / unit, r["error"]) for r in good])
-    across = min(len(panels), 2)
-    figure = Figure(figsize=(5.6 * across, 4.1 * -(-len(panels) // across)), layout="constrained")
-    axes = figure.subplots(-(-len(panels) // across), across, sharex=True, sharey=True, squeeze=False).ravel()
-    for axis in axes[len(panels) :]:
-        axis.set_visible(False)
-    for axis, (name, curves) in zip(axes, panels.items(), strict=False):
-        steps = np.transpose([(_seconds(good[i]) / unit, good[i]["error"]) for i in front])
-        axis.step(*steps, where="post", color="black", linewidth=6, alpha=0.12, zorder=0)
-        _curves(axis, good, base, curves, unit)
-        axis.set_title(name, fontsize=10)
-        axis.set_xlabel("time / time of the baseline (★)")
-        axis.set_ylabel(quantity)
-        axis.tick_params(labelbottom=True, labelleft=True)
-    words = textwrap.wrap(f"{title}. Grey: no run is both faster and better", 60 * across)
-    figure.suptitle("\n".join(words), fontsize=10)
-    figure.savefig(path, dpi=110)
+    key = "error" if good else "value"
+    good = good or [r for r in rows if r["converged"] is True]
+    front = pareto([(_seconds(r) / unit, r["error"]) for r in good]) if key == "error" else []
+    parts = _short_panels(panels)
+    figure = Figure(figsize=(WIDTH, 0.6 + 2.6 * len(parts)), layout="constrained")
+    axes = figure.subplots(len(parts), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for axis, (name, curves) in zip(axes, parts.items(), strict=True):
+        if front:
+            steps = np.transpose([(_seconds(good[i]) / unit, good[i]["error"]) for i in front])
+            axis.step(*steps, where="post", color="black", linewidth=6, alpha=0.12, zorder=0)
+        _curves(axis, good, base, curves, unit, key)
+        axis.set_title(name, fontsize=LETTERS + 1)
+        axis.set_xlabel("time / time of the baseline (★)", fontsize=LETTERS)
+        axis.set_ylabel(quantity if front else "value", fontsize=LETTERS)
+        axis.tick_params(labelbottom=True, labelleft=True, labelsize=LETTERS)
+    words = textwrap.wrap(f"{title}. Grey: no run is both faster and better" if front else title, 80)
+    figure.suptitle("\n".join(words), fontsize=LETTERS + 1)
+    figure.savefig(path, dpi=DOTS)
     return [good[i] for i in front]
 
 
-def _curves(axis: Axes, good: list[Row], base: Run, curves: Mapping[str, Values], unit: float) -> None:
+def _short_panels(panels: Panels) -> Panels:
+    """The panels, those with more than MOST curves in parts of nearly equal size."""
+    found: dict[str, Mapping[str, Values]] = {}
+    for name, curves in panels.items():
+        count = -(-len(curves) // MOST)
+        each = -(-len(curves) // count)
+        for part in range(count):
+            labels = list(curves)[part * each : (part + 1) * each]
+            found[f"{name} ({part + 1} of {count})" if count > 1 else name] = {label: curves[label] for label in labels}
+    return found
+
+
+def _curves(axis: Axes, good: list[Row], base: Run, curves: Mapping[str, Values], unit: float, key: str) -> None:
+    """key: what is drawn over time, "error", or "value" on an even scale."""
     ends: list[End] = []
+    axis.set_xscale("log"), axis.set_yscale("log" if key == "error" else "linear")
     for number, (label, values) in enumerate(curves.items()):
         mine = of_curve(good, base, values)
         if not mine:
             ends.append((label + ": none converged", None, COLOURS[number]))
             continue
         first = next(iter(values))
-        points = [(_seconds(r) / unit, r["error"]) for r in mine]
-        axis.loglog(*np.transpose(points), color=COLOURS[number], marker=MARKERS[number], markersize=5, linewidth=1.2)
+        points = [(_seconds(r) / unit, r[key]) for r in mine]
+        axis.plot(*np.transpose(points), color=COLOURS[number], marker=MARKERS[number], markersize=5, linewidth=1.2)
         for place, row in zip(points, mine, strict=True):
-            axis.annotate(short(row[first]), place, xytext=(3, 3), textcoords="offset points", fontsize=6.5,
+            axis.annotate(short(row[first]), place, xytext=(3, 3), textcoords="offset points", fontsize=8,
                           color=COLOURS[number])  # fmt: skip
         ends.append((label, max(points), COLOURS[number]))
     star = of_curve(good, base, {})
     if star:
-        axis.loglog(1.0, star[0]["error"], "*", color="black", markersize=11, zorder=5)
-    for aim in AIMS:
+        axis.plot(1.0, star[0][key], "*", color="black", markersize=11, zorder=5)
+    for aim in AIMS if key == "error" else ():
         axis.axhline(aim, color="grey", linewidth=0.6, linestyle=":")
     axis.margins(0.08)
     axis.grid(which="major", linewidth=0.3)
@@ -186,9 +205,10 @@ def _curves(axis: Axes, good: list[Row], base: Run, curves: Mapping[str, Values]
 
 def _label_ends(axis: Axes, ends: list[End]) -> None:
     """Names of the curves in a column at the right, in the order of their ends and apart from one another."""
-    low, high = np.log(axis.get_ylim())
-    heights = [(np.log(end[1]) - low) / (high - low) if end else 0.0 for _, end, _ in ends]
-    order, gap = np.argsort(heights), 0.055
+    scale = np.log if axis.get_yscale() == "log" else np.asarray
+    low, high = scale(axis.get_ylim())
+    heights = [(scale(end[1]) - low) / (high - low) if end else 0.0 for _, end, _ in ends]
+    order, gap = np.argsort(heights), 0.1
     places = np.array(heights)[order]
     for i in range(1, len(places)):
         places[i] = max(places[i], places[i - 1] + gap)
@@ -199,7 +219,7 @@ def _label_ends(axis: Axes, ends: list[End]) -> None:
         label, end, colour = ends[i]
         line = {"arrowstyle": "-", "color": colour, "linewidth": 0.5, "alpha": 0.6} if end else None
         axis.annotate(label, end or (1.0, place), xycoords="data" if end else "axes fraction", xytext=(1.02, place),
-                      textcoords="axes fraction", color=colour, fontsize=8, va="center", arrowprops=line)  # fmt: skip
+                      textcoords="axes fraction", color=colour, fontsize=LETTERS, va="center", arrowprops=line)  # fmt: skip
 
 
 def savings(
@@ -210,7 +230,7 @@ def savings(
     pairs: {words: (parameters of the full run, parameters of the frugal one)}. Returns a sentence for each.
     """
     rows = medians(rows, parameters)
-    figure = Figure(figsize=(8.2, 0.9 + 0.5 * len(pairs)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.75 * len(pairs)), layout="constrained")
     axis, sentences = figure.add_subplot(), []
     for place, (words, runs) in enumerate(reversed(list(pairs.items()))):
         full, frugal = (of_curve(rows, run, {})[0] for run in runs)
@@ -218,14 +238,17 @@ def savings(
             raise StudyError(f"{words}: a run did not converge")
         ratio, added = _seconds(frugal) / _seconds(full), abs(frugal["value"] / full["value"] - 1)
         share = f"{added:.2%}" if added >= 5e-5 else "< 0.01 %"
-        axis.barh(place, ratio, color=COLOURS[0] if ratio < 1.0 else COLOURS[1], height=0.55)
-        axis.annotate(f" {ratio:.2f} × the time, force differs by {share}", (ratio, place), va="center", fontsize=8,
-                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
+        axis.barh(place, ratio, color=COLOURS[0] if ratio < 1.0 else COLOURS[1], height=0.35)
+        clear = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+        axis.annotate(f"{words}: {ratio:.2f} × the time", (0.01, place + 0.24), va="bottom", fontsize=LETTERS, bbox=clear)
+        axis.annotate(f" force differs by {share}", (ratio + 0.01, place), va="center", fontsize=LETTERS, bbox=clear)
         sentences.append(f"{words}: {ratio:.2f} of the time, force differs by {share}")
-    axis.set_yticks(range(len(pairs)), reversed(list(pairs)), fontsize=8)
+    axis.set_yticks([])
+    axis.set_ylim(-0.4, len(pairs) - 0.3)
     axis.axvline(1.0, color="black", linewidth=0.8, zorder=0)
-    axis.set_xlim(0.0, 1.9 * max(1.0, axis.get_xlim()[1]))
-    axis.set_xlabel("time of the frugal run / time of the full one (1: nothing gained)")
-    axis.set_title(title, fontsize=10)
-    figure.savefig(path, dpi=110)
+    axis.set_xlim(0.0, 1.5 * max(1.0, axis.get_xlim()[1]))
+    axis.set_xlabel("time of the frugal run / time of the full one (1: nothing gained)", fontsize=LETTERS)
+    axis.tick_params(labelsize=LETTERS)
+    axis.set_title(title, fontsize=LETTERS + 1)
+    figure.savefig(path, dpi=DOTS)
     return sentences[::-1]

@@ -26,10 +26,12 @@ FAILURES = {
     "passed through": "lost",
     "refused": "refused",
     "no end within": "too long",
+    "no convergence": "no conv.",
     "stopped": "crashed",
     "limit": "limit point",
 }
 WRONG = "#D55E00"
+WIDTH, LETTERS, DOTS = 6.3, 9.0, 150  # of charts: inches (16 cm, a page's width), points, dots per inch
 
 
 def failure(row: Row) -> str:
@@ -40,7 +42,9 @@ def failure(row: Row) -> str:
 
 def iterations(row: Row) -> str:
     """The text of a converged run's field."""
-    return f"{row['iterations']:g}" + (f"\n{row['cut_backs']:g} cuts" if row["cut_backs"] else "")
+    return f"{row['iterations']:g}" + (
+        f"\n{row['cut_backs']:g} cut{'s' * (row['cut_backs'] > 1)}" if row["cut_backs"] else ""
+    )
 
 
 def stability_map(
@@ -56,50 +60,55 @@ def stability_map(
 ) -> None:
     """Draw where a method converges, and with how many iterations, over two parameters; a panel per value of a third.
 
-    Failed runs are grey with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
-    whether it converged to something wrong, which is framed; names: {parameter: axis label with unit}.
+    Failed runs are hatched, with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
+    whether it converged to something wrong, which is framed; names: {parameter: axis label with unit}. As wide as a page,
+    panels below one another.
     """
     names = names or {}
     panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
     columns, lines = (list(dict.fromkeys(row[name] for row in rows)) for name in (x, y))
-    size = 1.9 + (0.4 + 0.72 * len(columns)) * len(panels), 1.9 + 0.46 * len(lines)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.9 + (0.75 + 0.42 * len(lines)) * len(panels)), layout="constrained")
     counts = [row["iterations"] for row in rows if row["converged"] is True]
     norm = LogNorm(min(counts, default=1), max([*counts, 2]))
-    for number, (value, axes) in enumerate(zip(panels, figure.subplots(1, len(panels), squeeze=False)[0], strict=True)):
+    for value, axes in zip(panels, figure.subplots(len(panels), 1, squeeze=False)[:, 0], strict=True):
         mine = [row for row in rows if panel is None or row[panel] == value]
         values = np.full((len(lines), len(columns)), np.nan)
         for row in mine:
             i, j = lines.index(row[y]), columns.index(row[x])
             values[i, j] = row["iterations"] if row["converged"] is True else np.nan
             _field(axes, i, j, row, norm, text, wrong)
-        axes.set_facecolor("lightgrey")
         picture = axes.imshow(values, norm=norm, cmap="cividis_r", origin="lower", aspect="auto")
-        axes.set_xticks(range(len(columns)), [short(c) for c in columns], fontsize=8)
-        axes.set_yticks(range(len(lines)), [short(line) for line in lines] if number == 0 else [], fontsize=8)
-        axes.set_xlabel(names.get(x, x.replace("_", " ")), fontsize=9)
-        axes.set_title(f"{names.get(panel, panel)}: {short(value)}" if panel else "", fontsize=9)
-    figure.axes[0].set_ylabel(names.get(y, y.replace("_", " ")), fontsize=9)
-    bar = figure.colorbar(picture, ax=figure.axes, label="tangent solves (grey: failed)")
+        axes.set_xticks(range(len(columns)), [short(c) for c in columns])
+        axes.set_yticks(range(len(lines)), [short(line) for line in lines])
+        axes.set_title(f"{names.get(panel, panel)}: {short(value)}" if panel else "", fontsize=LETTERS)
+        axes.set_ylabel(names.get(y, y.replace("_", " ")), fontsize=LETTERS)
+        axes.tick_params(labelsize=LETTERS)
+    axes.set_xlabel(names.get(x, x.replace("_", " ")), fontsize=LETTERS)
+    bar = figure.colorbar(picture, ax=figure.axes, location="bottom", aspect=50, shrink=0.8)
+    bar.set_label("tangent solves (hatched: failed)", size=LETTERS)
     even = [m * 10**n for n in range(5) for m in (1, 2, 5) if norm.vmin <= m * 10**n <= norm.vmax]
     ticks = even if len(even) > 1 else [norm.vmin, norm.vmax]
     bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
     bar.ax.minorticks_off()
-    figure.suptitle("\n".join(textwrap.wrap(title, round(11 * size[0]))), fontsize=10)
-    figure.savefig(path, dpi=120)
+    bar.ax.tick_params(labelsize=LETTERS)
+    figure.suptitle("\n".join(textwrap.wrap(title, 80)), fontsize=LETTERS + 1)
+    figure.savefig(path, dpi=DOTS)
 
 
 def _field(
     axes: Axes, i: int, j: int, row: Row, norm: LogNorm, text: Callable[[Row], str], wrong: Callable[[Row], bool]
 ) -> None:
     if row["converged"] is True:
-        words, colour = text(row), "white" if norm(row["iterations"]) > 0.6 else "black"
+        words, colour = text(row), "white" if norm(row["iterations"]) > 0.5 else "black"
         if wrong(row):
             axes.add_patch(_frame(i, j))
     else:
         reached = f"t={row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else ""
-        words, colour = f"× {reached}\n{failure(row)}", "black"
-    axes.text(j, i, words, ha="center", va="center", fontsize=6, color=colour)
+        words, colour = f"{reached}\n{failure(row)}", "black"
+        hatched = {"facecolor": "white", "edgecolor": "0.7", "hatch": "////", "linewidth": 0.0, "zorder": 1}
+        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, **hatched))
+    behind = {} if row["converged"] is True else {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 0.5}}
+    axes.text(j, i, words, ha="center", va="center", fontsize=8, linespacing=0.95, color=colour, **behind)
 
 
 def _frame(i: int, j: int) -> Rectangle:
