@@ -17,7 +17,7 @@ from mpi4py import MPI
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from fenics_contact import ArcSteps, Body, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, solve
+from fenics_contact import ArcSteps, Body, Film, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, solve
 from meshes import sphere_shell
 
 OUT = Path("results/inflated_sphere")
@@ -94,18 +94,13 @@ def inflate(mesh, reading, K, out=None):
     scene.pressure("inner", SCALE)
     radial = inner_radial(scene)
     arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": lambda state: radial(state) - LAST}
-    shapes = []
-
-    def measure(state):
-        shapes.append(state.u.x.array.copy())
-        return radial(state)
-
-    result = solve(scene, **arc, record={"inner_radial_mm": measure}, out=out, overwrite=True, progress=False)
+    film = Film("displacement", mirror="xz", view=(25, -70))  # half of it, cut open
+    record = {"inner_radial_mm": radial, "frame": film}
+    result = solve(scene, **arc, record=record, out=out, overwrite=True, progress=False)
     if not result.converged:
         raise SystemExit(f"reading {reading}, K = {K}: {result.verdict.reason}")
     peak = int(np.argmax(result.column("limit_point") == 1))
-    result.u.x.array[:] = shapes[peak]
-    shell = result.drawing("displacement", mirror="xz", view=(25, -70))  # half of it, cut open
+    shell = film.drawings[peak] if ROOT else None
     return result.column("inner_radial_mm"), SCALE * result.column("t"), peak, shell
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Film, Scene, from_elastic, read_gmsh, solve
 from meshes import ironing
 
 OUT = Path("results/ironing")
@@ -36,7 +36,7 @@ def path(turns):
 
 
 def iron(quick):
-    """Result, and the displacements after each step."""
+    """Result, and drawings of all steps."""
     mesh, way = read_gmsh(ironing.build, depth=DEPTH, **(QUICK if quick else {})), SHORT if quick else DRAW
     scene = Scene(Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU)))
     scene.fix("foundation_bottom")
@@ -44,18 +44,13 @@ def iron(quick):
     scene.prescribe("indenter_top", "x", path([0, 0, way, way]))
     scene.prescribe("indenter_top", "z", path([0, -PRESS, -PRESS, 0]))
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, name="interface")
-    shapes = []
-
-    def keep(state):
-        shapes.append(state.u.x.array.copy())
-        return len(shapes)
-
+    film = Film("contact_pressure")
     steps = (10, round(80 * way / DRAW), 5 if quick else 10)
     press, draw, lift = (np.linspace(i, i + 1, n + 1)[1:] for i, n in enumerate(steps))
     result = solve(
-        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, overwrite=True, progress=False, record={"shape": keep}
+        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, overwrite=True, progress=False, record={"frame": film}
     ).require()
-    return result, shapes
+    return result, film
 
 
 def figure(time, vertical, horizontal, bodies):
@@ -77,18 +72,16 @@ def figure(time, vertical, horizontal, bodies):
 
 
 def main(quick=False):
-    result, shapes = iron(quick)
+    result, film = iron(quick)
     time = 3 * result.column("t")
     vertical, horizontal = (sign * result.column(f"interface_force_{a}_N") / DEPTH for sign, a in ((-1, "z"), (1, "x")))
-    result.u.x.array[:] = shapes[np.argmin(np.abs(time - 1.5))]
-    bodies = result.drawing("contact_pressure")
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
     if quick:
         plateau = (time > 1.6) & (time < 2.01)
     V, ratio = vertical[plateau], horizontal[plateau] / vertical[plateau]
     ripple = np.ptp(V) / V.mean()
     if MPI.COMM_WORLD.rank == 0:
-        figure(time, vertical, horizontal, bodies)
+        figure(time, vertical, horizontal, film.drawings[np.argmin(np.abs(time - 1.5))])
         print(f"vertical force {V.min():.1f} to {V.max():.1f} N/mm (published {VERTICAL}), ripple {ripple:.2%}")
         print(f"horizontal over vertical {ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f} (published {RATIO})")
         print(f"lifted: {vertical[-1]:.1e} and {horizontal[-1]:.1e} N/mm")

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import ArcSteps, Body, Load, Scene, Travel, mooney_rivlin, read_gmsh, rigid_sphere, solve
+from fenics_contact import ArcSteps, Body, Film, Load, Scene, Travel, mooney_rivlin, read_gmsh, rigid_sphere, solve
 from meshes import dome
 
 OUT = Path("results/snap_dome")
@@ -39,14 +39,9 @@ def curve(result):
 
 
 def push(mesh, largest):
-    """Through and back under a force; also every step's displacement (on this rank) for pictures."""
+    """Through and back under a force; also drawings of all steps."""
     scene, ball = scene_of(mesh)
-    shapes = []
-
-    def keep(state):
-        shapes.append(state.u.x.array.copy())
-        return len(shapes)
-
+    film = Film("contact_pressure", mirror="x", view=(20, -70))  # into the half that is cut open
     result = solve(
         scene,
         push={ball: (0, 0, -1.0)},
@@ -54,13 +49,13 @@ def push(mesh, largest):
         steps=ArcSteps(first=0.1, largest=largest),
         until=Travel(ball, "z", -END),
         back=Load(0.02),
-        record={"shape": keep},
+        record={"frame": film},
         out=OUT / "pushed",
         overwrite=True,
     )
     if not result.converged:
         raise SystemExit(f"pushed: {result.verdict.reason}")
-    return result, shapes
+    return result, film
 
 
 def move(mesh, travels):
@@ -95,7 +90,7 @@ def picture(through, back, moved, limits, shapes, path):
 
 def main(quick=False):
     mesh = read_gmsh(dome.build, radius=RADIUS, thickness=WALL, boss=5.0, cells=3 if quick else 8)
-    pushed, shapes = push(mesh, largest=4.0 if quick else 1.0)
+    pushed, film = push(mesh, largest=4.0 if quick else 1.0)
     travel, force = curve(pushed)
     turn = int(np.argmax(travel))
     through, back = (travel[: turn + 1], force[: turn + 1]), (travel[turn:], force[turn:])
@@ -103,12 +98,8 @@ def main(quick=False):
     apart = np.abs(moved[1] - through[1]).max() / through[1].max()
 
     marks = [*np.flatnonzero(pushed.column("limit_point")[: turn + 1]), turn]
-    then = []
-    for step in marks:
-        pushed.u.x.array[:] = shapes[step]
-        pushed.system.state.travel[0] = [pushed.column(f"ball_travel_{axis}_mm")[step] for axis in "xyz"]
-        then.append(pushed.drawing("contact_pressure", mirror="x", view=(20, -70)))  # into the half that is cut open
     if ROOT:
+        then = [film.drawings[step] for step in marks]
         picture(through, back, moved, [(travel[i], force[i]) for i in marks], then, OUT / "snap_dome.png")
         for point in pushed.summary["limit_points"]:
             place = "through" if point["step"] <= turn + 1 else "back"

@@ -5,6 +5,7 @@ from fenics_contact.contact.friction import coulomb
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
+from fenics_contact.output.film import Film
 from fenics_contact.output.units import Units
 from fenics_contact.result import Result
 from fenics_contact.run import solve
@@ -20,6 +21,7 @@ __all__ = [
     "ArcSteps",
     "Body",
     "Displacement",
+    "Film",
     "Load",
     "NamedMesh",
     "Penalty",

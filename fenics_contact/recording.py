@@ -9,6 +9,7 @@ from tqdm import tqdm
 from fenics_contact.output.columns import Columns, HistoryRow, damping_column
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import clear_results, writing
+from fenics_contact.output.film import Film
 from fenics_contact.output.results import Results
 from fenics_contact.output.view import View
 from fenics_contact.output.writer import Writer
@@ -73,6 +74,8 @@ class Recorder:
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds))
+            for film in (value for value in self.extra.values() if isinstance(value, Film)):
+                film.take(self.scene, self.system)
             if self.writer and on_schedule:
                 self.writer.write_fields(len(self.history))
             if self.keeper:

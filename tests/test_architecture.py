@@ -71,7 +71,7 @@ ONLY = {
     ("run", "contact"): {"tools"},  # the keys of move and push
     ("__init__", "contact"): {"friction", "penalties", "tools"},
     ("meetings", "kernels"): {"broad_phase", "sets"},
-    ("__init__", "output"): {"units"},
+    ("__init__", "output"): {"film", "units"},
     ("__init__", "solid"): {"materials"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -9,9 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.text import Text
 from mpi4py import MPI
+from PIL import Image
 
 from fenics_contact import (
     Body,
+    Film,
     Scene,
     Units,
     mooney_rivlin,
@@ -315,3 +317,30 @@ def test_pressure_along_a_line_leaves_out_what_is_not_there():
     axes = Figure().add_subplot()
     along_line(axes, np.array([2.0, 0.0, 1.0, 3.0]), np.array([0.0, 1.0, 2.0, np.nan]), label="a")
     np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 1.0], [1.0, 2.0], [2.0, 0.0]])
+
+
+def test_a_film_draws_the_steps_of_a_run(tmp_path):
+    path = COMM.bcast(tmp_path) / "press.gif"
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(3, 3, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.fix("zmin")
+    plate = rigid_plane((0, 0, 1), (0, 0, -1), name="lid")
+    scene.contact("zmax", plate, 0.3, name="top")
+    film, seldom = Film(), Film("status", every=3)
+    refused("no drawings", lambda: Film().save(path))
+    result = solve(
+        scene, move={plate: (0, 0, -0.2)}, steps=4, progress=False, record={"frame": film, "seldom": seldom}
+    ).require()
+    last = result.drawing()
+    film.save(path)
+    COMM.Barrier()
+    assert result.column("frame").tolist() == [0.0, 1.0, 2.0, 3.0]
+    with Image.open(path) as picture:
+        assert picture.n_frames == 4
+    refused("animation.*No such file", lambda: film.save(tmp_path / "nowhere" / "a.gif"))
+    assert (len(film.drawings), len(seldom.drawings)) == ((4, 2) if ROOT else (0, 0))
+    if ROOT:
+        np.testing.assert_array_equal(film.drawings[-1].body.values, last.body.values)
+        lids = [one.tools[0][..., 2].mean() for one in film.drawings]
+        np.testing.assert_allclose(lids, [0.95, 0.9, 0.85, 0.8])  # each is of its own step
+        assert film.drawings[0].title == "t = 0.25"

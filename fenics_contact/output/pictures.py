@@ -17,12 +17,13 @@ from fenics_contact.types import Array, Bools, Floats
 
 WIDTH, LETTERS = 6.3, 9.0  # inches (16 cm, a page's width), points
 TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
-SEE_THROUGH = 0.18  # opacity of tools, and of bodies that would hide the surface the field lives on
+SEE_THROUGH = 0.14  # opacity of tools, and of bodies that would hide the surface the field lives on
 SHARP = np.cos(np.radians(30.0))  # of the angle between a tool's facets from which on their edge is drawn
 BAND = 0.02  # of the picture's size: thickness of a tool's wall in a slice
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
 MANY = 3000  # facets with a field beyond which each has one colour
 
+Box = tuple[Floats, Floats]  # least and largest places (2,)
 Layer = tuple[Floats, Floats, Floats, Floats]  # corners (n, 4, 3), colours of faces and edges (n, 4), by which to sort (n,)
 
 
@@ -46,29 +47,26 @@ class Drawing:
     def is_slice(self) -> bool:
         return self.view.axis is not None and slice_axis(self.body) == self.view.axis
 
-    def draw(self, axes: Any, limits: tuple[float, float] | None = None) -> Colours:
-        """Draw into plane axes; limits: of the colours. Returns them, for a colour bar."""
+    def draw(self, axes: Any, limits: tuple[float, float] | None = None, extent: Box | None = None) -> Colours:
+        """Draw into plane axes; limits: of the colours, extent: of the places shown. Returns what explains the colours."""
         tint = self.colours
         if limits is not None:
             tint = Colours(tint.label, tint.kind, tint.on_contact, *limits)
-        corners = self.view.flat(self.body.x.reshape(-1, 3))
-        size = float(np.ptp(corners, axis=0).max())
+        low, high = extent or self.extent()
         if self.is_slice:
-            _paint_slice(axes, self, tint, size)
+            _paint_slice(axes, self, tint, float(np.max(high - low)))
             first, second = (i for i in range(3) if i != self.view.axis)
             axes.set_xlabel(f"{AXES[first]} [{self.length}]")
             axes.set_ylabel(f"{AXES[second]} [{self.length}]")
         else:
             _paint_space(axes, self, tint)
             axes.set_axis_off()
-        low, high = self.extent()
-        if not self.is_slice:
             low = low - [0.0, _triad(axes, self.view, low, high, self.length)]
         axes.set_xlim(low[0], high[0]), axes.set_ylim(low[1], high[1])
         axes.set_aspect("equal")
         return tint
 
-    def extent(self) -> tuple[Floats, Floats]:
+    def extent(self) -> Box:
         """Least and largest places (2,) of all that is drawn, with a margin."""
         points = [self.body.x, *(self.tools if not self.is_slice else [_section(t, self)[0] for t in self.tools])]
         flat = np.concatenate([self.view.flat(p.reshape(-1, 3)) for p in points])
@@ -77,25 +75,38 @@ class Drawing:
         margin = (0.02 + (SPIKE if banded else 0.0)) * float(np.max(high - low))
         return low - margin, high + margin
 
-    def figure(self, limits: tuple[float, float] | None = None, title: str | None = None) -> Figure:
-        """A figure of its own, as wide as a page."""
-        low, high = self.extent()
-        across, tall = high - low
-        ticks = 0.7 if self.is_slice else 0.0
-        below = across > 2.2 * tall and self.colours.kind != "status"  # where the colour bar goes
+    def figure(
+        self, limits: tuple[float, float] | None = None, title: str | None = None, extent: Box | None = None
+    ) -> Figure:
+        """A figure of its own, as wide as a page; limits, extent as for `draw`."""
+        across, tall = np.subtract(*reversed(extent or self.extent()))
+        ticks, below = 0.7 if self.is_slice else 0.0, self._bar_below(across, tall)
         room = WIDTH - ticks - (0.1 if below else 1.3)
-        height = min(room * tall / across, TALLEST)
-        height = max(height, FLATTEST)
+        height = max(min(room * tall / across, TALLEST), FLATTEST)
         width = min(room, max(height * across / tall, 0.45 * WIDTH)) + WIDTH - room
-        size = (width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0))
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="constrained")
+        self.fill(figure, limits, title, extent)
+        return figure
+
+    def fill(
+        self,
+        figure: Figure,
+        limits: tuple[float, float] | None = None,
+        title: str | None = None,
+        extent: Box | None = None,
+    ) -> None:
+        """Draw into a figure in place of what it holds."""
+        below = self._bar_below(*np.subtract(*reversed(extent or self.extent())))
+        figure.clear()
         axes = figure.add_subplot()
         bar: dict[str, Any] = {"location": "bottom", "shrink": 0.7, "aspect": 35} if below else {"shrink": 0.9, "aspect": 22}
-        self.draw(axes, limits).explain(axes, LETTERS, **bar)
+        self.draw(axes, limits, extent).explain(axes, LETTERS, **bar)
         axes.set_title(self.title if title is None else title, fontsize=LETTERS + 1)
         axes.tick_params(labelsize=LETTERS)
         axes.xaxis.label.set_size(LETTERS), axes.yaxis.label.set_size(LETTERS)
-        return figure
+
+    def _bar_below(self, across: float, tall: float) -> bool:
+        return bool(across > 2.2 * tall) and self.colours.kind != "status"
 
 
 def save(figure: Figure, path: str | Path) -> None:

@@ -1,0 +1,85 @@
+"""Film: a drawing of every accepted step, taken while a run goes on, and an animation of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from matplotlib.animation import PillowWriter
+from matplotlib.figure import Figure
+from mpi4py import MPI
+
+from fenics_contact.agreement import agreed
+from fenics_contact.assembly.system import System
+from fenics_contact.output.fields import Fields
+from fenics_contact.output.pictures import Drawing
+from fenics_contact.output.plot import drawing
+from fenics_contact.output.solved import Solved
+from fenics_contact.output.views import Angles
+from fenics_contact.values import SceneError, count
+
+DOTS = 110  # per inch
+
+
+class Film:
+    """Takes a drawing after every accepted step, or every n-th: solve(..., record={"frame": film}), then film.save("a.gif").
+
+    field, mirror, view as for `Result.plot`; its column in the history is the number of drawings so far. drawings: those of
+    this run, in the order of its steps, on rank 0; a drawing holds the bodies' surface, not the volume.
+    """
+
+    def __init__(
+        self, field: str | None = None, *, mirror: str = "", view: str | Angles | None = None, every: int = 1
+    ) -> None:
+        self.field, self.mirror, self.view, self.every = field, mirror, view, count(every, "Film: every")
+        self.drawings: list[Drawing] = []
+        self._steps = self._taken = 0
+        self._fields: Fields | None = None
+        self._comm: MPI.Comm | None = None
+
+    def __call__(self, view: object) -> float:
+        """Number of drawings before this step's."""
+        return float(self._taken)
+
+    def take(self, scene: Solved, system: System) -> None:
+        """Draw the system's state, which has been accepted. Collective."""
+        self._steps += 1
+        if (self._steps - 1) % self.every:
+            return
+        if self._fields is None or self._fields.system is not system:
+            self._fields, self._comm = Fields(scene, system), system.comm
+        self._fields.update()
+        found = drawing(scene, system, self.field, self.mirror, self.view, self._fields)
+        self._taken += 1
+        if found is not None:
+            self.drawings.append(found)
+
+    def save(self, path: str | PathLike[str], seconds: float = 0.15, limits: tuple[float, float] | None = None) -> None:
+        """Write all drawings as an animated GIF, in one view and one range of colours; seconds: of each. Collective.
+
+        SceneError, on all ranks, where nothing was taken or the file cannot be written.
+        """
+        if self._comm is None:
+            raise SceneError('the film has no drawings: give it to a run, solve(..., record={"frame": film})')
+        with agreed(self._comm, f"animation '{path}'", SceneError):
+            if self._comm.rank == 0:
+                animate(self.drawings, Path(path), seconds, limits)
+
+
+def animate(
+    drawings: Sequence[Drawing], path: Path, seconds: float = 0.15, limits: tuple[float, float] | None = None
+) -> None:
+    """Write drawings of one model as an animated GIF. The view is that of the drawing with the largest value."""
+    best = max(drawings, key=lambda one: one.colours.high)
+    frames = [replace(one, view=best.view) for one in drawings]
+    ends = np.array([one.extent() for one in frames])
+    extent = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    limits = limits or (min(one.colours.low for one in frames), best.colours.high)
+    figure: Figure = frames[0].figure(limits, extent=extent)
+    writer = PillowWriter(fps=1.0 / seconds)
+    writer.setup(figure, path, dpi=DOTS)
+    for frame in frames:
+        frame.fill(figure, limits, extent=extent)
+        writer.grab_frame()
+    writer.finish()
