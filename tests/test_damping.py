@@ -49,7 +49,7 @@ def past_the_end(way=-6.0):
     return scene, {ball: (0, 0, way)}
 
 
-@pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), (blade, 10)])
+@pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), (blade, 20)])
 def test_the_verdict_names_damping_and_damping_cures(scene, steps):
     failed = solve(scene(), steps=steps, smallest_step=1e-3, progress=False)
     assert not failed.converged and "solve(..., damping=True)" in failed.verdict.remedy, failed.verdict.reason

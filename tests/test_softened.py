@@ -105,8 +105,19 @@ def test_a_failure_on_the_way_puts_penalties_back():
     stepper.step(system, 0.5)
     system.commit()
     before = [c.trial for c in system.contacts]
-    stepper.helps, stepper.rough.limit = True, 1
+    stepper.helps, stepper.rough.limit, stepper.stepper.limit = True, 1, 1
     with pytest.raises(StepFailed):
         stepper.step(system, 1.0)
     system.rollback()
     assert all(contact.trial is trial for contact, trial in zip(system.contacts, before, strict=True))
+
+
+def test_a_step_that_softer_penalties_fail_in_is_solved_without_them():
+    system = ball()
+    stepper = Softened(Newton(LinearSolver(system)))
+    stepper.step(system, 0.5)
+    system.commit()
+    laws = [c.trial.law for c in system.contacts]
+    stepper.helps, stepper.rough.limit = True, 1
+    assert stepper.step(system, 1.0).raises == 0
+    assert all(contact.trial.law is law for contact, law in zip(system.contacts, laws, strict=True))

@@ -28,6 +28,7 @@ from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead
 from fenics_contact.studies.punch import punched_plate
 from meshes import box, dome, two_blocks
+from test_damping import blade
 
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
@@ -216,6 +217,11 @@ def tipping(drive="force"):
     return scene, {"steps": 8, "stabilise": True}
 
 
+def drawn_blade():
+    """Its foot lets go at T = mu N and flips: no longer steps than these, or Newton's method leads them through the snap."""
+    return blade(), {"steps": 20}
+
+
 def between_plates():
     """A block between a rough floor and a rough lid that is drawn over it: nothing but the friction of both holds it."""
     scene = cube(cells=(3, 3, 2), size=(4.0, 4.0, 2.0))
@@ -306,6 +312,7 @@ CATALOGUE = {
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
     "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),
+    "blade": (drawn_blade, "limit point", "body 'box' at (", "let damping carry it on: solve(..., damping=True)"),
     "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
     "stumbling": (lambda: stumbling(1e-2), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),

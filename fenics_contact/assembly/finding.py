@@ -2,7 +2,13 @@
 
 from typing import NamedTuple
 
+import numpy as np
+from mpi4py import MPI
+
 from fenics_contact.types import Floats
+
+ALIKE = 1e-6  # relative: values that differ by less, in symmetric scenes, are the same but for round-off
+DIGITS = 12  # of coordinates beside the largest of them; the rest is round-off
 
 CONVERGED = "converged"
 INVERTED = "element inverted"
@@ -25,6 +31,36 @@ class Finding(NamedTuple):
     reason: str
     place: str = ""
     remedy: str = ""
+
+
+class Foremost(NamedTuple):
+    """value; place (3,): where it is; rank and index of whom it belongs to."""
+
+    value: float
+    place: Floats
+    rank: int
+    index: int
+
+
+def foremost(comm: MPI.Comm, values: Floats, places: Floats) -> Foremost | None:
+    """The largest of values (n,) at places (n, 3), of all ranks; of those that are alike the first by its place, so that
+    neither ranks nor the last digits choose. None where there is no value. Collective."""
+    largest, size = np.max(comm.allgather((values.max(initial=-np.inf), np.abs(places).max(initial=0.0))), axis=0)
+    least = largest - ALIKE * abs(largest) if np.isfinite(largest) else largest
+    near = np.flatnonzero(values >= least) if len(values) else np.empty(0, dtype=int)
+    tidy = tidied(places[near], size)
+    first = np.lexsort(tidy.T[::-1])[:1]
+    found = [here for part in comm.allgather([(*tidy[i].tolist(), comm.rank, int(near[i])) for i in first]) for here in part]
+    if not found:
+        return None
+    *place, rank, index = min(found)
+    return Foremost(float(largest), np.array(place), rank, index)
+
+
+def tidied(places: Floats, size: float) -> Floats:
+    """Places (n, 3) without round-off beside the largest coordinate."""
+    scale = size or 1.0
+    return (np.round(places / scale, DIGITS) + 0.0) * scale  # + 0.0: no minus before a zero
 
 
 def spot(position: Floats) -> str:

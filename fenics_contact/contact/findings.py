@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, spot
+from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, foremost, spot
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.trial import DRAWN
 from fenics_contact.types import Floats
@@ -26,12 +26,8 @@ SLID_OFF = 0.5  # of the area that has been in contact: when so much has left th
 
 def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
     """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3). Collective."""
-    here = (-np.inf, "")
-    if len(values):
-        point = int(values.argmax())
-        place = (contact.spots() if spots is None else spots)[point]
-        here = float(values[point]), f"contact '{contact.name}' at {spot(place)}"
-    return max(comm.allgather(here))
+    found = foremost(comm, values, contact.spots() if spots is None else spots)
+    return (found.value, f"contact '{contact.name}' at {spot(found.place)}") if found else (-np.inf, "")
 
 
 def trouble(contact: Contact, state: State) -> Finding | None:

@@ -8,7 +8,7 @@ import ufl
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.finding import INVERTED, Finding, spot
+from fenics_contact.assembly.finding import INVERTED, Finding, foremost, spot
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body, NamedCells
 from fenics_contact.types import Function
@@ -31,19 +31,21 @@ class VolumeRatio:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
         J = self._evaluate().min(axis=1, initial=np.inf)
         J[np.isnan(J)] = -np.inf
-        worst = int(J.argmin()) if len(J) else -1
-        here = (float(J[worst]), *self._place(worst)) if len(J) else (np.inf, "", "")
-        smallest, body, place = min(self._mesh.comm.allgather(here))
+        smallest = self._mesh.comm.allreduce(J.min(initial=np.inf), op=MPI.MIN)
         if smallest > least:
             return None
+        centres = self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[: len(J)]].mean(axis=1)
+        found = foremost(self._mesh.comm, -J, centres)
+        if found is None:
+            return None
+        body = self._mesh.comm.bcast(self._body(found.index), root=found.rank)
+        place = spot(found.place)
         remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
         return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", f"body '{body}' at {place}", remedy)
 
-    def _place(self, cell: int) -> tuple[str, str]:
-        """Name of the body and reference position of the centre of a local cell."""
+    def _body(self, cell: int) -> str:
+        """Name of the body that a local cell is of, if any."""
         tags = self._mesh.cell_tags
         tag = tags.values[tags.indices == cell]
-        body = next((body.group for body in self._bodies if self._mesh.volume_tag(body.group) in tag), "")
-        x = self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[cell]]
-        return body, spot(x.mean(axis=0))
+        return next((body.group for body in self._bodies if self._mesh.volume_tag(body.group) in tag), "")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fenics_contact.assembly.finding import CYCLING, Finding, spot
+from fenics_contact.assembly.finding import CYCLING, Finding, spot, tidied
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array
@@ -55,10 +55,11 @@ class StatusWatch:
     def _cycle(self, period: int) -> Finding:
         recent = np.array(self._seen[-period:])
         moving = (recent != recent[0]).any(axis=0)
-        spots = np.concatenate([term.spots() for term in self.system.terms])[moving]
+        every = np.concatenate([term.spots() for term in self.system.terms])
+        spots = tidied(every[moving], max(self.system.comm.allgather(np.abs(every).max(initial=0.0))))
         names = [name for term in self.system.terms for name in [term.name] * len(term.statuses())]
         here = [(names[i], *spots[j]) for j, i in enumerate(np.flatnonzero(moving))]
-        points = [point for part in self.system.comm.allgather(here) for point in part]
+        points = sorted(point for part in self.system.comm.allgather(here) for point in part)
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
         text = f"the status of {len(points)} points repeats every {period} iterations"
         return Finding(CYCLING, text, place, CALMER)

@@ -12,7 +12,8 @@ NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with t
 
 
 class Softened:
-    """Newton, and after a step that failed and could be solved so: each step with softer penalties first.
+    """Newton, and after a step that failed and could be solved so: each step with softer penalties first, and without them
+    where that fails: a body about to let go may do so under softer ones.
 
     What presses little on a structure that gives way, a strap on a drum, sinks into its contact by a millionth of the
     way that its points go within a step: they open and close, stick and slip at each iteration. Under a penalty that lets
@@ -28,7 +29,13 @@ class Softened:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         softer = {term: part for term in system.contacts if (part := term.penalties.softness(system.state)) < 1.0}
         if self.helps and softer:
-            return self._step(system, t, softer)
+            try:
+                return self._step(system, t, softer)
+            except StepFailed as failure:
+                if failure.finding.kind in NO_HELP:
+                    raise
+            system.rollback()
+            return self.stepper.step(system, t)
         try:
             return self.stepper.step(system, t)
         except StepFailed as failure:

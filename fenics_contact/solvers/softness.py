@@ -4,7 +4,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
-from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
+from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, foremost, spot
 from fenics_contact.assembly.system import Accepted, System
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
@@ -104,13 +104,11 @@ def _rigid_part(system: System, mode: Motion) -> tuple[str, float, str]:
 def _where(system: System, mode: Motion) -> tuple[str, str, float]:
     """Body and reference position of the node that moves most in a motion, and how far [of its size]. Collective."""
     size = np.linalg.norm(mode.du.array_r.reshape(-1, 3), axis=1)
-    here = (-1.0, "", "")
-    if len(size):
-        node = int(size.argmax())
-        name = next((name for name, nodes in system.bodies if node in nodes), "")
-        here = (float(size[node]), name, spot(system.space.tabulate_dof_coordinates()[node]))
-    largest, name, place = max(system.comm.allgather(here))
-    return name, place, largest
+    found = foremost(system.comm, size, system.space.tabulate_dof_coordinates()[: len(size)])
+    if found is None:
+        return "", "", 0.0
+    name = next((name for name, nodes in system.bodies if found.index in nodes), "")
+    return system.comm.bcast(name, root=found.rank), spot(found.place), found.value
 
 
 # -- limit point ------------------------------------------------------------------------------------------------------
