@@ -85,8 +85,12 @@ def beyond_coulomb(contact, state, least, share=1.0):
     share: of its coefficient of friction. Collective.
     """
     pressure, along = contact.split_traction(state)
-    over = (np.linalg.norm(along, axis=2) - share * contact.trial.law.friction.mu * pressure).max(initial=0.0)
-    most, over, pull = np.max(COMM.allgather((pressure.max(initial=0.0), over, -pressure.min(initial=0.0))), axis=0)
+    law = contact.trial.law
+    mu = law.friction.mu
+    crumbs = law.touch * law.eps_n.max(initial=0.0), law.touch * law.eps_t.max(initial=0.0)  # what gaps and ways round off
+    over = (np.linalg.norm(along, axis=2) - share * mu * pressure).max(initial=0.0) - mu * crumbs[0] - crumbs[1]
+    pull = -pressure.min(initial=0.0) - crumbs[0]
+    most, over, pull = np.max(COMM.allgather((pressure.max(initial=0.0), max(over, 0.0), max(pull, 0.0))), axis=0)
     return (over / most, pull / most) if most > least else (0.0, 0.0)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from random_scenes import GOOD, child, compared, draw
-from scene_judge import CONE, Run, beyond_coulomb, judge, lifted, wrongs
+from scene_judge import CONE, Run, beyond_coulomb, judge, lifted, with_options, wrongs
 
 SEEDS = (10, 23, 25, 27, 33, 36, 40, 43, 48, 57, 64, 67, 106, 111, 118, 140)
 QUICK = (33, 36, 43, 57)  # on 2 ranks, too; `make nightly` takes all there
@@ -28,6 +28,21 @@ def test_more_steps_and_ranks_give_the_same(seed):
     assert one["class"] in GOOD, one["says"]
     two = compared(one, two)
     assert two["class"] in GOOD, two["says"]
+
+
+@pytest.mark.parallel
+def test_slips_around_a_middle_settle():
+    """A block pressed on another one spreads: a node near the middle passed it in each solve and turned its slip around."""
+    run = Run(draw(240))
+    assert run.result.converged and run.verdict.cuts == 0, run.verdict.reason
+    assert wrongs(run) == []
+
+
+@pytest.mark.serial
+def test_samples_that_come_over_the_master_leave_balance_as_it_was():
+    """Of a node that sticks, when a step is accepted: anchors of these samples alone changed its mean way."""
+    run = Run(with_options(draw(258), stabilise=True))
+    assert run.result.converged and wrongs(run) == [], run.verdict.reason
 
 
 @pytest.mark.parallel

@@ -25,9 +25,6 @@ from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
-# Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
-# (c of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006; 0.1 ... 1 E/h alike)
-WEIGHT = 1.0
 FLAT = 1e-12  # of the tangential directions: what normals may differ by and count as one
 
 
@@ -227,7 +224,7 @@ class MortarPartner(OnFacets):
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
         found = np.column_stack([np.minimum(averaged[0], self.search) + trial.history.shift.ravel(), averaged[1]])
-        share = np.minimum(WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
+        share = np.minimum(kernel.WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
         return (foreseen + share * (found - foreseen)).ravel()
 
     # -- anchors --------------------------------------------------------------------------------------------------
@@ -235,20 +232,21 @@ class MortarPartner(OnFacets):
         n = self.samples.count * self.samples.nodes.shape[1]
         return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
 
-    def _behind(self, feet: MortarFeet, anchors: Anchors, kept: Bools, renewed: Bools, slips: Floats) -> Anchors:
-        """Anchors of which those that are new, all of renewed nodes and those missing at kept ones, trail their feet so that
-        the node's way is its slip (ns, 3) [length]."""
-        s, (nodes, weights), n = self.samples, own(anchors), feet.projection[5]
-        new = (s.table >= 0) & (feet.projection[1] != NONE)[s.table]
-        new &= renewed[:, None] | (kept[:, None] & (nodes[s.anchor, 0] < 0))
-        share = np.where(new, s.share * feet.met[6][s.table], 0.0)
+    def _behind(self, feet: MortarFeet, anchors: Anchors, renewed: Bools, slips: Floats) -> Anchors:
+        """Anchors of which those of renewed nodes trail their feet so that the node's way is its slip (ns, 3) [length]."""
+        s, n = self.samples, feet.projection[5]
+        share = np.where(self._seated(feet) & renewed[:, None], s.share * feet.met[6][s.table], 0.0)
         # a mean of P(n_q) slip is shorter than the slip where normals differ
         along = np.einsum("nj,njc,njd->ncd", share, n[s.table], n[s.table])
         whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
         apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
         slips = np.ascontiguousarray(np.einsum("ncd,nd->nc", apart, slips))
         where = feet.coords, s.slaves, self._facets, feet.met
-        return kernel.anchors_behind(*where, (nodes, weights), (kept, renewed, slips))
+        return kernel.anchors_behind(*where, own(anchors), (renewed, slips))
+
+    def _seated(self, feet: MortarFeet) -> Bools:
+        """Which of the samples around each slave node (ns, J) have a foot."""
+        return (self.samples.table >= 0) & (feet.projection[1] != NONE)[self.samples.table]
 
     def places(self, feet: MortarFeet, trial: Trial) -> Anchors:
         """The samples' places on the master."""
@@ -263,15 +261,20 @@ class MortarPartner(OnFacets):
 
     def _trailing(self, feet: MortarFeet, slips: Floats) -> Anchors:
         """Anchors that trail all feet by slips (ns, 3) [length]."""
-        every = np.ones(len(slips), dtype=bool)
-        return self._behind(feet, self.no_anchors(), ~every, every, slips)
+        return self._behind(feet, self.no_anchors(), np.ones(len(slips), dtype=bool), slips)
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length]."""
+        """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length].
+
+        A node that sticks keeps its own, unless a sample of it has come over the master: no anchor of that one alone would
+        leave the mean way as it was.
+        """
         averaged, status, _, T, _, _ = self._tractions(feet, trial)
         slips, stuck = T / self._stick(averaged, trial), status == STICK
         slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
-        return self._behind(feet, trial.history.anchors, stuck, ~stuck, slips), slid[:, None]
+        anchors = trial.history.anchors
+        missing = self._seated(feet) & (own(anchors)[0][self.samples.anchor, 0] < 0)
+        return self._behind(feet, anchors, ~stuck | missing.any(axis=1), slips), slid[:, None]
 
     def _rested(self, feet: MortarFeet, rests: Anchors) -> tuple[Floats, Bools]:
         """Ways (ns, 3) since the samples came to rest, and which nodes have such."""
@@ -286,7 +289,7 @@ class MortarPartner(OnFacets):
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking nodes a traction greater by eps_T times their slip."""
         grown, slips, _ = self._grown(feet, trial)
-        return self._behind(feet, trial.history.anchors, np.zeros_like(grown), grown, slips)
+        return self._behind(feet, trial.history.anchors, grown, slips)
 
     def _grown(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats]:
         """Which nodes stick since they came to rest, and slips (ns, 3) [length] of their tractions after Uzawa's update and
@@ -301,7 +304,7 @@ class MortarPartner(OnFacets):
         ways, rested = self._rested(feet, rests)
         averaged, found, _, _, pulled, _ = self._tractions(feet, trial)
         slips = (pulled / self._stick(averaged, trial) + (factor - 1.0) * ways) / factor
-        return self._behind(feet, trial.history.anchors, np.zeros_like(rested), (found >= STICK) & rested, slips)
+        return self._behind(feet, trial.history.anchors, (found >= STICK) & rested, slips)
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
         """Our anchors at some nodes (ns, 1), the others elsewhere."""

@@ -54,6 +54,12 @@ Anchors = tuple[Ints64, Floats]
 Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
 NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
 
+# Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
+# (c of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006; 0.1 ... 1 E/h alike)
+WEIGHT = 1.0
+# Cosine of the angle between the way and the foreseen one: a node that slips in a direction further off has passed by the
+# middle around which slips turn; it follows what was foreseen, which its own way turns by its weight alone
+ASIDE = 0.7
 KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less robust
 
 
@@ -176,6 +182,18 @@ def _told(A: int, law: NodeLaws, numbers: Law, w: Vector) -> int:
 
 
 @njit(cache=True, error_model="numpy")
+def _leading(A: int, law: NodeLaws, numbers: Law, w: Vector, told: int) -> tuple[Vector, float]:
+    """The way along which node A rubs, its own way w or the foreseen one, and the part that w has in it."""
+    judged = law[5]
+    if told != SLIP:
+        return w, 1.0
+    foreseen = judged[A, 1], judged[A, 2], judged[A, 3]
+    if dot(foreseen, w) > ASIDE * norm(foreseen) * norm(w):
+        return w, 1.0
+    return foreseen, min(WEIGHT * law[6][A] / numbers.eps_t, 1.0)
+
+
+@njit(cache=True, error_model="numpy")
 def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """status (ns,), N (ns,) and T_T (ns, 3) [pressure] times a share (ns,), T_T^tr (ns, 3), excess (ns,) of the nodes."""
     gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
@@ -187,7 +205,9 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
             continue
         numbers, press, w = _node_law(A, law, averaged), gaps[A] + shift[A], row(ways, A)
         decides = judged[A, 0] if len(judged) > 0 else press
-        found = traction(numbers, Gaps(press, decides), ZERO, w, _told(A, law, numbers, w))
+        told = _told(A, law, numbers, w)
+        along, _ = _leading(A, law, numbers, w, told)
+        found = traction(numbers, Gaps(press, decides), ZERO, along, told)
         status[A], N[A], excesses[A] = found.status, share[A] * found.N, excess(found)
         T[A, 0], T[A, 1], T[A, 2] = times(share[A], found.tangential)
         trial[A, 0], trial[A, 1], trial[A, 2] = found.trial
@@ -206,10 +226,12 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
         numbers, w = _node_law(A, law, averaged), row(ways, A)
         g = judged[A, 0] if len(judged) > 0 else gaps[A] + shift[A]
         gap = Gaps(g, g)
-        found = traction(numbers, gap, ZERO, w, _told(A, law, numbers, w))
+        told = _told(A, law, numbers, w)
+        along, weight = _leading(A, law, numbers, w, told)
+        found = traction(numbers, gap, ZERO, along, told)
         if found.status == OPEN:
             continue
-        by = partials(numbers, gap, ZERO, w, found)
+        by = partials(numbers, gap, ZERO, along, found)
         rates[A, 0, 0], N[A] = share[A] * numbers.eps_n, share[A] * found.N
         for a in range(3):
             T[A, a] = share[A] * found.tangential[a]
@@ -217,7 +239,7 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
         if found.status == STICK and len(judged) > 0:
             for a in range(3):
                 T[A, a] = share[A] * numbers.eps_t * judged[A, 1 + a]
-        _put_rows(rates, A, share[A], by.w[0], by.w[1], by.w[2])
+        _put_rows(rates, A, weight * share[A], by.w[0], by.w[1], by.w[2])
         slope = _series(A, law, averaged)[1]  # both penalties grow alike: so does what sticks, and what slips with N
         rates[A, 0, 4] = slope * N[A]
         for a in range(3):
@@ -283,15 +305,15 @@ def anchors_behind(
     surface: Surface,
     met: Met,
     anchors: Anchors,
-    behind: tuple[Bools, Bools, Floats],
+    behind: tuple[Bools, Floats],
 ) -> Anchors:
-    """New anchors. behind: (kept (ns,), renewed (ns,), slips (ns, 3) [length]).
+    """New anchors. behind: (renewed (ns,), slips (ns, 3) [length]).
 
-    Anchors of kept nodes stay; their samples without one, and all of those renewed, get one that trails the foot by the
-    slip.  Samples without a foot have none afterwards, and so have those of all other nodes that did not have one.
+    All samples of renewed nodes get one that trails the foot by the slip; those of other nodes stay.  Samples without a foot
+    have none afterwards.
     """
     starts, facets, places = slaves[5], slaves[6], slaves[7]
-    kept, renewed, slips = behind
+    renewed, slips = behind
     count, m = slaves[3].shape
     nodes, weights = anchors[0].copy(), anchors[1].copy()
     for A in range(len(starts) - 1):
@@ -304,7 +326,7 @@ def anchors_behind(
                     nodes[a, :] = -1
                     weights[a, :] = 0.0
                     continue
-                if not (renewed[A] or (kept[A] and nodes[a, 0] < 0)):
+                if not renewed[A]:
                     continue
                 foot = foot_of(q, coords, surface, met)
                 one, two = _in_facet(foot, row(slips, A))
