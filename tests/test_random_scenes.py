@@ -45,6 +45,13 @@ def test_samples_that_come_over_the_master_leave_balance_as_it_was():
     assert run.result.converged and wrongs(run) == [], run.verdict.reason
 
 
+@pytest.mark.serial
+def test_springs_do_not_hide_a_fold():
+    """A ball pushed aside on a block that tips: springs hold what falls, and pull the more the longer they are followed."""
+    run = Run(draw(249))
+    assert run.verdict.kind == "limit point" and "instead of pushing" in run.verdict.remedy, run.verdict.reason
+
+
 @pytest.mark.parallel
 def test_the_judge_sees_what_is_wrong():
     run = Run(replace(draw(36), steps=3))

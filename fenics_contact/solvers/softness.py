@@ -35,6 +35,24 @@ def soft_motion(system: System, goal: float | None = None) -> Finding | None:
 
     goal: t at which the failing step was to end; None on an arc.
     """
+    if (soft := _soft(system)) is None:
+        return None
+    mode, now, share = soft
+    if found := _sinking(system, now) or _loose(system, mode, share):
+        return found
+    springs = system.grounding
+    if springs is None or not springs.engaged:
+        return limit_point(system, mode, now, goal)
+    springs.engaged = False  # what folds is the path without them
+    soft = _soft(system)
+    found = limit_point(system, soft[0], soft[1], goal) if soft and abs(soft[2]) >= LOOSE else None
+    springs.engaged = True
+    return found
+
+
+def _soft(system: System) -> tuple[Motion, float, float] | None:
+    """The softest motion, what it resists, and that over what its nodes resist each alone; None where there is none to be
+    had. Collective."""
     system.assemble_tangent()
     diagonal = system.matrix.getDiagonal()
     mode = softest(system)
@@ -42,8 +60,7 @@ def soft_motion(system: System, goal: float | None = None) -> Finding | None:
         return None
     now, alone = mode.dot(resistance(system, mode, system.matrix)), diagonal.copy()
     alone.pointwiseMult(diagonal, mode.du)
-    share = now / max(abs(alone.dot(mode.du)), 1e-300)
-    return _sinking(system, now) or _loose(system, mode, share) or limit_point(system, mode, now, goal)
+    return mode, now, now / max(abs(alone.dot(mode.du)), 1e-300)
 
 
 # -- a penalty too soft -----------------------------------------------------------------------------------------------
