@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from test_damping import blade
 
 from fenics_contact import (
     Body,
@@ -28,7 +29,6 @@ from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead
 from fenics_contact.studies.punch import punched_plate
 from meshes import box, dome, two_blocks
-from test_damping import blade
 
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)

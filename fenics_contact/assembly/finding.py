@@ -34,12 +34,12 @@ class Finding(NamedTuple):
 
 
 class Foremost(NamedTuple):
-    """value; place (3,): where it is; rank and index of whom it belongs to."""
+    """value; place (3,): where it is; rank: that has it; item: its number there."""
 
     value: float
     place: Floats
     rank: int
-    index: int
+    item: int
 
 
 def foremost(comm: MPI.Comm, values: Floats, places: Floats) -> Foremost | None:
@@ -53,8 +53,8 @@ def foremost(comm: MPI.Comm, values: Floats, places: Floats) -> Foremost | None:
     found = [here for part in comm.allgather([(*tidy[i].tolist(), comm.rank, int(near[i])) for i in first]) for here in part]
     if not found:
         return None
-    *place, rank, index = min(found)
-    return Foremost(float(largest), np.array(place), rank, index)
+    *place, rank, item = min(found)
+    return Foremost(float(largest), np.array(place), rank, item)
 
 
 def tidied(places: Floats, size: float) -> Floats:

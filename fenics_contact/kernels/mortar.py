@@ -263,8 +263,8 @@ def add_node_forces(
     forces: Floats,
     sums: Floats,
 ) -> None:
-    """Add the virtual power of (14) to forces (nx, 3), and the parts of each slave node's traction to its sums (ns, 7): T,
-    N, T_T. Each sample presses along a normal of its own: T alone does not tell N from T_T.
+    """Add the virtual power of (14) to forces (nx, 3), and T, N, T_T of each slave node to its sums (ns, 7): each sample
+    presses along a normal of its own, so that T alone does not tell N from T_T.
 
     acting: (N (ns,), T_T (ns, 3), number (nf, m) of the slave node at each corner, -1: another process answers for it).
     """

@@ -38,7 +38,7 @@ class VolumeRatio:
         found = foremost(self._mesh.comm, -J, centres)
         if found is None:
             return None
-        body = self._mesh.comm.bcast(self._body(found.index), root=found.rank)
+        body = self._mesh.comm.bcast(self._body(found.item), root=found.rank)
         place = spot(found.place)
         remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"

@@ -124,7 +124,7 @@ def _where(system: System, mode: Motion) -> tuple[str, str, float]:
     found = foremost(system.comm, size, system.space.tabulate_dof_coordinates()[: len(size)])
     if found is None:
         return "", "", 0.0
-    name = next((name for name, nodes in system.bodies if found.index in nodes), "")
+    name = next((name for name, nodes in system.bodies if found.item in nodes), "")
     return system.comm.bcast(name, root=found.rank), spot(found.place), found.value
 
 
