@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.system import System
 from fenics_contact.output.columns import HistoryRow
-from fenics_contact.output.curves import history_figure
+from fenics_contact.output.curves import history_figure, line_figure
 from fenics_contact.output.history import Summary
 from fenics_contact.output.lines import Along, Table, line, zones
 from fenics_contact.output.pictures import Drawing, save
@@ -130,6 +130,14 @@ class Result:
         columns = [y] if isinstance(y, str) else list(y)
         table = {name: factor * self.column(name) for name, factor in ((x, factors[0]), *((c, factors[1]) for c in columns))}
         return self._figure(path, lambda: history_figure(table, self.scene.units))
+
+    def plot_line(
+        self, contact: str, along: Along, path: Target = None, *, cut: Mapping[str, float] | None = None
+    ) -> Figure | None:
+        """Pressure and friction along a line of a contact, see `line`, and where its zones end. A Figure on rank 0, None on
+        the others. Collective."""
+        table, units = self.line(contact, along, cut), self.scene.units
+        return self._figure(path, lambda: line_figure(table, zones(table, units), units))
 
     def _figure(self, path: Target, make: Callable[[], Figure]) -> Figure | None:
         """A figure that rank 0 makes and, given a path, saves; the others wait for it. Collective."""

@@ -278,6 +278,11 @@ def test_line_of_a_contact_and_its_pressure():
     assert row["top_width_x_mm"] == pytest.approx(end - start, abs=0.5)  # a cell
     every = result.line("top", lambda X: X[:, 0] + 10.0 * X[:, 1])
     assert len(every["arc_mm"]) == 13 * 4
+    figure = result.plot_line("top", "x", cut={"y": 1.0})
+    if COMM.rank == 0:
+        axes = figure.axes[0]
+        np.testing.assert_array_equal(axes.lines[0].get_xydata(), np.column_stack([cut["arc_mm"], p]))
+        assert [line.get_xdata()[0] for line in axes.lines[2:]] == [start, end] and "mm" in axes.get_xlabel()
     table = result.table()
     assert set(table) == set(row) and len(table["t"]) == len(result.history)
     with pytest.raises(KeyError, match="top"):

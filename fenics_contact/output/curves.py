@@ -47,6 +47,27 @@ def history_figure(table: Mapping[str, Array], units: Units) -> Figure:
     return figure
 
 
+def line_figure(table: Mapping[str, Array], ends: Floats, units: Units) -> Figure:
+    """Pressure, and the size of friction where there is some, over the way along a line of a contact, `line` of lines.py.
+
+    ends (n, 2): of the zones in contact, drawn as dashed lines [length].
+    """
+    L, p = units.length, units.pressure
+    friction = np.linalg.norm([table[f"friction_{axis}_{p}"] for axis in "xyz"], axis=0)
+    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
+    axes, place = figure.subplots(), table[f"arc_{L}"]
+    along_line(axes, place, table[f"pressure_{p}"], "pressure", marker="o" if len(place) <= MARKS else None, markersize=3)
+    if friction.max(initial=0.0) > 0.0:
+        axes.plot(place, friction, linewidth=1.2, label="friction")
+        axes.legend(fontsize=LETTERS)
+    for end in ends.ravel():
+        axes.axvline(end, color="0.4", linewidth=0.8, linestyle="--")
+    axes.set_xlabel(labelled("way along the line", L), fontsize=LETTERS)
+    axes.set_ylabel(f"[{p}]" if friction.max(initial=0.0) > 0.0 else labelled("pressure", p), fontsize=LETTERS)
+    axes.tick_params(labelsize=LETTERS)
+    return figure
+
+
 def along_line(axes: Any, place: Floats, pressure: Floats, label: str | None = None, **line: Any) -> None:
     """A contact quantity (n,) over places (n,) along a line, NaN left out, filled down to zero; into given axes."""
     there = np.isfinite(place) & np.isfinite(pressure)
