@@ -59,7 +59,7 @@ NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
 WEIGHT = 1.0
 # Cosine of the angle between the way and the foreseen one: a node that slips in a direction further off has passed by the
 # middle around which slips turn; it follows what was foreseen, which its own way turns by its weight alone
-ASIDE = 0.7
+ASIDE = 0.4
 KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less robust
 
 
