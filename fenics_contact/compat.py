@@ -33,6 +33,7 @@ _JIT_NAME = "jit_options" if "jit_options" in inspect.signature(fem.form).parame
 _HAS_FUNCTIONSPACE = hasattr(fem, "functionspace")
 _HAS_PETSC_VEC = not hasattr(fem.Function, "vector")
 _ADD = (dolfinx.la.InsertMode if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode).add
+_HAS_INTERPROCESS = hasattr(getattr(dolfinx_mesh, "Topology", None), "interprocess_facets")
 _HAS_DOFMAPS = hasattr(getattr(dolfinx_mesh, "Geometry", None), "dofmaps")
 
 
@@ -249,6 +250,8 @@ def cells_of_exterior_facets(mesh: Mesh, facets: Ints | None = None) -> tuple[In
     facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
     if facets is None:
         facets = np.arange(facet_cells.num_nodes)
+        if _HAS_INTERPROCESS:  # without ghost cells the faces between ranks have one cell on either
+            facets = np.setdiff1d(facets, mesh.topology.interprocess_facets())
     offsets = facet_cells.offsets
     facets = facets[offsets[facets + 1] - offsets[facets] == 1]
     cells = facet_cells.array[offsets[facets]]
