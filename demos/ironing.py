@@ -1,7 +1,7 @@
 """Shallow ironing: a stiff round indenter is pressed into a softer block, drawn along it with friction, and lifted.
 
 The scene of Fischer & Wriggers (2006, Comput. Methods Appl. Mech. Engrg. 195, 5020), repeated by later papers whose
-forces scatter; plane strain, one layer of hexahedra, the block's surface is the slave. Units: mm, N, MPa.
+forces scatter; plane strain, the block's surface is the slave. Units: mm, N, MPa.
 
     mpirun -n 2 python3 demos/ironing.py   # --quick: a shorter block, drawn by 0.5 mm, seconds
 """
@@ -18,7 +18,6 @@ from meshes import ironing
 
 OUT = Path("results/ironing")
 BLOCK, INDENTER, NU, FRICTION = 689.6, 6896.0, 0.32, 0.3  # Young's moduli [MPa]
-DEPTH = 0.125  # mm, of the slice
 PRESS, DRAW = 1.0, 10.0  # mm
 VERTICAL, RATIO = (335.0, 420.0), (0.30, 0.53)  # published plateaus of V [N/mm] and of H/V
 # while the indenter's middle (x = 0.8 mm at first) is more than the block's height, 4 mm, away from both its ends
@@ -37,12 +36,12 @@ def path(turns):
 
 def iron(quick):
     """Result, and drawings of all steps."""
-    mesh, way = read_gmsh(ironing.build, depth=DEPTH, **(QUICK if quick else {})), SHORT if quick else DRAW
-    scene = Scene(Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU)))
+    mesh, way = read_gmsh(ironing.build, **(QUICK if quick else {})), SHORT if quick else DRAW
+    bodies = Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU))
+    scene = Scene(*bodies, plane="strain", thickness=1.0)
     scene.fix("foundation_bottom")
-    scene.fix("ends", "y")
     scene.prescribe("indenter_top", "x", path([0, 0, way, way]))
-    scene.prescribe("indenter_top", "z", path([0, -PRESS, -PRESS, 0]))
+    scene.prescribe("indenter_top", "y", path([0, -PRESS, -PRESS, 0]))
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, name="interface")
     film = Film("contact_pressure")
     steps = (10, round(80 * way / DRAW), 5 if quick else 10)
@@ -74,7 +73,7 @@ def figure(time, vertical, horizontal, bodies):
 def main(quick=False):
     result, film = iron(quick)
     time = 3 * result.column("t")
-    vertical, horizontal = (sign * result.column(f"interface_force_{a}_N") / DEPTH for sign, a in ((-1, "z"), (1, "x")))
+    vertical, horizontal = -result.column("interface_force_y_N"), result.column("interface_force_x_N")  # of 1 mm
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
     if quick:
         plateau = (time > 1.6) & (time < 2.01)

@@ -12,7 +12,7 @@ from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Displacement, Load, Travel
-from fenics_contact.scene.tool_mesh import rigid_surface
+from fenics_contact.scene.tool_mesh import rigid_curve, rigid_surface
 from fenics_contact.solid.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.values import SceneError
@@ -37,6 +37,7 @@ __all__ = [
     "neo_hooke",
     "read_gmsh",
     "rigid_cone",
+    "rigid_curve",
     "rigid_cylinder",
     "rigid_plane",
     "rigid_punch",

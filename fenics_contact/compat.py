@@ -24,6 +24,8 @@ try:
 except ImportError:
     from dolfinx.io import gmshio as gmsh_reader
 
+FACETS = {"hexahedron": 6, "tetrahedron": 4, "quadrilateral": 4, "triangle": 3}  # of a cell
+
 Function: TypeAlias = fem.Function
 Constant: TypeAlias = fem.Constant
 
@@ -57,8 +59,9 @@ def _make_space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) ->
         return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
     if len(shape) == 1:
         return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
-    make = fem.TensorFunctionSpace if shape else fem.FunctionSpace
-    return make(mesh, (family, degree))
+    if shape:
+        return fem.TensorFunctionSpace(mesh, (family, degree), shape=shape)
+    return fem.FunctionSpace(mesh, (family, degree))
 
 
 def compile_form(form: Form) -> Form:
@@ -78,7 +81,7 @@ def parts_of_form(form: Form, inside: Bools) -> list[Form] | None:
     parts = []
     for chosen in (inside[cells], ~inside[cells]):
         # the kernels know numbers of tags only: they are those of the whole form
-        part = dolfinx_mesh.meshtags(mesh, 3, cells[chosen], values[chosen])
+        part = dolfinx_mesh.meshtags(mesh, mesh.topology.dim, cells[chosen], values[chosen])
         parts.append(type(form)([integral.reconstruct(subdomain_data=part) for integral in integrals]))
     return parts
 
@@ -110,6 +113,11 @@ def block_pattern(compiled_form: Form, space: Space) -> tuple[Ints64, Ints64]:
     first_of_block = np.repeat(np.arange(len(lengths)) % 3 == 0, lengths)
     of_rows = columns[first_of_block][::3] // 3  # whole blocks: three columns each, in rising order
     return np.concatenate([[0], np.cumsum(lengths[::3] // 3)]).astype(np.int64), of_rows.astype(np.int64)
+
+
+def cell_map(mesh: Mesh) -> Any:
+    """Index map of the cells: size_local of this rank's own, which come first, num_ghosts, size_global."""
+    return mesh.topology.index_map(mesh.topology.dim)
 
 
 def original_cells(mesh: Mesh) -> Ints64:
@@ -147,27 +155,29 @@ def petsc_vector(function: Function) -> Vec:
     return function.x.petsc_vec if _HAS_PETSC_VEC else function.vector
 
 
-def mesh_from_gmsh(model: Any, comm: MPI.Comm, rank: int, owners: Ints64 | None = None) -> tuple[Mesh, Tags, Tags]:
+def mesh_from_gmsh(
+    model: Any, comm: MPI.Comm, rank: int, dim: int = 3, owners: Ints64 | None = None
+) -> tuple[Mesh, Tags, Tags]:
     """gmsh model on one rank -> (mesh, cell tags, facet tags) on all.
 
-    owners (cells,) on that rank: the rank of each cell, in the order of the volume groups' tags, where dolfinx is not to
-    choose; whole bodies, for no cell is a ghost then.
+    dim: of its cells; owners (cells,) on that rank: the rank of each cell, in the order of the volume groups' tags, where
+    dolfinx is not to choose; whole bodies, for no cell is a ghost then.
     """
     if owners is None:
-        data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
+        data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=dim)
     elif "partitioner" in inspect.signature(gmsh_reader.model_to_mesh).parameters:
-        data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3, partitioner=_partitioner(owners))
+        data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=dim, partitioner=_partitioner(owners))
     else:  # 0.5: the reader calls what it knows as create_mesh
         create = gmsh_reader.create_mesh
         gmsh_reader.create_mesh = lambda *arguments: create(*arguments, partitioner=_partitioner(owners))
         try:
-            data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=3)
+            data = gmsh_reader.model_to_mesh(model, comm, rank, gdim=dim)
         finally:
             gmsh_reader.create_mesh = create
     mesh, cell_tags, facet_tags = data[:3]
     if facet_tags is None:  # 0.10 and newer, of a model without surface groups
         none = np.empty(0, dtype=np.int32)
-        facet_tags = dolfinx_mesh.meshtags(mesh, 2, none, none)
+        facet_tags = dolfinx_mesh.meshtags(mesh, dim - 1, none, none)
     return mesh, cell_tags, facet_tags
 
 
@@ -193,7 +203,7 @@ def cell_dofs(space: Space) -> Ints:
 
 def facet_closure_dofs(space: Space, facet: int) -> Ints:
     """Cell-local block dofs on the closure of the cell's facet number `facet`."""
-    return np.asarray(space.dofmap.dof_layout.entity_closure_dofs(2, facet), dtype=np.int32)
+    return np.asarray(space.dofmap.dof_layout.entity_closure_dofs(space.mesh.topology.dim - 1, facet), dtype=np.int32)
 
 
 def cell_name(mesh: Mesh) -> str:
@@ -223,14 +233,14 @@ def global_blocks(space: Space) -> Ints64:
 
 def locate_blocks(space: Space, facets: Array) -> Ints:
     """Local block dofs on facets, ghosts included on every rank that sees them."""
-    return fem.locate_dofs_topological(space, 2, np.asarray(facets, dtype=np.int32))
+    return fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, np.asarray(facets, dtype=np.int32))
 
 
 def cell_evaluator(mesh: Mesh, ufl_expression: Expr, points: Floats | list[float]) -> Callable[..., Floats]:
     """Function (cells=all owned) -> (cells, points * size) of a UFL expression at reference points, on the current state."""
     with _quiet():
         expression = fem.Expression(ufl_expression, np.atleast_2d(points))
-    owned = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    owned = np.arange(cell_map(mesh).size_local, dtype=np.int32)
     with_mesh = "mesh" in inspect.signature(expression.eval).parameters
 
     def evaluate(cells: Ints = owned) -> Floats:
@@ -247,7 +257,8 @@ def exterior_facets(mesh: Mesh) -> Ints:
 
 def cells_of_exterior_facets(mesh: Mesh, facets: Ints | None = None) -> tuple[Ints, Ints64]:
     """Owned cells behind exterior facets (all, or those among `facets`), and each facet's number in its cell."""
-    facet_cells, cell_facets = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
+    dim = mesh.topology.dim
+    facet_cells, cell_facets = mesh.topology.connectivity(dim - 1, dim), mesh.topology.connectivity(dim, dim - 1)
     if facets is None:
         facets = np.arange(facet_cells.num_nodes)
         if _HAS_INTERPROCESS:  # without ghost cells the faces between ranks have one cell on either
@@ -255,9 +266,9 @@ def cells_of_exterior_facets(mesh: Mesh, facets: Ints | None = None) -> tuple[In
     offsets = facet_cells.offsets
     facets = facets[offsets[facets + 1] - offsets[facets] == 1]
     cells = facet_cells.array[offsets[facets]]
-    mine = cells < mesh.topology.index_map(3).size_local
+    mine = cells < cell_map(mesh).size_local
     facets, cells = facets[mine], cells[mine]
-    per_cell = cell_facets.array.reshape(-1, 6 if cell_name(mesh) == "hexahedron" else 4)
+    per_cell = cell_facets.array.reshape(-1, FACETS[cell_name(mesh)])
     return cells, np.argmax(per_cell[cells] == facets[:, None], axis=1)
 
 

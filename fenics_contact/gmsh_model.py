@@ -12,12 +12,28 @@ import numpy as np
 from fenics_contact.meetings import Meeting, key, meetings
 from fenics_contact.types import Array, Floats, Ints64
 
-# gmsh's numbering of a cell's faces by its corners, and the facet's corners
+# gmsh's numbering of a cell's faces by its corners, counter-clockwise where these are edges
 _FACES = {
+    "Quadrilateral": np.array([[0, 1], [1, 2], [2, 3], [3, 0]]),
+    "Triangle": np.array([[0, 1], [1, 2], [2, 0]]),
     "Hexahedron": np.array([[0, 1, 2, 3], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5], [2, 3, 7, 6], [4, 5, 6, 7]]),
     "Tetrahedron": np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
 }
-_CELLS = ("Hexahedron 8", "Hexahedron 27", "Tetrahedron 4", "Tetrahedron 10")  # what dolfinx reads, order 1 and 2
+# what dolfinx reads, order 1 and 2, by the dimension of the mesh
+_CELLS = {
+    3: ("Hexahedron 8", "Hexahedron 27", "Tetrahedron 4", "Tetrahedron 10"),
+    2: ("Quadrilateral 4", "Quadrilateral 9", "Triangle 3", "Triangle 6"),
+}
+_ADVICE = {3: "use hexahedra or tetrahedra, of order 1 or 2", 2: "use quadrilaterals or triangles, of order 1 or 2"}
+_BODY, _SIDE = {3: "volume", 2: "surface"}, {3: "surface", 2: "curve"}  # what a body is, and what bounds it
+# the nodes of a cell that runs clockwise, the other way round
+_TURNED = {
+    "Quadrilateral 4": [0, 3, 2, 1],
+    "Quadrilateral 9": [0, 3, 2, 1, 7, 6, 5, 4, 8],
+    "Triangle 3": [0, 2, 1],
+    "Triangle 6": [0, 2, 1, 5, 4, 3],
+}
+_FLAT = 1e-9  # of a model's size: what is in the plane z = 0
 _LONGEST_LOG = 5  # lines
 
 Source = Callable[..., Any] | str  # a script that draws and meshes the current model, or a path
@@ -25,12 +41,14 @@ Source = Callable[..., Any] | str  # a script that draws and meshes the current 
 
 @dataclass(frozen=True)
 class Groups:
-    """`volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; `cells`: name -> how many; `doubled` and
+    """dim: of the cells; `volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; `cells`: name -> how
+    many, in a plane mesh of its surfaces and its curves; `doubled` and
     `touching`: Meetings of faces with other cells' faces, and of parts with each other, that share no nodes.
 
     A facet has one tag: every combination of surface groups that meet in a facet has a tag of its own.
     """
 
+    dim: int
     volumes: dict[str, int]
     surfaces: dict[str, tuple[int, ...]]
     cells: dict[str, int]
@@ -141,14 +159,18 @@ def places(tags: Ints64) -> Floats:
 # -- handing over -----------------------------------------------------------------------------------------------------
 def hand_over() -> Groups:
     """Check the model and put in its place what dolfinx is sure to read: cells of one type in disjoint volume groups, facets
-    in disjoint surface groups, no other node or element. Returns its Groups."""
-    volumes, surfaces = group_entities(3), group_entities(2)
-    kind, shape, cells, owner = _cells(volumes)
+    in disjoint surface groups, no other node or element. Returns its Groups.
+
+    A model without volumes whose surfaces are in groups is a plane mesh: of its surfaces, with curves for their sides.
+    """
+    dim = 2 if not gmsh.model.getEntities(3) and gmsh.model.getPhysicalGroups(2) else 3
+    volumes, surfaces = group_entities(dim), group_entities(dim - 1)
+    kind, shape, cells, owner = _cells(dim, volumes)
     faces = cells[:, _FACES[shape]]
     owner_of_face = np.repeat(owner, faces.shape[1])
     faces = faces.reshape(-1, faces.shape[2])
     face_keys = key(faces)
-    facets = _facets(surfaces, face_keys)
+    facets = _facets(dim, surfaces, face_keys)
     used = np.unique(cells)
     X = places(used)
     names = list(volumes)
@@ -160,11 +182,12 @@ def hand_over() -> Groups:
     doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of)
     volume_tags = {name: tag for name, (tag, _) in volumes.items()}
     counts = [int(count) for count in np.bincount(owner, minlength=len(names))]
-    _replace(used, X, kind, [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())], facets)
-    return Groups(volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled, touching)
+    rows = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]
+    _replace(dim, used, X, kind, rows, facets)
+    return Groups(dim, volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled, touching)
 
 
-def _cells(volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
+def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
     """Type's number, its shape, nodes (n, k) and index of the volume (n,) of all cells, in the order of the groups' tags."""
     if not volumes:
         raise ValueError("it has no physical volume; add one with gmsh.model.addPhysicalGroup(3, ...) and name it")
@@ -175,32 +198,33 @@ def _cells(volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64,
         for entity in entities:
             if group_of.setdefault(entity, name) != name:
                 raise ValueError(
-                    f"volume {entity} is in two groups, '{group_of[entity]}' and '{name}': a cell has one material"
+                    f"{_BODY[dim]} {entity} is in two groups, '{group_of[entity]}' and '{name}': a cell has one material"
                 )
-            for kind, label, tags, nodes in elements(3, entity):
-                if label not in _CELLS:
-                    raise ValueError(
-                        f"cells of type '{label}' are not supported; use hexahedra or tetrahedra, of order 1 or 2"
-                    )
+            for kind, label, tags, nodes in elements(dim, entity):
+                if label not in _CELLS[dim]:
+                    raise ValueError(f"cells of type '{label}' are not supported; {_ADVICE[dim]}")
                 kinds[kind] = label
-                _check_jacobians(kind, entity, tags)
+                if dim == 3:
+                    _check_jacobians(kind, entity, tags)
+                else:
+                    nodes = counter_clockwise(label, nodes, tags)
                 rows.append(nodes)
                 owner.append(np.full(len(nodes), index))
         if index not in [o[0] for o in owner if len(o)]:
-            raise ValueError(f"volume group '{name}' has no cells; mesh it with gmsh.model.mesh.generate(3)")
-    for _, entity in gmsh.model.getEntities(3):
-        count = sum(len(tags) for _, _, tags, _ in elements(3, entity))
+            raise ValueError(f"{_BODY[dim]} group '{name}' has no cells; mesh it with gmsh.model.mesh.generate({dim})")
+    for _, entity in gmsh.model.getEntities(dim):
+        count = sum(len(tags) for _, _, tags, _ in elements(dim, entity))
         if count and entity not in group_of:
             raise ValueError(
-                f"volume {entity} has {count} cells but is in no group; give it a named group with "
-                "gmsh.model.addPhysicalGroup(3, ...), or remove its mesh with gmsh.model.mesh.clear"
+                f"{_BODY[dim]} {entity} has {count} cells but is in no group; give it a named group with "
+                f"gmsh.model.addPhysicalGroup({dim}, ...), or remove its mesh with gmsh.model.mesh.clear"
             )
     if len(kinds) > 1:
-        raise ValueError(f"it mixes cells of types {' and '.join(kinds.values())}; mesh all volumes with one of them")
+        raise ValueError(f"it mixes cells of types {' and '.join(kinds.values())}; mesh all {_BODY[dim]}s with one of them")
     cells = np.concatenate(rows)
     _, copies = np.unique(key(cells), return_counts=True)
     if twice := int((copies > 1).sum()):
-        raise ValueError(f"{twice} cells are there twice, with the same nodes; draw and mesh each volume once")
+        raise ValueError(f"{twice} cells are there twice, with the same nodes; draw and mesh each {_BODY[dim]} once")
     ((kind, label),) = kinds.items()
     return kind, label.split()[0], cells, np.concatenate(owner)
 
@@ -215,6 +239,27 @@ def _check_jacobians(kind: int, entity: int, tags: Array) -> None:
             f"{bad.size} inverted or flat elements, the first is element {tags[bad[0]]} with Jacobian {worst[bad[0]]:.3g}; "
             "mesh the volume again or reverse its orientation"
         )
+
+
+def counter_clockwise(label: str, nodes: Ints64, tags: Array) -> Ints64:
+    """Nodes of plane cells, turned where they run clockwise; ValueError off the plane z = 0 and for cells folded or flat."""
+    corners = len(_FACES[label.split()[0]])
+    X = places(nodes.ravel()).reshape(*nodes.shape, 3)
+    size = float(np.ptp(X[..., :2].reshape(-1, 2), axis=0).max()) if X.size else 0.0
+    off = np.abs(X[..., 2]).max(initial=0.0)
+    if off > _FLAT * size:
+        raise ValueError(
+            f"a mesh of surfaces alone lies in the plane z = 0, and a node of it has z = {off:.3g}; draw it there, or draw "
+            "and mesh volumes"
+        )
+    x = X[:, :corners, :2]
+    ahead, behind = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    turn = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]  # of each corner
+    clockwise = turn.sum(axis=1) < 0.0
+    bad = np.flatnonzero(~(np.where(clockwise[:, None], -turn, turn) > 0.0).all(axis=1))
+    if bad.size:
+        raise ValueError(f"{bad.size} folded or flat elements, the first is element {tags[bad[0]]}; mesh the surface again")
+    return np.where(clockwise[:, None], nodes[:, _TURNED[label]], nodes)
 
 
 @dataclass(frozen=True)
@@ -236,13 +281,13 @@ class _Facets:
         return tuple(sorted(name for name, tags in self.tags.items() if self.tag[at] in tags))
 
 
-def _facets(surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Facets:
+def _facets(dim: int, surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Facets:
     """_Facets of the groups that are faces of cells; a group that lies on no cell, such as a tool drawn beside, has none."""
-    corners = {"Triangle": 3, "Quadrilateral": 4}
+    corners = {"Triangle": 3, "Quadrilateral": 4, "Line": 2}
     kinds, rows, keys, of_cells = {}, [], {}, np.unique(face_keys)
     for name, (_, entities) in surfaces.items():
         found, on_cells = 0, [np.empty(0, dtype=np.uint64)]
-        for kind, label, _, nodes in (one for entity in entities for one in elements(2, entity)):
+        for kind, label, _, nodes in (one for entity in entities for one in elements(dim - 1, entity)):
             own = key(nodes[:, : corners[label.split()[0]]])
             on_cell = of_cells[np.minimum(np.searchsorted(of_cells, own), len(of_cells) - 1)] == own
             found += len(own)
@@ -251,12 +296,15 @@ def _facets(surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Fa
                 rows.append((own[on_cell], nodes[on_cell]))
                 on_cells.append(own[on_cell])
         if not found:
-            raise ValueError(f"surface group '{name}' has no facets; give it surfaces of a meshed volume or remove it")
+            raise ValueError(
+                f"{_SIDE[dim]} group '{name}' has no facets; give it {_SIDE[dim]}s of a meshed {_BODY[dim]} or remove it"
+            )
         keys[name] = np.concatenate(on_cells)
         if 0 < len(keys[name]) < found:
             raise ValueError(
-                f"surface group '{name}': {found - len(keys[name])} of its {found} facets are on no cell of a volume; "
-                "give them a group of their own, or mesh the volume after its surfaces so that both have the same nodes"
+                f"{_SIDE[dim]} group '{name}': {found - len(keys[name])} of its {found} facets are on no cell of a "
+                f"{_BODY[dim]}; give them a group of their own, or mesh the {_BODY[dim]} after its {_SIDE[dim]}s so that "
+                "both have the same nodes"
             )
     if len(kinds) > 1:
         raise ValueError(f"the facets of surface groups are of types {' and '.join(kinds.values())}; use one order for all")
@@ -273,20 +321,20 @@ def _facets(surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Fa
     return _Facets(next(iter(kinds)), np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
 
 
-def _replace(used: Ints64, X: Floats, kind: int, volumes: list[tuple[str, int, Ints64]], facets: _Facets) -> None:
+def _replace(dim: int, used: Ints64, X: Floats, kind: int, volumes: list[tuple[str, int, Ints64]], facets: _Facets) -> None:
     """Put a model in the place of the current one that holds these nodes, cells and facets, each once, and nothing else."""
     gmsh.model.remove()
     gmsh.model.add("for dolfinx")
     _, tag, _ = volumes[0]
     for _, entity, _ in volumes:
-        gmsh.model.addDiscreteEntity(3, entity)
-    gmsh.model.mesh.addNodes(3, tag, np.arange(1, len(used) + 1), X.ravel())
+        gmsh.model.addDiscreteEntity(dim, entity)
+    gmsh.model.mesh.addNodes(dim, tag, np.arange(1, len(used) + 1), X.ravel())
     for name, entity, cells in volumes:
-        _add(3, entity, name, kind, np.searchsorted(used, cells) + 1)
+        _add(dim, entity, name, kind, np.searchsorted(used, cells) + 1)
     for entity in (int(one) for one in np.unique(facets.tag)):
-        gmsh.model.addDiscreteEntity(2, entity)
+        gmsh.model.addDiscreteEntity(dim - 1, entity)
         rows = facets.nodes[facets.tag == entity]
-        _add(2, entity, f"combination {entity}", facets.kind, np.searchsorted(used, rows) + 1)
+        _add(dim - 1, entity, f"combination {entity}", facets.kind, np.searchsorted(used, rows) + 1)
 
 
 def _add(dim: int, entity: int, name: str, kind: int, nodes: Ints64) -> None:

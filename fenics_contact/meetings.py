@@ -115,7 +115,9 @@ def _inside(X: Floats, cells: Ints64, shape: Ints64, faces: Ints64, tolerance: f
     centre = X[cells[near]].mean(axis=1)
     for corners in shape:
         x = X[cells[near][:, corners]]
-        normal = np.cross(x[:, 1] - x[:, -1], x[:, 2] - x[:, 0])  # of a quadrangle by its diagonals
+        plane = x.shape[1] == 2  # sides of plane cells; else of a quadrangle by its diagonals
+        across = np.broadcast_to([0.0, 0.0, 1.0], x[:, 0].shape) if plane else x[:, 2] - x[:, 0]
+        normal = np.cross(x[:, 1] - x[:, 0 if plane else -1], across)
         away = np.einsum("nc,nc->n", normal, x.mean(axis=1) - centre)
         normal *= np.copysign(1.0 / np.linalg.norm(normal, axis=1), away)[:, None]
         within &= np.einsum("nc,nc->n", normal, middles[point] - x.mean(axis=1)) <= tolerance

@@ -16,7 +16,8 @@ from fenics_contact.types import Floats, Ints, Ints64, Mesh, Tags
 
 @dataclass
 class NamedMesh:
-    """A dolfinx mesh with gmsh's physical groups by name.
+    """A dolfinx mesh with gmsh's physical groups by name. A plane mesh has surfaces in the place of volumes, and curves in
+    that of surfaces.
 
     volumes: name -> tag in cell_tags; surfaces: name -> tags in facet_tags, one for every combination with other groups, so
     that groups may overlap; doubled: faces of cells that lie on one another with nodes of their own; touching: parts that
@@ -35,6 +36,11 @@ class NamedMesh:
     def comm(self) -> MPI.Comm:
         return self.domain.comm
 
+    @property
+    def plane(self) -> bool:
+        """Whether the mesh is one of surfaces in the plane z = 0."""
+        return self.domain.topology.dim == 2
+
     def facets(self, *names: str) -> Ints:
         """Local facets of the named surfaces (int32, sorted, possibly empty on this rank)."""
         tags = self.surface_tags(*names)
@@ -42,16 +48,25 @@ class NamedMesh:
 
     def surface_tags(self, *names: str) -> tuple[int, ...]:
         """Tags in facet_tags of all facets in any of the named surfaces, each once."""
-        return tuple(sorted({tag for name in names for tag in self.surfaces[known_group(name, self.surfaces, "surface")]}))
+        return tuple(
+            sorted(
+                {
+                    tag
+                    for name in names
+                    for tag in self.surfaces[known_group(name, self.surfaces, "curve" if self.plane else "surface")]
+                }
+            )
+        )
 
     def volume_tag(self, name: str) -> int:
-        return self.volumes[known_group(name, self.volumes, "volume")]
+        return self.volumes[known_group(name, self.volumes, "surface" if self.plane else "volume")]
 
 
 def read_gmsh(
     source: Source, comm: MPI.Comm = MPI.COMM_WORLD, ranks: dict[str, int] | None = None, **parameters: Any
 ) -> NamedMesh:
-    """Mesh from a script or a file, the same on any number of ranks.
+    """Mesh from a script or a file, the same on any number of ranks. Of a model without volumes: a plane mesh, of its
+    surfaces, which lie in z = 0, with its curves for their sides.
 
     source: a function that draws and meshes the current gmsh model (called with `parameters`), or a .msh path. Volume and
     surface groups need names; a surface may be in several. ranks: {volume: rank that holds all of it}, of bodies that share
@@ -73,12 +88,12 @@ def read_gmsh(
     try:
         if failure:
             raise ValueError(failure)
-        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(gmsh.model, comm, 0, owners)
+        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(gmsh.model, comm, 0, groups.dim, owners)
     finally:
         if comm.rank == 0:
             gmsh_model.close()
-    domain.topology.create_connectivity(2, 3)
-    domain.topology.create_connectivity(3, 2)
+    domain.topology.create_connectivity(groups.dim - 1, groups.dim)
+    domain.topology.create_connectivity(groups.dim, groups.dim - 1)
     return NamedMesh(domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.doubled, groups.touching)
 
 
@@ -103,6 +118,62 @@ def read_surface(
     if failure:
         raise ValueError(failure)
     return found
+
+
+def read_curve(
+    source: Source, group: str | None = None, comm: MPI.Comm = MPI.COMM_WORLD, **parameters: Any
+) -> tuple[Ints64, Floats]:
+    """Sides of a curve group in the plane z = 0, or of all curves, in full on every rank: nodes (ns, 2) and X (nm, 3).
+
+    source as for read_gmsh; of a curve around a surface the surface lies on the left. Raises ValueError, on all ranks, for a
+    failing script, an unknown group, a curve without sides, sides of order 2 and places off the plane.
+    """
+    found, failure = None, None
+    if comm.rank == 0:
+        try:
+            gmsh_model.draw(source, parameters)
+            found = _sides(group)
+        except (Exception, SystemExit) as error:
+            failure = _refusal(source, error)
+        finally:
+            gmsh_model.close()
+    failure, found = comm.bcast((failure, found))
+    if failure:
+        raise ValueError(failure)
+    return found
+
+
+def _sides(group: str | None) -> tuple[Ints64, Floats]:
+    entities = [tag for _, tag in gmsh.model.getEntities(1)]
+    if group is not None:
+        groups = gmsh_model.group_entities(1)
+        _, entities = groups[known_group(group, groups, "curve")]
+    rows: list[Ints64] = [np.empty((0, 2), dtype=np.int64)]
+    for _, name, _, nodes in (one for entity in entities for one in gmsh_model.elements(1, entity)):
+        if name != "Line 2":
+            raise ValueError(f"sides of type '{name}' are not supported for a tool; mesh its curve with order 1")
+        rows.append(nodes)
+    sides = np.concatenate(rows)
+    _, first = np.unique(key(sides), return_index=True)
+    tags, places = np.unique(sides[np.sort(first)], return_inverse=True)
+    if not len(tags):
+        what = f"curve group '{group}'" if group else "it"
+        raise ValueError(f"{what} has no sides; mesh a curve with gmsh.model.mesh.generate(1)")
+    X = gmsh_model.places(tags)
+    if np.abs(X[:, 2]).max() > 1e-9 * np.ptp(X, axis=0).max():
+        raise ValueError("a curve that is a tool of a plane scene lies in z = 0; draw it there")
+    return _leaving_on_the_left(places.reshape(-1, 2).astype(np.int64), tags), X
+
+
+def _leaving_on_the_left(sides: Ints64, tags: Ints64) -> Ints64:
+    """Sides turned so that a cell of the model's surfaces which they bound lies on their left."""
+    ways: set[tuple[int, int]] = set()
+    for _, surface in gmsh.model.getEntities(2):
+        for _, name, elements, nodes in gmsh_model.elements(2, surface):
+            corners = gmsh_model.counter_clockwise(name, nodes, elements)[:, : 4 if name.startswith("Quad") else 3]
+            ways |= set(zip(corners.ravel().tolist(), np.roll(corners, -1, axis=1).ravel().tolist(), strict=True))
+    turned = np.array([(int(b), int(a)) in ways and (int(a), int(b)) not in ways for a, b in tags[sides]], dtype=bool)
+    return np.where(turned[:, None], sides[:, ::-1], sides)
 
 
 def _refusal(source: Source, error: BaseException) -> str:

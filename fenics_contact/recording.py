@@ -123,7 +123,7 @@ def columns_of(record: Recorded, scene: Scene) -> Columns:
     """The columns of a scene's history, which no two things of the scene may share, nor the user's own."""
     rough = {contact.name: contact.friction.mu > 0.0 for contact in scene.contacts}
     groups = list(dict.fromkeys("+".join(support.group) for support in scene.supports))
-    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units)
+    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units, scene.section)
     if shared := columns.clash():
         raise SceneError(f"two contacts, tools or supports would share the columns '{shared}_...'; give one another name")
     taken = columns.all()

@@ -212,7 +212,7 @@ def _summary(
             "contacts": [_contact_summary(c, system, scene.units) for c in system.contacts],
         },
         "sizes": {
-            "cells": domain.topology.index_map(3).size_global,
+            "cells": compat.cell_map(domain).size_global,
             "unknowns": system.vector.getSize(),
             "supported_unknowns": system.comm.allreduce(len(system.supports.owned)),
         },

@@ -19,7 +19,7 @@ class CellForm:
         self.whole, self._inner, self._rest = compat.compile_form(form), None, None
         space = form.arguments()[0].ufl_function_space()
         if space.mesh.comm.size > 1:
-            owned = space.mesh.topology.index_map(3).size_local
+            owned = compat.cell_map(space.mesh).size_local
             inside = (compat.cell_dofs(space)[:owned] < space.dofmap.index_map.size_local).all(axis=1)
             parts = compat.parts_of_form(form, inside)
             if parts is not None:

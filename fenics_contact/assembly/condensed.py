@@ -16,7 +16,7 @@ class CellBlocks:
 
     def __init__(self, form: Form, rows: Space, columns: Space) -> None:
         self._form, self._matrix = form, compat.create_matrix(form)
-        cells = rows.mesh.topology.index_map(3).size_local
+        cells = compat.cell_map(rows.mesh).size_local
         numbers = _dofs(columns, compat.global_blocks(columns))[:cells]
         self._rows = _dofs(rows)[:cells]
         self.shape = *self._rows.shape, numbers.shape[1]

@@ -6,16 +6,21 @@ import basix
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.section import Section
 from fenics_contact.types import Floats, Ints, Mesh, Space
+
+# a facet's corners one after the other around it; dolfinx numbers quadrilaterals like a grid
+RINGS = {"hexahedron": [0, 1, 3, 2], "tetrahedron": [0, 1, 2], "quadrilateral": [0, 1], "triangle": [0, 1]}
 
 
 @dataclass(frozen=True)
 class Skin:
     """Exterior facets of owned cells, and Gauss points on them.
 
-    cells (ne,): the local cells behind them; nodes (ne, k) local node numbers; corners (ne, 3 or 4): those of the corners,
-    as a ring; N (ne, nq, k) shape functions in the points; slopes (ne, nq, 2, k): their derivatives along two tangents
-    t1 x t2 that point outwards; area (ne, nq) reference areas of the points; X (ne, k, 3) reference positions [length].
+    cells (ne,): the local cells behind them; nodes (ne, k) local node numbers; corners (ne, 2, 3 or 4): those of the
+    corners, as a ring; N (ne, nq, k) shape functions in the points; slopes (ne, nq, 2, k): their derivatives along two
+    tangents t1 x t2 that point outwards; area (ne, nq) reference areas of the points; X (ne, k, 3) reference positions
+    [length]; section: what the sides of a plane mesh, with one tangent, stand for.
     """
 
     cells: Ints
@@ -25,32 +30,34 @@ class Skin:
     slopes: Floats
     area: Floats
     X: Floats
+    section: Section | None = None
 
     def current_area(self, x: Floats) -> Floats:
         """Areas (ne, nq) of the points where the nodes (ne, k, 3) are at x [length]."""
         return self.area * self._stretched(x) / self._stretched(self.X)
 
     def _stretched(self, x: Floats) -> Floats:
+        if self.section is not None:
+            along = np.linalg.norm(np.einsum("eqk,ekc->eqc", self.slopes[:, :, 0], x), axis=-1)
+            return along * self.section.depth(np.einsum("eqk,ekc->eqc", self.N, x))
         first, second = np.einsum("eqtk,ekc->teqc", self.slopes, x)
         return np.linalg.norm(np.cross(first, second), axis=-1)
 
 
-def skin_of(space: Space, facets: Ints) -> Skin:
-    """The Skin of a vector Lagrange space's mesh on local facets."""
+def skin_of(space: Space, facets: Ints, section: Section | None = None) -> Skin:
+    """The Skin of a vector Lagrange space's mesh on local facets; section: what a plane mesh stands for."""
     mesh, degree = space.mesh, compat.degree(space)
     cell = compat.cell_name(mesh)
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
-    of_cell = [cells[local == f] for f in range(facets_per_cell(cell))]
+    of_cell = [cells[local == f] for f in range(compat.FACETS[cell])]
     N, slopes, area = facet_points(mesh, cell, degree, of_cell, degree + 1)
-    dofs, ring = compat.cell_dofs(space), [0, 1, 3, 2] if cell == "hexahedron" else [0, 1, 2]
+    dofs, ring = compat.cell_dofs(space), RINGS[cell]
     closures = [compat.facet_closure_dofs(space, f) for f in range(len(of_cell))]
     nodes = np.concatenate([dofs[mine][:, closure] for mine, closure in zip(of_cell, closures, strict=True)])
     corners = nodes[:, ring]  # a facet's corners come first, numbered like a grid
-    return Skin(np.concatenate(of_cell), nodes, corners, N, slopes, area, space.tabulate_dof_coordinates()[nodes])
-
-
-def facets_per_cell(cell: str) -> int:
-    return {"hexahedron": 6, "tetrahedron": 4}[cell]
+    X = space.tabulate_dof_coordinates()[nodes]
+    area = area if section is None else area * section.depth(np.einsum("eqk,ekc->eqc", N, X))
+    return Skin(np.concatenate(of_cell), nodes, corners, N, slopes, area, X, section)
 
 
 def facet_points(mesh: Mesh, cell: str, degree: int, cells: list[Ints], order: int | None) -> tuple[Floats, Floats, Floats]:
@@ -74,6 +81,8 @@ def _facet_quadrature(
     order: Gauss points per direction, or None for the facet's corners, in the order of its nodes and with weight 1.
     """
     kind = getattr(basix.CellType, cell)
+    if mesh.topology.dim == 2:
+        return _side_quadrature(mesh, cell, degree, order, cells, facet)
     corners = basix.geometry(kind)[basix.topology(kind)[2][facet]]
     flat = basix.CellType.quadrilateral if len(corners) == 4 else basix.CellType.triangle
     s, w = (basix.geometry(flat), 1.0) if order is None else basix.make_quadrature(flat, 2 * order - 1)
@@ -94,6 +103,25 @@ def _facet_quadrature(
     return table[0], slopes, np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=-1) * w
 
 
+def _side_quadrature(
+    mesh: Mesh, cell: str, degree: int, order: int | None, cells: Ints, facet: int
+) -> tuple[Floats, Floats, Floats]:
+    """The same of a side of plane cells, which has one tangent (nq, 1, k), and lengths in the place of areas."""
+    kind = getattr(basix.CellType, cell)
+    ends = basix.geometry(kind)[basix.topology(kind)[1][facet]]
+    s, w = (
+        (np.array([[0.0], [1.0]]), 1.0) if order is None else basix.make_quadrature(basix.CellType.interval, 2 * order - 1)
+    )
+    side = ends[1] - ends[0]
+    reference = ends[0] + s * side
+    element = compat.basix_element(cell, degree)
+    table = compat.tabulate(element, 1, reference)[..., element.entity_closure_dofs[1][facet]]
+    gradients = compat.tabulate(compat.basix_element(cell, geometry_degree(mesh)), 1, reference)[1:]
+    x = mesh.geometry.x[compat.geometry_dofmap(mesh)[cells]]
+    tangents = np.einsum("r,rqd,cdx->cqx", side, gradients, x)
+    return table[0], np.einsum("r,rqk->qk", side, table[1:])[:, None], np.linalg.norm(tangents, axis=-1) * w
+
+
 def geometry_degree(mesh: Mesh) -> int:
-    count = compat.geometry_dofmap(mesh).shape[1]
-    return 1 if count in (4, 8) else 2
+    corners = {"hexahedron": 8, "tetrahedron": 4, "quadrilateral": 4, "triangle": 3}[compat.cell_name(mesh)]
+    return 1 if compat.geometry_dofmap(mesh).shape[1] == corners else 2

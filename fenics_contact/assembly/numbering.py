@@ -15,7 +15,7 @@ def node_keys(space: Space) -> Ints64:
     that lie on one another, and those on edges and faces of cells of degree 2.
     """
     mesh = space.mesh
-    owned = mesh.topology.index_map(3).size_local
+    owned = compat.cell_map(mesh).size_local
     cells = compat.cell_dofs(space)[:owned]
     key = compat.original_cells(mesh)[:owned, None] * float(cells.shape[1]) + np.arange(cells.shape[1])
     last = compat.Function(space)  # of the negative keys: PETSc sends the largest to owners, not the smallest

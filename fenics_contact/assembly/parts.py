@@ -25,7 +25,7 @@ def connected_parts(space: Space) -> tuple[Ints64, int]:
     root = np.arange(len(labels))
     join(pairs.reshape(-1, 2), root)
     part = root[np.searchsorted(labels, label)]
-    owned = mesh.topology.index_map(3).size_local
+    owned = compat.cell_map(mesh).size_local
     first = np.full(len(labels), np.iinfo(np.int64).max)
     np.minimum.at(first, part[cells[:owned, 0]], compat.original_cells(mesh)[:owned])
     first = np.min(mesh.comm.allgather(first), axis=0)

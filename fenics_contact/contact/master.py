@@ -5,6 +5,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.kernels.facets import Surface
@@ -19,6 +20,8 @@ def oriented_facets(space: Space, facets: Ints) -> tuple[Ints64, Ints64, Ints64]
     """
     mesh = space.mesh
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
+    if mesh.topology.dim == 2:
+        return _strips(space, cells, local)
     hexahedra = compat.cell_name(mesh) == "hexahedron"
     ring = [0, 1, 3, 2] if hexahedra else [0, 1, 2, 2]  # quadrilaterals are numbered like a grid
     corners = np.array([compat.facet_closure_dofs(space, f)[ring] for f in range(6 if hexahedra else 4)])
@@ -30,6 +33,20 @@ def oriented_facets(space: Space, facets: Ints) -> tuple[Ints64, Ints64, Ints64]
     nodes[inside_out] = nodes[inside_out][:, [0, 3, 2, 1] if hexahedra else [0, 2, 1, 1]]
     size = np.full(len(nodes), 4 if hexahedra else 3, dtype=np.int64)
     return nodes, size, compat.original_cells(mesh)[cells].astype(np.int64) * 6 + local
+
+
+def _strips(space: Space, cells: Ints, local: Ints64) -> tuple[Ints64, Ints64, Ints64]:
+    """Sides of plane cells as rings of nodes: there and, behind the plane, back, of which the far ones are the near ones."""
+    mesh = space.mesh
+    corners = np.array([compat.facet_closure_dofs(space, f)[:2] for f in range(compat.FACETS[compat.cell_name(mesh)])])
+    of_cell = compat.cell_dofs(space)[cells]
+    nodes = np.take_along_axis(of_cell, corners[local], axis=1).astype(np.int64)
+    X = space.tabulate_dof_coordinates()
+    along, outward = X[nodes[:, 1]] - X[nodes[:, 0]], X[nodes].mean(axis=1) - X[of_cell].mean(axis=1)
+    clockwise = along[:, 1] * outward[:, 0] - along[:, 0] * outward[:, 1] < 0.0  # with the far side at z > 0
+    nodes[clockwise] = nodes[clockwise][:, ::-1]
+    size = np.full(len(nodes), 4, dtype=np.int64)
+    return nodes[:, [0, 1, 1, 0]], size, compat.original_cells(mesh)[cells].astype(np.int64) * 6 + local
 
 
 def area_vectors(corners: Floats) -> Floats:
@@ -60,36 +77,48 @@ class _Surface:
 class MasterSurface(_Surface):
     """All facets of a master group on every rank, in an order that no partition changes.
 
-    facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers, rising; keys (nm,):
-    their numbers that no partition changes. The exchange is one gather of the owned positions to all ranks per
-    evaluation: a surface is small against its volume.
+    facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers; moving: these, each
+    once and rising; keys (nm,): their numbers that no partition changes. The exchange is one gather of owned positions to
+    all ranks per evaluation: a surface is small against its volume.
+
+    section: what the curves of a plane mesh stand for. They are strips here, as deep as their sides are long on average:
+    behind all their nodes come as many far ones, of the same displacements and forces.
     """
 
-    def __init__(self, space: Space, facets: Ints) -> None:
+    def __init__(self, space: Space, facets: Ints, section: Section | None = None) -> None:
         self.comm, self.size = space.mesh.comm, space.dofmap.index_map.size_global  # of the System, in blocks
         nodes, size, key = oriented_facets(space, facets)
         to_global = compat.global_blocks(space)
         rows = np.column_stack([key, size, to_global[nodes].reshape(-1, 4)]).astype(np.int64)
         rows = np.concatenate(self.comm.allgather(rows))
         rows = rows[np.argsort(rows[:, 0])]
-        self.blocks, numbered = np.unique(rows[:, 2:], return_inverse=True)
+        self.moving, numbered = np.unique(rows[:, 2:], return_inverse=True)
         everywhere = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
         # blocks of one rank are consecutive, so the sorted blocks are the ranks' parts one after the other
         first, end = space.dofmap.index_map.local_range
-        self.mine = slice(*np.searchsorted(self.blocks, [first, end]))
-        self.owned = (self.blocks[self.mine] - first).astype(np.int64)
+        self.mine = slice(*np.searchsorted(self.moving, [first, end]))
+        self.owned = (self.moving[self.mine] - first).astype(np.int64)
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
         self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
-        super().__init__(everywhere, self._gather(space.tabulate_dof_coordinates()[self.owned]))
+        self.blocks = self.moving
+        X, self.section = self._gather(space.tabulate_dof_coordinates()[self.owned]), section
+        if section is not None:
+            ends = everywhere[0][:, :2]
+            half = 0.5 * np.linalg.norm(X[ends[:, 1]] - X[ends[:, 0]], axis=1).mean() if len(ends) else 0.0
+            X = np.concatenate([X - [0.0, 0.0, half], X + [0.0, 0.0, half]])
+            everywhere[0][:, 2:] += len(self.moving)
+            self.blocks, self.keys = np.tile(self.moving, 2), np.concatenate([2 * self.keys, 2 * self.keys + 1])
+        super().__init__(everywhere, X)
 
     def _gather(self, owned: Floats) -> Floats:
-        everything = np.empty((len(self.blocks), 3))
+        everything = np.empty((self._counts.sum() // 3, 3))
         self.comm.Allgatherv(np.ascontiguousarray(owned), [everything, self._counts])
         return everything
 
     def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length] on every rank. Collective."""
-        return self.X + self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
+        u = self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
+        return self.X + (u if self.section is None else np.tile(u, (2, 1)))
 
     def point(self, state: State) -> None:
         """None: a body has no point of its own."""
@@ -98,6 +127,9 @@ class MasterSurface(_Surface):
         """Add nodal forces (nm, 3), summed over all ranks, to the owned dofs of a local array. Collective."""
         total = np.empty_like(forces)
         self.comm.Allreduce(forces, total, op=MPI.SUM)
+        if self.section is not None:
+            near, far = np.split(total, 2)
+            total = near + far
         residual.reshape(-1, 3)[self.owned] += total[self.mine]
 
 

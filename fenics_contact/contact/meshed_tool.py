@@ -115,9 +115,9 @@ class MeshedToolAverages(MortarPartner):
         rows, columns, values, at = self._tangent(feet, trial)
         tool = self.skin.size
         inside, by_travel, on_tool = (rows < tool) & (columns < tool), columns == tool, rows == tool
-        border = np.zeros((2, len(self.skin.X), 3, 3))
+        border = np.zeros((2, len(self.skin.moving), 3, 3))
         for part, here, nodes in ((border[0], by_travel & ~on_tool, rows), (border[1], on_tool & ~by_travel, columns)):
-            part[np.searchsorted(self.skin.blocks, nodes[here])] = values[here]
+            part[np.searchsorted(self.skin.moving, nodes[here])] = values[here]
         self._comm.Allreduce(MPI.IN_PLACE, border)
         moved, pulled = border[:, self.skin.mine]
         corner = values[on_tool & by_travel].sum(axis=0)

@@ -30,10 +30,14 @@ class Samples:
         own = (every >= skin.mine.start) & (every < skin.mine.stop)
         mine = own.any(axis=1)
         self.nodes = np.ascontiguousarray(every[mine])
-        places, weights, N, gradients = sampled(m, count)
+        # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
+        places, weights, N, gradients = sampled(m, count, across=count if skin.section is None else 1)
         at_corners = sampled(m, 0)[3]
         tangents = np.einsum("qti,fic->fqtc", gradients, skin.X[self.nodes])
         area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2) * weights
+        if skin.section is not None:  # half a strip's area is that of its near nodes
+            at = np.einsum("qi,fic->fqc", N, skin.X[self.nodes])
+            area *= 2.0 * skin.section.depth(at) / np.linalg.norm(2.0 * tangents[:, :, 1], axis=2)
         group = np.empty((len(every), m), dtype=np.int64)
         cosine = np.cos(np.radians(CREASE))
         starts, facets, corners = grouped_corners(skin.X, every, at_corners, mine, cosine, group)
@@ -76,12 +80,12 @@ def samples_for(size: float, master: float) -> int:
     return min(max(FEWEST, math.ceil(PER_FACET * size / master - 1e-6)), MOST) if master > 0.0 else FEWEST
 
 
-def sampled(m: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+def sampled(m: int, count: int, across: int = 0) -> tuple[Floats, Floats, Floats, Floats]:
     """Places (nq, 2), weights (nq,), shape functions (nq, m) and gradients (nq, 2, m) of facets with m corners, which run
-    counter-clockwise: at count Gauss points per direction, or with 0 at the corners."""
+    counter-clockwise: at count Gauss points along the first side and `across` it, or with 0 at the corners."""
     if m == 4:
-        s, w = basix.make_quadrature(basix.CellType.quadrilateral, 2 * max(count, 1) - 1)
-        s, w = 2.0 * s - 1.0, 4.0 * w
+        (s, w), (t, v) = (basix.make_quadrature(basix.CellType.interval, 2 * max(n, 1) - 1) for n in (count, across))
+        s, w = 2.0 * np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2) - 1.0, 4.0 * np.outer(w, v).ravel()
         ring = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         s = s if count else ring
         one, two = (1.0 + s[:, None, i] * ring[:, i] for i in (0, 1))

@@ -8,8 +8,9 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.facet_points import facet_points, facets_per_cell, geometry_degree
+from fenics_contact.assembly.facet_points import RINGS, facet_points, geometry_degree
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.section import Section
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space
 
 
@@ -44,32 +45,38 @@ class SlaveSurface:
         return self.area.size
 
 
-def slave_surface(space: Space, facets: Ints, modulus: Floats, points: int | str = "nodes") -> SlaveSurface:
+def slave_surface(
+    space: Space, facets: Ints, modulus: Floats, points: int | str = "nodes", section: Section | None = None
+) -> SlaveSurface:
     """Slave points on the exterior facets of a group.
 
     space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes"; "corners" of
     facets of degree 1: the nodes, each as often as facets meet there, with what these give to its tributary area; or the
-    number of Gauss points per direction of a facet. ValueError where nodes have no tributary area (quadratic triangles).
+    number of Gauss points per direction of a facet; section: what a plane mesh stands for. ValueError where nodes have no
+    tributary area (quadratic triangles).
     """
     mesh = space.mesh
     cell = compat.cell_name(mesh)
     degree = compat.degree(space)
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
-    where = mesh, cell, degree, [cells[local == f] for f in range(facets_per_cell(cell))]
-    order = 2 * degree if isinstance(points, str) else points
-    a, gradients, area = facet_points(*where, order)
-    if points == "corners":
-        area = np.einsum("eq,eqk->ek", area, a)
-        a, gradients, _ = facet_points(*where, None)
+    where = mesh, cell, degree, [cells[local == f] for f in range(compat.FACETS[cell])]
     nodes = np.concatenate(
         [compat.cell_dofs(space)[mine][:, compat.facet_closure_dofs(space, f)] for f, mine in enumerate(where[3])]
     )
+    X = space.tabulate_dof_coordinates()
+    order = 2 * degree if isinstance(points, str) else points
+    a, gradients, area = facet_points(*where, order)
+    sides = area.sum(axis=1)
+    if section is not None:
+        area = area * section.depth(np.einsum("eqk,ekc->eqc", a, X[nodes]))
+    if points == "corners":
+        area = np.einsum("eq,eqk->ek", area, a)
+        a, gradients, _ = facet_points(*where, None)
     owner = np.concatenate(where[3])
     key = compat.original_cells(mesh)[owner].astype(np.int64) * 6 + np.sort(local)
-    height = _cell_volumes(mesh)[owner] / np.maximum(area.sum(axis=1), 1e-300)
+    height = _cell_volumes(mesh)[owner] / np.maximum(sides, 1e-300)
     stiffness = modulus[owner] * degree / height  # of the layer that a node moves: an element of degree 2 has two
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
-    X = space.tabulate_dof_coordinates()
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
     tangents: Floats | None = gradients
     if points == "nodes":
@@ -97,9 +104,8 @@ def _shortest_sides(mesh: Mesh, cell: str, cells: Ints, local: Ints64) -> Floats
     """Shortest side of each facet, facets in the order of their number in the cell."""
     dofs = compat.geometry_dofmap(mesh)
     sides = []
-    for f, corners in enumerate(basix.topology(getattr(basix.CellType, cell))[2]):
-        # quadrilaterals are numbered like a grid: 0 1 / 2 3
-        ring = [corners[i] for i in ((0, 1, 3, 2) if len(corners) == 4 else (0, 1, 2))]
+    for f, corners in enumerate(basix.topology(getattr(basix.CellType, cell))[mesh.topology.dim - 1]):
+        ring = [corners[i] for i in RINGS[cell]]
         x = mesh.geometry.x[dofs[cells[local == f]]][:, ring]
         sides.append(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).min(axis=1, initial=np.inf))
     return np.concatenate(sides)
@@ -111,7 +117,7 @@ def _cell_volumes(mesh: Mesh) -> Floats:
     s, w = basix.make_quadrature(getattr(basix.CellType, cell), 4)
     gradients = compat.tabulate(compat.basix_element(cell, geometry_degree(mesh)), 1, s)[1:]
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
-    return np.abs(np.linalg.det(np.einsum("rqd,cdx->cqrx", gradients, x))) @ w
+    return np.abs(np.linalg.det(np.einsum("rqd,cdx->cqrx", gradients, x[..., : mesh.topology.dim]))) @ w
 
 
 def _gather_to_nodes(

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from fenics_contact.assembly.section import Section
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.names import energy_unit, plain_name
 from fenics_contact.output.reactions import Reaction
@@ -34,13 +35,15 @@ class Report(Protocol):
 class Columns:
     """Names of the history's columns. tools, groups of supports by name; contacts: {name: has it friction}.
 
-    Names carry units; what is no letter, digit or _ in a name of the scene's becomes _.
+    Names carry units; what is no letter, digit or _ in a name of the scene's becomes _. section: of a plane mesh, of which
+    components out of its plane are left out, and resultants that cancel all the way round.
     """
 
     tools: Sequence[str]
     contacts: Mapping[str, bool]
     groups: Sequence[str]
     units: Units
+    section: Section | None = None
 
     def all(self) -> list[str]:
         """The names of all columns a run may have but the user's own."""
@@ -67,12 +70,12 @@ class Columns:
         row: HistoryRow = {"step": step, "t": t, "iterations": report.iterations, "residual": report.residuals[-1]}
         row |= {"seconds": seconds, "smallest_J": smallest_J} | self._energies(result.energies)
         for tool, travel in result.travel.items():
-            row |= self._vector(f"{tool}_travel", travel, self.units.length)
+            row |= self._place(f"{tool}_travel", travel)
         for name, contact in result.contacts.items():
             row |= self._contact(name, contact, self.contacts[name])
         for group, reaction in result.reactions.items():
-            row |= self._vector(f"{group}_reaction", reaction.force, self.units.force)
-            row |= self._vector(f"{group}_reaction_moment", reaction.moment, energy_unit(self.units))
+            row |= self._force(f"{group}_reaction", reaction.force)
+            row |= self._moment(f"{group}_reaction_moment", reaction.moment)
         return row
 
     def _energies(self, energies: Energies) -> HistoryRow:
@@ -89,21 +92,26 @@ class Columns:
     def _contact(self, name: str, c: ContactResult, rough: bool) -> HistoryRow:
         length, force, pressure = self.units.length, self.units.force, self.units.pressure
         name = plain_name(name)
-        row = self._vector(f"{name}_force", c.force, force)
-        row |= self._vector(f"{name}_moment", c.moment, energy_unit(self.units))
+        row = self._force(f"{name}_force", c.force) | self._moment(f"{name}_moment", c.moment)
         row |= {f"{name}_load_{force}": c.load, f"{name}_peak_pressure_{pressure}": c.peak_pressure}
-        row |= self._vector(f"{name}_peak", c.peak_at, length) | {f"{name}_area_{length}2": c.area}
-        row |= self._vector(f"{name}_width", c.width, length)
+        row |= self._place(f"{name}_peak", c.peak_at) | {f"{name}_area_{length}2": c.area}
+        row |= self._place(f"{name}_width", c.width)
         if rough:
-            row |= self._vector(f"{name}_friction", c.friction, force)
+            row |= self._force(f"{name}_friction", c.friction)
             row |= {f"{name}_greatest_slip_{length}": c.slip, f"{name}_mean_slip_{length}": c.mean_slip}
             row[f"{name}_friction_work_{energy_unit(self.units)}"] = c.friction_work
         row |= {f"{name}_active_points": c.active, f"{name}_sticking_points": c.sticking}
         row[f"{name}_penetration_{length}"] = c.penetration
         return row
 
-    def _vector(self, name: str, values: Floats, unit: str) -> HistoryRow:
-        return {f"{plain_name(name)}_{axis}_{unit}": float(value) for axis, value in zip(AXES, values, strict=True)}
+    def _force(self, name: str, values: Floats) -> HistoryRow:
+        return _vector(name, values, self.units.force, self.section.resultants[0] if self.section else AXES)
+
+    def _moment(self, name: str, values: Floats) -> HistoryRow:
+        return _vector(name, values, energy_unit(self.units), self.section.resultants[1] if self.section else AXES)
+
+    def _place(self, name: str, values: Floats) -> HistoryRow:
+        return _vector(name, values, self.units.length, "xy" if self.section else AXES)
 
     def energies(self, rows: Sequence[HistoryRow]) -> Energies | None:
         """What the rows of a run so far say of its energies; None of none."""
@@ -116,6 +124,10 @@ class Columns:
             last[f"external_work_{unit}"], last[f"strain_energy_{unit}"], last[f"penalty_energy_{unit}"], friction, damping,
             last[f"balance_error_{self.units.force}"],
         )  # fmt: skip
+
+
+def _vector(name: str, values: Floats, unit: str, axes: str) -> HistoryRow:
+    return {f"{plain_name(name)}_{axis}_{unit}": float(values[AXES.index(axis)]) for axis in axes}
 
 
 def damping_column(units: Units) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fenics_contact.assembly.exchange import sum_to_owners
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm, State, Term
 from fenics_contact.kernels.status import SLIP
@@ -71,10 +72,13 @@ class _Forces:
 
 class EnergyBalance:
     """Work between accepted states by the trapezoidal rule. loads: the terms of dead loads and pressures; so_far: Energies
-    of a run that is resumed."""
+    of a run that is resumed; section: what a plane mesh stands for."""
 
-    def __init__(self, system: System, loads: Sequence[Term], so_far: Energies | None = None) -> None:
+    def __init__(
+        self, system: System, loads: Sequence[Term], so_far: Energies | None = None, section: Section | None = None
+    ) -> None:
         self._system, self._loads = system, loads
+        self._adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
         names = [contact.name for contact in system.contacts if contact.rough]
         self.now = so_far or Energies(friction=dict.fromkeys(names, 0.0))
         system.assemble_residual()
@@ -90,7 +94,7 @@ class EnergyBalance:
         sums = system.comm.allreduce(np.array([work, *rubbed.values(), *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
         work = sums[0] + float(0.5 * ((last.on_tools + here.on_tools) * (here.travel - last.travel)).sum())
         friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:-3], strict=True)}
-        balance = float(np.linalg.norm(sums[-3:] + here.on_tools.sum(axis=0)))
+        balance = float(np.linalg.norm((sums[-3:] + here.on_tools.sum(axis=0))[self._adds_up]))
         self._last, self.now = here, Energies(
             self.now.external_work + work, system.strain_energy(), float(sum(stored)), friction,
             self.now.damping + damping, balance,

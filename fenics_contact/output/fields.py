@@ -23,12 +23,12 @@ class CellValues:
     def __init__(self, scene: Solved, system: System) -> None:
         domain, u = scene.mesh.domain, system.state.u
         self._scene, centre = scene, centre_of(compat.cell_name(domain))
-        self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u), centre)
+        self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u, scene.section), centre)
         self._stresses = [
-            (self._cells(body), compat.cell_evaluator(domain, vp.cauchy_stress(law, u), centre))
+            (self._cells(body), compat.cell_evaluator(domain, vp.cauchy_stress(law, u, scene.section), centre))
             for body, law in zip(scene.bodies, system.terms[0].laws, strict=True)
         ]
-        self.owned = np.arange(domain.topology.index_map(3).size_local, dtype=np.int32)
+        self.owned = np.arange(compat.cell_map(domain).size_local, dtype=np.int32)
 
     def _cells(self, body: Body) -> Ints:
         tags = self._scene.mesh.cell_tags
@@ -135,7 +135,8 @@ class Fields:
 def surfaces_of(scene: Solved, system: System) -> list[SlaveNodes]:
     """The slave surfaces of a scene's contacts."""
     slaves = [scene.mesh.facets(*stated.slave) for stated in scene.contacts]
-    return [SlaveNodes(system, contact, facets) for contact, facets in zip(system.contacts, slaves, strict=True)]
+    pairs = zip(system.contacts, slaves, strict=True)
+    return [SlaveNodes(system, contact, facets, scene.section) for contact, facets in pairs]
 
 
 def _joined(found: Sequence[NodalContact]) -> NodalContact:

@@ -5,15 +5,37 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import gather, node_keys
 from fenics_contact.output.solved import Solved
-from fenics_contact.output.vtu import HEXAHEDRON, HEXAHEDRON_27, TETRAHEDRON, TETRAHEDRON_10, GridFile
+from fenics_contact.output.vtu import (
+    HEXAHEDRON,
+    HEXAHEDRON_27,
+    QUADRILATERAL,
+    QUADRILATERAL_9,
+    TETRAHEDRON,
+    TETRAHEDRON_10,
+    TRIANGLE,
+    TRIANGLE_6,
+    GridFile,
+)
 from fenics_contact.types import Array, Floats, Function, Ints, Ints64, Space
 
-TYPES = {"hexahedron": (HEXAHEDRON, HEXAHEDRON_27), "tetrahedron": (TETRAHEDRON, TETRAHEDRON_10)}
+TYPES = {
+    "hexahedron": (HEXAHEDRON, HEXAHEDRON_27),
+    "tetrahedron": (TETRAHEDRON, TETRAHEDRON_10),
+    "quadrilateral": (QUADRILATERAL, QUADRILATERAL_9),
+    "triangle": (TRIANGLE, TRIANGLE_6),
+}
 # Corners of VTK's cells, and of every further node of degree 2 the corners it lies between: of an edge, a face, the cell
-CORNERS = {"hexahedron": "000 100 110 010 001 101 111 011", "tetrahedron": "000 100 010 001"}
+CORNERS = {
+    "hexahedron": "000 100 110 010 001 101 111 011",
+    "tetrahedron": "000 100 010 001",
+    "quadrilateral": "00 10 11 01",
+    "triangle": "00 10 01",
+}
 BETWEEN = {
     "hexahedron": "01 12 23 03 45 56 67 47 04 15 26 37 0347 1256 0145 2367 0123 4567 01234567",
     "tetrahedron": "01 12 02 03 13 23",
+    "quadrilateral": "01 12 23 03 0123",
+    "triangle": "01 12 02",
 }
 
 
@@ -28,7 +50,7 @@ class Grid:
         """Collective."""
         mesh, space = scene.mesh.domain, scene.space
         self._comm, self._cell = mesh.comm, compat.cell_name(mesh)
-        own = compat.original_cells(mesh)[: mesh.topology.index_map(3).size_local]
+        own = compat.original_cells(mesh)[: compat.cell_map(mesh).size_local]
         self._keys = {1: own}  # what orders the owned rows of a space, by its number of dofs in a cell
         corners = self._nodes_of_cells(compat.lagrange_space(mesh, 1, (3,)), 1)
         cells = corners if scene.degree == 1 else self._nodes_of_cells(space, scene.degree)
@@ -101,7 +123,7 @@ def _order(cell: str, degree: int) -> Ints64:
 
 def _bodies(scene: Solved) -> Ints:
     """Number of its body for every local cell, -1 where it has none."""
-    tags, index_map = scene.mesh.cell_tags, scene.mesh.domain.topology.index_map(3)
+    tags, index_map = scene.mesh.cell_tags, compat.cell_map(scene.mesh.domain)
     out = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     for number, body in enumerate(scene.bodies):
         out[tags.indices[tags.values == scene.mesh.volume_tag(body.group)]] = number

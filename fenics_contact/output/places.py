@@ -6,12 +6,13 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import geometry_degree
+from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.types import Bools, Floats, Function, Mesh
 
 INSIDE = 1e-6  # of a cell: a point so far outside still counts as in it
 STEPS = 20  # of Newton's method: one suffices in a parallelepiped
 
-Place = tuple[int, int, Floats]  # rank, local cell, place (3,) in the reference cell
+Place = tuple[int, int, Floats]  # rank, local cell, place (2,) or (3,) in the reference cell
 
 
 def locate(comm: MPI.Comm, mesh: Mesh, point: Floats) -> Place:
@@ -19,13 +20,13 @@ def locate(comm: MPI.Comm, mesh: Mesh, point: Floats) -> Place:
 
     ValueError, on all ranks, where none does.
     """
-    x = mesh.geometry.x[compat.geometry_dofmap(mesh)[: mesh.topology.index_map(3).size_local]]
+    x = mesh.geometry.x[compat.geometry_dofmap(mesh)[: compat.cell_map(mesh).size_local]]
     near = np.flatnonzero(_in_boxes(x, point))
     local = _pulled_back(mesh, x[near], point)
     cell = compat.cell_name(mesh)
     inside = _outside(cell, local) <= INSIDE
     numbers = compat.original_cells(mesh)[near[inside]].astype(float)
-    here = (np.inf, -1, np.zeros(3))
+    here = (np.inf, -1, local[:0].sum(axis=0))
     if len(numbers):
         first = int(numbers.argmin())
         here = (float(numbers[first]), int(near[inside][first]), local[inside][first])
@@ -39,15 +40,22 @@ def locate(comm: MPI.Comm, mesh: Mesh, point: Floats) -> Place:
     return rank, found, at
 
 
-def interpolated(u: Function, cell: int, local: Floats) -> tuple[Floats, Floats]:
-    """A vector Function (3,) and its gradient (3, 3) at a place of a local cell."""
+def interpolated(u: Function, cell: int, local: Floats, section: Section | None = None) -> tuple[Floats, Floats]:
+    """A vector Function (3,) and its gradient (3, 3) at a place of a local cell; section: what a plane mesh stands for."""
     space = u.function_space
     mesh, name = space.mesh, compat.cell_name(space.mesh)
     table = compat.tabulate(compat.basix_element(name, compat.degree(space)), 1, local[None])[:, 0]
     shape = compat.tabulate(compat.basix_element(name, geometry_degree(mesh)), 1, local[None])[1:, 0]
-    slopes = shape @ mesh.geometry.x[compat.geometry_dofmap(mesh)[cell]]  # row r: dX/dxi_r
+    x, dim = mesh.geometry.x[compat.geometry_dofmap(mesh)[cell]], mesh.topology.dim
+    slopes = shape @ x[:, :dim]  # row r: dX/dxi_r
     nodal = u.x.array.reshape(-1, 3)[compat.cell_dofs(space)[cell]]
-    return table[0] @ nodal, (np.linalg.inv(slopes) @ table[1:] @ nodal).T
+    value, gradient = table[0] @ nodal, np.zeros((3, 3))
+    gradient[:, :dim] = (np.linalg.inv(slopes) @ table[1:] @ nodal).T
+    if section is not None and section.axisymmetric:
+        form = compat.tabulate(compat.basix_element(name, geometry_degree(mesh)), 0, local[None])[0, 0]
+        R = float(form @ x[:, 0])
+        gradient[2, 2] = value[0] / R if ON_AXIS * np.abs(x).max() < R else gradient[0, 0]
+    return value, gradient
 
 
 def _in_boxes(x: Floats, point: Floats) -> Bools:
@@ -61,6 +69,8 @@ def _pulled_back(mesh: Mesh, x: Floats, point: Floats) -> Floats:
     """Places (n, 3) of the point in the reference cells of cells with nodes x (n, k, 3), by Newton's method."""
     cell = compat.cell_name(mesh)
     element, local = compat.basix_element(cell, geometry_degree(mesh)), np.tile(centre_of(cell), (len(x), 1))
+    dim = mesh.topology.dim
+    x, point = x[..., :dim], point[:dim]
     for _ in range(STEPS if len(x) else 0):
         table = compat.tabulate(element, 1, local)
         slopes = np.einsum("rnk,nkc->ncr", table[1:], x)
@@ -72,11 +82,11 @@ def _pulled_back(mesh: Mesh, x: Floats, point: Floats) -> Floats:
 
 
 def _outside(cell: str, local: Floats) -> Floats:
-    """How far outside the reference cell places (n, 3) are."""
+    """How far outside the reference cell places (n, 2 or 3) are."""
     beyond = np.maximum(-local, local - 1.0).max(axis=1, initial=-np.inf)
-    return np.maximum(beyond, local.sum(axis=1) - 1.0) if cell == "tetrahedron" else beyond
+    return np.maximum(beyond, local.sum(axis=1) - 1.0) if cell in ("tetrahedron", "triangle") else beyond
 
 
 def centre_of(cell: str) -> Floats:
-    """The middle (3,) of the reference cell."""
+    """The middle (2,) or (3,) of the reference cell."""
     return np.asarray(basix.geometry(getattr(basix.CellType, cell)).mean(axis=0))

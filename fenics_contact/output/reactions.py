@@ -48,7 +48,7 @@ class Reactions:
         owned = space.dofmap.index_map.size_local
         nodes = compat.locate_blocks(space, facets).astype(np.int64)
         nodes = nodes[nodes < owned]
-        skin, areas = skin_of(space, facets), compat.Function(compat.lagrange_space(space.mesh, scene.degree))
+        skin, areas = skin_of(space, facets, scene.section), compat.Function(compat.lagrange_space(space.mesh, scene.degree))
         np.add.at(areas.x.array, skin.nodes, np.einsum("eq,eqk->ek", skin.area, np.abs(skin.N)))
         compat.sum_to_owners(areas)
         weights = areas.x.array[nodes]

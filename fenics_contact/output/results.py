@@ -59,7 +59,7 @@ class Results:
         self.system = system
         self.surfaces = surfaces_of(scene, system)
         self.reactions = Reactions(scene, system)
-        self._balance = EnergyBalance(system, loads, so_far)
+        self._balance = EnergyBalance(system, loads, so_far, scene.section)
 
     @property
     def energies(self) -> Energies:

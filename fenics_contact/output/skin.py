@@ -18,6 +18,8 @@ TILES = 24  # tiles of a tool along the bodies' largest length: its facets are c
 SAG = 1e-4  # of twice the picture's diagonal: how far facets cut below round tools, a thin line at a page's width
 MANY = 10_000  # tiles of a tool from which on only the large ones are cut
 FINEST = 8  # times at most that facets are halved for it
+FACE = -1  # in the place of a facet's number: a plane cell itself
+LAYER = 1e-3  # of the bodies' size: how thick a plane mesh is drawn
 FLAT = 1e-6  # of the bodies' size: what counts as no distance and no displacement
 
 Part = int | Callable[[Floats], Floats]  # of a Function's values at a node: a component, or what is made of all (n, width)
@@ -109,9 +111,14 @@ def _per_cell(mesh: Mesh, values: Floats) -> Callable[[Ints, int], Floats]:
 
 
 def _ring(mesh: Mesh, space: object, facet: int) -> Ints:
-    """Numbers in the cell of a facet's four corners, one after the other around it; a triangle repeats its last."""
-    ring = [0, 1, 3, 2] if compat.cell_name(mesh) == "hexahedron" else [0, 1, 2, 2]
-    return compat.facet_closure_dofs(space, facet)[ring]
+    """Numbers in the cell of a facet's four corners, one after the other around it; a triangle repeats its last. Of a plane
+    cell those of its face, and of a side there and back."""
+    four = compat.cell_name(mesh) in ("hexahedron", "quadrilateral")
+    if facet == FACE:
+        return np.array([0, 1, 3, 2] if four else [0, 1, 2, 2], dtype=np.int32)
+    if mesh.topology.dim == 2:
+        return compat.facet_closure_dofs(space, facet)[[0, 1, 1, 0]]
+    return compat.facet_closure_dofs(space, facet)[[0, 1, 3, 2] if four else [0, 1, 2, 2]]
 
 
 def _von_mises(stress: Floats) -> Floats:
@@ -130,17 +137,24 @@ def skin(fields: Fields, chosen: Look) -> Skin | None:
     touching = _keys(*compat.cells_of_exterior_facets(mesh, scene.mesh.facets(*slaves))) if slaves else np.empty(0)
     cells, local = compat.cells_of_exterior_facets(mesh)
     body, number = _bodies(scene), compat.original_cells(mesh).astype(np.int64)
-    parts = []
-    for facet in range(6 if compat.cell_name(mesh) == "hexahedron" else 4):
-        mine = cells[local == facet]
+    low, high = extremes(mesh.comm, X)
+    behind = np.zeros((4, 3))
+    behind[[2, 3], 2] = -LAYER * float(np.max(high - low))  # a plane mesh is drawn as the face of a thin layer
+    parts, plane = [], mesh.topology.dim == 2
+    for facet in [*([FACE] if plane else []), *range(compat.FACETS[compat.cell_name(mesh)])]:
+        mine = cells[local == facet] if facet != FACE else np.arange(compat.cell_map(mesh).size_local, dtype=np.int32)
         of_cell = compat.cell_dofs(space)[mine]
         nodes = of_cell[:, _ring(mesh, space, facet)]
         slave = np.isin(_keys(mine, facet), touching)
         values = chosen.values(mine, facet)
         values = np.where(slave[:, None], values, np.nan) if chosen.on_contact else values
-        inside_out = _inside_out(X[nodes], X[of_cell].mean(axis=1))
-        nodes[inside_out], values[inside_out] = nodes[inside_out, ::-1], values[inside_out, ::-1]
-        parts.append((X[nodes], x[nodes], values, slave, body[mine], _keys(number[mine], facet)))
+        at, now = X[nodes], x[nodes]
+        if plane and facet != FACE:
+            at, now = at + behind, now + behind
+        inside_out = _inside_out(at, X[of_cell].mean(axis=1) + behind.mean(axis=0) * plane)
+        for corners in (at, now, values):
+            corners[inside_out] = corners[inside_out, ::-1]
+        parts.append((at, now, values, slave, body[mine], _keys(number[mine], facet)))
     gathered = mesh.comm.gather([np.concatenate(column) for column in zip(*parts, strict=True)])
     if gathered is None:
         return None
@@ -149,7 +163,7 @@ def skin(fields: Fields, chosen: Look) -> Skin | None:
 
 
 def _keys(cells: Array, local: Array | int) -> Ints64:
-    return np.asarray(cells, dtype=np.int64) * 6 + local
+    return np.asarray(cells, dtype=np.int64) * 7 + local + 1
 
 
 def _inside_out(corners: Floats, middle: Floats) -> Bools:
@@ -164,9 +178,8 @@ def normals(corners: Floats) -> Floats:
 
 def _bodies(scene: Solved) -> Ints64:
     """Number of the body that each local cell belongs to, -1 for none."""
-    tags, topology = scene.mesh.cell_tags, scene.mesh.domain.topology
-    count = topology.index_map(3).size_local + topology.index_map(3).num_ghosts
-    found = np.full(count, -1, dtype=np.int64)
+    tags, cells = scene.mesh.cell_tags, compat.cell_map(scene.mesh.domain)
+    found = np.full(cells.size_local + cells.num_ghosts, -1, dtype=np.int64)
     for number, body in enumerate(scene.bodies):
         found[tags.indices[tags.values == scene.mesh.volume_tag(body.group)]] = number
     return found
@@ -222,6 +235,8 @@ def symmetry_planes(scene: Solved) -> dict[int, float]:
     X = scene.space.tabulate_dof_coordinates()
     low, high = extremes(scene.mesh.comm, X)
     near, planes = FLAT * float(np.max(high - low)), dict[int, float]()
+    if scene.section is not None and scene.section.axisymmetric:
+        planes[0] = 0.0
     for support in zero:
         nodes = compat.locate_blocks(scene.space, scene.mesh.facets(*support.group))
         least, most = extremes(scene.mesh.comm, X[nodes])

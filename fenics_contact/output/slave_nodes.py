@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
@@ -54,9 +55,9 @@ class Zone:
 class SlaveNodes:
     """Nodal values of one contact, the same on any number of ranks. facets: those of the slave on this rank."""
 
-    def __init__(self, system: System, contact: ContactTerm, facets: Ints) -> None:
+    def __init__(self, system: System, contact: ContactTerm, facets: Ints, section: Section | None = None) -> None:
         self.contact, self._system, space = contact, system, system.space
-        self.skin = skin_of(space, facets)
+        self.skin = skin_of(space, facets, section)
         self._sums = compat.Function(_sums_space(space))
         s = contact.surface
         self._share = s.area[..., None] * _lumped(s.a, s.X)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from fenics_contact.assembly.section import Section
 from fenics_contact.contact.tools import Tool
 from fenics_contact.output.units import Units
 from fenics_contact.solid.body import Body, NamedCells
@@ -41,6 +42,9 @@ class Solved(Protocol):
 
     @property
     def degree(self) -> int: ...
+
+    @property
+    def section(self) -> Section | None: ...
 
     @property
     def units(self) -> Units: ...

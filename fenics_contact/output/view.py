@@ -105,13 +105,13 @@ class View:
         stress = self._cell_values.stress(cells)
         values = None
         if comm.rank == rank:
-            u, gradient = interpolated(self.u, cell, local)
+            u, gradient = interpolated(self.u, cell, local, self._scene.section)
             values = u, np.eye(3) + gradient, stress[0]
         return _sample(*comm.bcast(values, root=rank))
 
     def _over(self, group: str) -> Sample:
         scene = self._scene
-        skin = skin_of(scene.space, scene.mesh.facets(group))
+        skin = skin_of(scene.space, scene.mesh.facets(group), scene.section)
         area, u = skin.area.sum(axis=1), self.u.x.array.reshape(-1, 3)[skin.nodes]
         moved = np.einsum("eq,eqk,ekc->c", skin.area, skin.N, u)
         cells, back = np.unique(skin.cells, return_inverse=True)

@@ -14,7 +14,9 @@ import numpy as np
 from fenics_contact.types import Array, Floats, Ints64
 
 TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
-TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON, TETRAHEDRON_10, HEXAHEDRON_27 = 5, 9, 10, 12, 24, 29  # VTK's codes
+# VTK's codes
+TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON = 5, 9, 10, 12
+TRIANGLE_6, TETRAHEDRON_10, QUADRILATERAL_9, HEXAHEDRON_27 = 22, 24, 28, 29
 LEVEL = 1  # of zlib: 6 takes three to four times as long for a tenth less
 ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'

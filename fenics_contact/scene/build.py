@@ -30,6 +30,7 @@ from fenics_contact.contact.term import Contact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.scene.checks import (
     bonded_bodies,
+    refuse_across,
     refuse_behind,
     refuse_deep_start,
     refuse_doubled,
@@ -78,12 +79,12 @@ def build(
     comm, domain, timers = scene.mesh.comm, scene.mesh.domain, timers or Timers()
     collect_together(comm)
     refuse_doubled(scene)
-    motion = motion_of(comm, scene.tools, move or {}, push or {})
+    motion = motion_of(comm, scene.tools, move or {}, push or {}, scene.section)
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 3)))
     loads = [(compat.Constant(domain, np.zeros(3)), load) for load in scene.loads]
     pressures = [(compat.Constant(domain, 0.0), load) for load in scene.pressures]
-    supports = supports_of(scene.mesh, scene.space, scene.supports)
+    supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section)
     with timers("compile"):
         solid = _solid(scene, u, loads)
         follower = [_pressure(scene, u, pressures, supports)] if pressures else []
@@ -92,6 +93,8 @@ def build(
     modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
         contacts = [_contact(scene, stated, modulus, supports, state, timers) for stated in scene.contacts]
+    if scene.section is not None:
+        refuse_across(contacts, state)
     bodies = bonded_bodies(scene)
     holds = Holds(comm, bodies, supports, contacts)
     refuse_loose(holds, state, comm)
@@ -122,7 +125,7 @@ def build(
 def _solid(scene: "Scene", u: Function, loads: Loads) -> CondensedPressure | FormTerm:
     """The solid's term, with the dead loads."""
     parts = [(body.material, partial(scene.dx, body)) for body in scene.bodies]
-    return solid_term(scene.element, u, parts, partial(_loads_power, scene, loads), scene.degree)
+    return solid_term(scene.element, u, parts, partial(_loads_power, scene, loads), scene.degree, scene.section)
 
 
 def _loads_power(scene: "Scene", loads: Loads, v: Expr) -> Form:
@@ -135,8 +138,9 @@ def _loads_power(scene: "Scene", loads: Loads, v: Expr) -> Form:
 def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports) -> FormTerm:
     """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
     domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
-    power = sum(-vp.follower_pressure_power(p, u, v, domain, scene.ds(load.group or ())) for p, load in pressures)
-    rate = sum(-vp.follower_pressure_power_rate(p, u, du, v, domain, scene.ds(load.group or ())) for p, load in pressures)
+    on = [(-p, scene.ds(load.group or ())) for p, load in pressures]
+    power = sum(vp.follower_pressure_power(p, u, v, domain, ds, scene.section) for p, ds in on)
+    rate = sum(vp.follower_pressure_power_rate(p, u, du, v, domain, ds, scene.section) for p, ds in on)
     for p, _ in pressures:
         p.value = 1.0
     return FormTerm("pressure", power, rate, is_symmetric(compat.compile_form(rate), u, supports))
@@ -144,7 +148,7 @@ def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports)
 
 def _modulus_by_cell(scene: "Scene") -> Floats:
     """Young's modulus at rest (cells,) of owned and ghost cells [pressure]."""
-    cells, tags = scene.mesh.domain.topology.index_map(3), scene.mesh.cell_tags
+    cells, tags = compat.cell_map(scene.mesh.domain), scene.mesh.cell_tags
     modulus = np.zeros(cells.size_local + cells.num_ghosts)
     for body in scene.bodies:
         modulus[tags.indices[tags.values == scene.mesh.volume_tag(body.group)]] = young(body.material)
@@ -158,7 +162,7 @@ def _contact(
     """The term of a stated contact. Collective."""
     points = stated.points if isinstance(stated.points, str) else int(stated.points)
     where = "nodes" if points == "averages" else points
-    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, where)
+    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, where, scene.section)
     partner = _partner(scene, stated, surface, timers)
     friction, penalty = stated.friction, stated.penalty
     return Contact(stated.name, partner, friction, penalty, stated.penetration, supports.dofs, state, timers)
@@ -173,14 +177,14 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     facets = oriented_facets(scene.space, slave)
     if isinstance(master, MeshedTool):
         if stated.points == "averages":
-            skin, index = MasterSurface(scene.space, slave), scene.tools.index(master)
+            skin, index = MasterSurface(scene.space, slave, scene.section), scene.tools.index(master)
             return MeshedToolAverages(surface, skin, master, index, timers)
         return MeshedToolPartner(surface, facets, master, scene.tools.index(master), scene.space, timers)
     if isinstance(master, Tool):
         raise TypeError(f"no partner is known for a {type(master).__name__}")
     surface_of_master = _master_surface(scene, stated, master, surface)
     if stated.points == "averages":
-        skin = MasterSurface(scene.space, slave)
+        skin = MasterSurface(scene.space, slave, scene.section)
         return MortarPartner(master_name(master), surface, skin, surface_of_master, timers)
     return FacetPartner(master_name(master), surface, facets, surface_of_master, scene.space, timers)
 
@@ -189,7 +193,7 @@ def _master_surface(
     scene: "Scene", stated: ContactStatement, names: tuple[str, ...], surface: SlaveSurface
 ) -> MasterSurface:
     """The master of a contact of bodies, checked. Collective."""
-    master = MasterSurface(scene.space, scene.mesh.facets(*names))
+    master = MasterSurface(scene.space, scene.mesh.facets(*names), scene.section)
     if len(flat := master.degenerate()):
         raise SceneError(
             f"contact '{stated.name}': {len(flat)} facets of the master have no area, the first at {flat[0]}; mesh that "

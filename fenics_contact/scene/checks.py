@@ -10,8 +10,9 @@ from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.parts import connected_parts
+from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import State
+from fenics_contact.assembly.term import ContactTerm, State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
@@ -31,6 +32,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # down by as much gives a force that is 0, 5, 6, 11 % too small, for friction has no history of the way; flat tools and two
 # bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing.
 REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
+LEANING = 1e-9  # part along z of a normal that lies in the plane
 STILL = 1e-9  # of the bodies' size or of the largest load: a start that small is at rest
 
 
@@ -116,6 +118,46 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             raise SceneError(f"two tools are named '{master.name}'; give one of them name=..., for the columns of each")
 
 
+def section_of(mesh: NamedMesh, plane: object, thickness: object) -> Section | None:
+    """What a plane mesh stands for, None of volumes. Collective."""
+    if not mesh.plane:
+        if plane is not None:
+            raise SceneError(f"plane = {shown(plane)}: the mesh is one of volumes; a plane mesh has none")
+        return None
+    if plane not in ("strain", "axisymmetric"):
+        raise SceneError(
+            f'plane = {shown(plane)}: the mesh is one of surfaces; say plane="strain", with a thickness, or '
+            'plane="axisymmetric", about the axis y'
+        )
+    section = Section(plane == "axisymmetric", float(positive(thickness, "thickness", more=", a length")))
+    x, comm = mesh.domain.geometry.x, mesh.comm
+    least, size = min(comm.allgather(x[:, 0].min(initial=np.inf))), max(comm.allgather(np.abs(x).max(initial=0.0)))
+    if section.axisymmetric and least < -ON_AXIS * size:
+        raise SceneError(f"axisymmetric about the axis y: a node lies at x = {least:.3g}; draw all bodies at x >= 0")
+    if section.axisymmetric and section.thickness != 1.0:
+        raise SceneError("thickness: an axisymmetric scene is that of the full turn; leave it out")
+    return section
+
+
+def refuse_on_plane(contact: ContactStatement, section: Section | None) -> None:
+    """Curves of a plane mesh meet curves by averages."""
+    if section is not None and not isinstance(contact.master, RigidTool) and contact.points != "averages":
+        raise SceneError(
+            f"contact '{contact.name}': in a plane scene curves are met by points=\"averages\", which need degree=1"
+        )
+
+
+def refuse_across(contacts: Sequence[ContactTerm], state: State) -> None:
+    """What meets a plane mesh must be the same on both sides of its plane. Collective."""
+    for contact in contacts:
+        leaning = float(np.abs(contact.partner.looks(state)[..., 2]).max(initial=0.0))
+        if max(state.u.function_space.mesh.comm.allgather(leaning)) > LEANING:
+            raise SceneError(
+                f"contact '{contact.name}': '{contact.master_name}' is not the same on both sides of the plane z = 0 of the "
+                "mesh; centre it there, lay a cylinder along z, turn the normal of a plane into the plane"
+            )
+
+
 def refuse_volumes(mesh: NamedMesh, groups: list[str]) -> None:
     """Every volume has one body. groups: the bodies' volumes."""
     for group in groups:
@@ -148,7 +190,7 @@ def _share(mesh: NamedMesh, groups: Sequence[str], others: Sequence[str]) -> boo
 def refuse_inside(mesh: NamedMesh, facets: Ints, what: str) -> None:
     """Loads and contacts act on outer surfaces only. Collective."""
     domain = mesh.domain
-    mine = facets[facets < domain.topology.index_map(2).size_local]
+    mine = facets[facets < domain.topology.index_map(domain.topology.dim - 1).size_local]
     inside = mesh.comm.allreduce(int((~np.isin(mine, compat.exterior_facets(domain))).sum()))
     if inside:
         raise SceneError(

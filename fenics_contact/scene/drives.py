@@ -1,23 +1,25 @@
 """What drives a scene: supports, and tools that are moved or pushed, from what the user stated of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.functions import AtPoints, Drive, ramp
 from fenics_contact.scene.statements import Support
-from fenics_contact.types import Ints, Space
+from fenics_contact.types import Floats, Ints, Space
 from fenics_contact.values import SceneError, shown
 
 
-def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support]) -> Supports:
-    """Supports from Support statements, checked. Collective."""
+def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support], section: Section | None = None) -> Supports:
+    """Supports from Support statements, checked; of a Section, those that keep it in its plane and on its axis.
+    Collective."""
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
     entries: list[tuple[Ints, float | AtPoints]] = []
     names = []
@@ -28,6 +30,13 @@ def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support]) ->
         what, at = f"prescribed displacement of {name}", (keys[blocks], X[blocks])
         entries.append((3 * blocks + axis, AtPoints(mesh.comm, what, value, *at) if callable(value) else value))
         names.append(name)
+    if section is not None:
+        entries.append((3 * np.arange(len(X), dtype=np.int32) + 2, 0.0))
+        names.append("the plane along z")
+    if section is not None and section.axisymmetric:
+        size = max(mesh.comm.allgather(np.abs(X).max(initial=0.0)))
+        entries.append((3 * np.flatnonzero(X[:, 0] <= ON_AXIS * size).astype(np.int32), 0.0))
+        names.append("the axis along x")
     supports = Supports(entries, 3 * space.dofmap.index_map.size_local, names)
     conflicts = [c for c in mesh.comm.allgather(supports.conflict) if c]
     if conflicts:
@@ -35,8 +44,15 @@ def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support]) ->
     return supports
 
 
-def motion_of(comm: MPI.Comm, tools: Sequence[Tool], move: Mapping[Tool, Drive], push: Mapping[Tool, Drive]) -> ToolMotion:
-    """ToolMotion of tools, each at rest, moved by {tool: way} or pushed by {tool: force}, see `build`. Collective."""
+def motion_of(
+    comm: MPI.Comm,
+    tools: Sequence[Tool],
+    move: Mapping[Tool, Drive],
+    push: Mapping[Tool, Drive],
+    section: Section | None = None,
+) -> ToolMotion:
+    """ToolMotion of tools, each at rest, moved by {tool: way} or pushed by {tool: force}, see `build`; of a Section within
+    its plane, and along its axis. Collective."""
     for what, drive in (("move", move), ("push", push)):
         if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):
             raise SceneError(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key")
@@ -52,4 +68,16 @@ def motion_of(comm: MPI.Comm, tools: Sequence[Tool], move: Mapping[Tool, Drive],
         free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
         if tool in push and not free[-1].any():
             raise SceneError(f"push of '{tool.name}' has no force in any direction")
+        if section is not None:
+            _refuse_out_of_plane(tool, (paths[-1], forces[-1]), section)
     return ToolMotion(paths, forces, free, [tool.name for tool in tools])
+
+
+def _refuse_out_of_plane(tool: Tool, drives: Sequence[Callable[[float], Floats]], section: Section) -> None:
+    """Nothing may move or push a tool out of a plane mesh, nor away from an axis of turning."""
+    for drive, word in zip(drives, ("moves", "pushes"), strict=True):
+        largest = np.max([np.abs(drive(t)) for t in (0.25, 0.5, 1.0)], axis=0)
+        for axis in (0, 2) if section.axisymmetric else (2,):
+            if largest[axis] > 0.0:
+                why = "the mesh lies in the plane z = 0" if axis == 2 else "all the way round there is no such direction"
+                raise SceneError(f"tool '{tool.name}' {word} along {'xyz'[axis]}: {why}; leave that component zero")

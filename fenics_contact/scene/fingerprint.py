@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact import compat
 from fenics_contact.assembly.system import System
 from fenics_contact.scene.functions import row_of
 from fenics_contact.scene.scene import Scene
@@ -31,7 +32,8 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         "degree": scene.degree,
         "element": scene.element,
         "units": list(vars(scene.units).values()),
-        "cells": scene.mesh.domain.topology.index_map(3).size_global,
+        "cells": compat.cell_map(scene.mesh.domain).size_global,
+        "section": list(vars(scene.section).values()) if scene.section else "none",
         "stabilise": system.stabilised,
         "damping": system.damping is not None,
         "record": sorted(recorded),

@@ -17,13 +17,16 @@ from fenics_contact.scene.checks import (
     default_points,
     refuse_inside,
     refuse_numbers,
+    refuse_on_plane,
     refuse_pair,
     refuse_twice,
     refuse_volumes,
+    section_of,
     sides,
 )
 from fenics_contact.scene.functions import Drive, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
+from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
 from fenics_contact.timing import Timers
@@ -37,6 +40,10 @@ class Scene:
     degree: polynomial degree of the displacement, 1 (the paper's 8-node hexahedra) or 2; element: "displacement", or
     "mixed" for nearly incompressible rubber, see `elements`; accept_locking: compute even where the element is known to
     lock; units: names for the output.
+
+    plane: what a mesh of surfaces stands for: "strain", bodies of a `thickness` [length] that cannot move along z, or
+    "axisymmetric", bodies all the way round the axis y, of which x = R >= 0 is drawn. Forces are those of the whole
+    thickness, or of the full turn.
     """
 
     def __init__(
@@ -45,6 +52,8 @@ class Scene:
         degree: int = 1,
         element: str = "displacement",
         accept_locking: bool = False,
+        plane: str | None = None,
+        thickness: float = 1.0,
         units: Units = Units(),  # noqa: B008 - frozen
     ) -> None:
         if not bodies or not all(isinstance(body, Body) for body in bodies):
@@ -57,7 +66,8 @@ class Scene:
         if any(body.mesh is not self.mesh for body in bodies):
             raise SceneError("all bodies of a scene live in one mesh: give them as named volumes of one gmsh model")
         refuse_volumes(self.mesh, [body.group for body in bodies])
-        tetrahedra = compat.cell_name(self.mesh.domain) == "tetrahedron"
+        self.section = section_of(self.mesh, plane, thickness)
+        tetrahedra = compat.cell_name(self.mesh.domain) in ("tetrahedron", "triangle")
         laws = {body.group: body.material for body in bodies}
         refuse_element(element, degree, tetrahedra, laws, accept_locking)
         self.notes = locking_notes(degree, tetrahedra, laws)
@@ -72,7 +82,8 @@ class Scene:
     def fix(self, group: str | tuple[str, ...], axis: str = "xyz") -> None:
         """No displacement of a surface along the axes named, e.g. axis="x" for a symmetry plane."""
         for letter in axis_letters(axis, f"fix '{group}'"):
-            self.prescribe(group, letter, 0.0)
+            if letter != "z" or self.section is None or axis != "xyz":
+                self.prescribe(group, letter, 0.0)
 
     def prescribe(self, group: str | tuple[str, ...], axis: str, value: float | Callable[[Floats, float], Any]) -> None:
         """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
@@ -80,6 +91,8 @@ class Scene:
         The function may give one number for all; X (n, 3): reference positions of all nodes of the surface, on every rank.
         """
         axis_letters(axis, f"prescribe '{group}'", most=1)
+        if axis == "z" and self.section is not None:
+            raise SceneError(f"prescribe '{group}' along z: nothing moves out of a plane mesh; leave it out")
         what = f"prescribed displacement of '{group}' along {axis}"
         value = function(value, what, "value(X, t)") if callable(value) else float(finite(value, what))
         self._facets(group)
@@ -130,13 +143,14 @@ class Scene:
         name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)
-        bare_corners = self.degree == 2 and compat.cell_name(self.mesh.domain) == "tetrahedron"
+        bare_corners = self._bare_corners()
         if points is None:
             points = default_points(master, self.degree, bare_corners, penetration is not None)
         name = f"{'+'.join(slave)} on {master_name(master)}" if name is None else name
         friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
         refuse_pair(contact, self.contacts, self.degree, bare_corners)
+        refuse_on_plane(contact, self.section)
         for side in (slave, master):
             if not isinstance(side, Tool):
                 refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
@@ -149,13 +163,20 @@ class Scene:
         masters = [contact.master for contact in self.contacts]
         return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
 
+    def _bare_corners(self) -> bool:
+        """Whether nodes may have no tributary area: corners of quadratic tetrahedra, nodes of degree 2 on an axis."""
+        turned = self.section is not None and self.section.axisymmetric
+        return self.degree == 2 and (turned or compat.cell_name(self.mesh.domain) == "tetrahedron")
+
     def _facets(self, group: str | tuple[str, ...]) -> Ints:
         try:
             facets = self.mesh.facets(*group_names(group))
         except ValueError as error:
             raise SceneError(str(error)) from None
         if self.mesh.comm.allreduce(len(facets)) == 0:
-            raise SceneError(f"surface '{group}' has no facets; give it some in the gmsh script")
+            raise SceneError(
+                f"{'curve' if self.mesh.plane else 'surface'} '{group}' has no facets; give it some in the gmsh script"
+            )
         return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
@@ -176,7 +197,7 @@ class Scene:
         measure = ufl.Measure(
             "dx", domain=self.mesh.domain, subdomain_data=self.mesh.cell_tags, metadata={"quadrature_degree": degree}
         )
-        return measure(self.mesh.volume_tag(body.group))
+        return vp.integral(measure(self.mesh.volume_tag(body.group)), self.section)
 
     def ds(self, group: str | Sequence[str]) -> Measure:
         measure = ufl.Measure(
@@ -185,8 +206,8 @@ class Scene:
             subdomain_data=self.mesh.facet_tags,
             metadata={"quadrature_degree": quadrature_degree(self.degree)},
         )
-        return measure(self.mesh.surface_tags(*group_names(group)))
+        return vp.integral(measure(self.mesh.surface_tags(*group_names(group))), self.section)
 
     def volume_ratio(self, u: Function) -> VolumeRatio:
         """J = det F of a displacement."""
-        return VolumeRatio(self.mesh, self.bodies, self.degree, u)
+        return VolumeRatio(self.mesh, self.bodies, self.degree, u, self.section)

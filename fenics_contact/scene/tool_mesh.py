@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import MeshedTool
-from fenics_contact.mesh_io import read_surface
+from fenics_contact.mesh_io import read_curve, read_surface
 from fenics_contact.types import Floats, Ints64
 
 
@@ -32,6 +32,30 @@ def rigid_surface(
     _refuse_flat(name, nodes, X)
     _refuse_mixed(name, nodes, X)
     return MeshedTool(name, np.ascontiguousarray(nodes), size, X)
+
+
+def rigid_curve(
+    source: Callable[..., Any] | str,
+    group: str | None = None,
+    name: str = "tool",
+    flip: bool = False,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    **parameters: Any,
+) -> MeshedTool:
+    """Rigid tool of a plane scene whose surface is a gmsh mesh of curves.
+
+    source: a gmsh script, called with `parameters`, or a .msh file; group: the curve group that is the tool, by default all
+    curves. The tool is on the left of its curve: that is where a meshed surface which the curve bounds lies, else the curve
+    runs so; flip=True turns it. Raises ValueError, on all ranks, where there is no such curve or where it has no length.
+    """
+    ends, X = read_curve(source, group, comm, **parameters)
+    ends = ends[:, ::-1] if flip else ends
+    lengths = np.linalg.norm(X[ends[:, 1]] - X[ends[:, 0]], axis=1)
+    if not lengths.min() > 1e-12 * np.ptp(X, axis=0).max():
+        raise ValueError(f"{name}: a side at {X[ends[lengths.argmin(), 0]]} has no length; mesh that curve again")
+    deep = np.array([0.0, 0.0, 0.5 * lengths.mean()])  # the same at either side of the plane, as of a scene's own curves
+    nodes = np.ascontiguousarray(np.column_stack([ends, ends[:, ::-1] + len(X)]))
+    return MeshedTool(name, nodes, np.full(len(nodes), 4, dtype=np.int64), np.concatenate([X - deep, X + deep]))
 
 
 def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:

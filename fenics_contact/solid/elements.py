@@ -19,6 +19,7 @@ import ufl
 
 from fenics_contact import compat
 from fenics_contact.assembly.condensed import CondensedPressure
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import FormTerm
 from fenics_contact.solid import materials
 from fenics_contact.solid import virtual_power as vp
@@ -88,14 +89,19 @@ def quadrature_degree(degree: int) -> int:
 
 
 def _linear_pressure(mesh: Mesh, degree: int) -> bool:
-    """Whether the volume has four parameters per cell, or one: tetrahedra have too few nodes for more than one."""
-    return degree == 2 and compat.cell_name(mesh) == "hexahedron"
+    """Whether the volume is linear in a cell, or constant: tetrahedra and triangles have too few nodes for more."""
+    return degree == 2 and compat.cell_name(mesh) in ("hexahedron", "quadrilateral")
 
 
 def solid_term(
-    element: str, u: Function, parts: Parts, loads_power: Callable[[Expr], Form], degree: int
+    element: str,
+    u: Function,
+    parts: Parts,
+    loads_power: Callable[[Expr], Form],
+    degree: int,
+    section: Section | None = None,
 ) -> CondensedPressure | FormTerm:
-    """The term of a solid under dead loads.
+    """The term of a solid under dead loads; section: what a plane mesh stands for.
 
     parts: [(material, dx)] of the bodies, dx(quadrature degree) their measure; loads_power(v): the loads' virtual power.
     Its laws are, per body, the material whose cauchy_stress is the element's.
@@ -103,16 +109,22 @@ def solid_term(
     space = u.function_space
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
     if element == "mixed":
-        return _mixed(u, v, du, parts, loads_power, degree)
+        return _mixed(u, v, du, parts, loads_power, degree, section)
     measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
-    power = sum(vp.stress_power(material, u, v, dx) for material, dx in measured)
-    rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in measured)
-    energy = sum(vp.strain_energy(material, u, dx) for material, dx in measured)
+    power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in measured)
+    rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in measured)
+    energy = sum(vp.strain_energy(material, u, dx, section) for material, dx in measured)
     return FormTerm("solid", [power - loads_power(v)], [rate], laws=[material for material, _ in parts], energy=energy)
 
 
 def _mixed(
-    u: Function, v: Expr, du: Expr, parts: Parts, loads_power: Callable[[Expr], Form], degree: int
+    u: Function,
+    v: Expr,
+    du: Expr,
+    parts: Parts,
+    loads_power: Callable[[Expr], Form],
+    degree: int,
+    section: Section | None,
 ) -> CondensedPressure:
     mesh = u.function_space.mesh
     space, value = pressure_space(mesh, degree)
@@ -126,30 +138,30 @@ def _mixed(
     def slope(material: Material) -> Expr:
         return ufl.diff(materials.energy_parts(material)[1](theta), theta)
 
-    J = ufl.det(vp.deformation_gradient(u))
+    F = vp.deformation_gradient(u, section)
     theta = ufl.variable(value(dilatation))
     forms = {
-        "volume": summed(lambda m: value(q) * J),
+        "volume": summed(lambda m: value(q) * ufl.det(F)),
         "law": summed(lambda m: value(q) * slope(m)),
         "stiffness": summed(lambda m: value(q) * value(dq) * ufl.diff(slope(m), theta)),
         "mass": summed(lambda m: value(q) * value(dq)),
-        "coupling": summed(lambda m: value(q) * vp.dilatation_rate(u, du)),
+        "coupling": summed(lambda m: value(q) * vp.dilatation_rate(u, du, section)),
     }
     forms = {name: compat.compile_form(form) for name, form in forms.items()}
     stressed = [(materials.with_pressure(material, value(pressure)), dx) for material, dx in measured]
     ahead = [(materials.with_pressure(material, value(predicted)), dx) for material, dx in measured]
-    power = sum(vp.stress_power(material, u, v, dx) for material, dx in stressed)
-    rate = sum(vp.stress_power_rate(material, u, du, v, dx) for material, dx in ahead)
+    power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in stressed)
+    rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in ahead)
     laws = [material for material, _ in stressed]
-    energy = sum(vp.mixed_energy(*materials.energy_parts(m), u, value(dilatation), dx) for m, dx in measured)
+    energy = sum(vp.mixed_energy(*materials.energy_parts(m), F, value(dilatation), dx) for m, dx in measured)
     return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws, energy)
 
 
 def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function], Expr]]:
     """Space of pressures for displacements of a degree, and value(q): the UFL scalar of one of its functions.
 
-    One value per cell, or in hexahedra of degree 2 linear in X: in the reference position itself and not in the parent
-    cell's coordinates, which distorted cells would spoil.
+    One value per cell, or in hexahedra and quadrilaterals of degree 2 linear in X: in the reference position itself and not
+    in the parent cell's coordinates, which distorted cells would spoil.
     """
     if not _linear_pressure(mesh, degree):
         return compat.constant_space(mesh), lambda q: q
@@ -159,5 +171,6 @@ def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function],
     cells = compat.cell_dofs(vectors)[:, 0]
     centre.x.array.reshape(-1, 3)[cells], size.x.array.reshape(-1, 3)[cells] = x.mean(axis=1), np.ptp(x, axis=1)
     X = ufl.SpatialCoordinate(mesh)
-    place = [(X[i] - centre[i]) / size[i] for i in range(3)]
-    return compat.constant_space(mesh, (4,)), lambda q: q[0] + sum(q[i + 1] * place[i] for i in range(3))
+    dim = mesh.topology.dim
+    place = [(X[i] - centre[i]) / size[i] for i in range(dim)]
+    return compat.constant_space(mesh, (dim + 1,)), lambda q: q[0] + sum(q[i + 1] * place[i] for i in range(dim))

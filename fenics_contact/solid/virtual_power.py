@@ -2,12 +2,16 @@
 
 With tau = J sigma, h = grad v F^-1 and dOmega = J dX the power of the stresses is tau : delta h dX, and its rate is
 (Dtau - tau h^T) : delta h dX.
+
+Fields have three components on any mesh. On a plane one, see Section, the third is zero, F and h have a third stretch, 1 or
+1 + u_x / X, and integrals the depth of the bodies behind the plane for a factor.
 """
 
 from collections.abc import Callable
 
 import ufl
 
+from fenics_contact.assembly.section import Section
 from fenics_contact.solid.materials import Isotropic, Material
 from fenics_contact.types import Expr, Form, Function, Measure, Mesh
 
@@ -17,9 +21,26 @@ def deviator(A: Expr) -> Expr:
     return A - ufl.tr(A) / 3 * ufl.Identity(3)
 
 
-def deformation_gradient(u: Function) -> Expr:
+def gradient(v: Expr, section: Section | None) -> Expr:
+    """grad v (3, 3) of a vector; in a section with the rate of the way round in its last place."""
+    if section is None:
+        return ufl.grad(v)
+    slope = ufl.grad(v)
+    hoop = v[0] / ufl.SpatialCoordinate(v.ufl_domain())[0] if section.axisymmetric else 0
+    return ufl.as_tensor([[slope[0, 0], slope[0, 1], 0], [slope[1, 0], slope[1, 1], 0], [0, 0, hoop]])
+
+
+def integral(measure: Measure, section: Section | None) -> "Measure | Deep":
+    """Over volumes or their surfaces; from those of a plane mesh, with what is behind it."""
+    if section is None:
+        return measure
+    R = ufl.SpatialCoordinate(measure.ufl_domain())[0]
+    return Deep(measure, 2.0 * ufl.pi * R if section.axisymmetric else section.thickness)
+
+
+def deformation_gradient(u: Function, section: Section | None = None) -> Expr:
     """F = I + grad u (3, 3) of a displacement [length]."""
-    return ufl.Identity(3) + ufl.grad(u)
+    return ufl.Identity(3) + gradient(u, section)
 
 
 def kirchhoff_and_rate(material: Material, F: Expr, h: Expr) -> tuple[Expr, Expr]:
@@ -62,31 +83,33 @@ def _from_deformation_gradient(psi: Callable[[Expr], Expr], F: Expr, h: Expr) ->
     return ufl.dot(P, F.T), ufl.dot(dP, F.T) + ufl.dot(P, dF.T)
 
 
-def stress_power(material: Material, u: Function, v: Expr, dx: Measure) -> Form:
+def stress_power(material: Material, u: Function, v: Expr, dx: Measure, section: Section | None = None) -> Form:
     """The first integral of (19) [power per unit velocity, force]."""
-    F = deformation_gradient(u)
+    F = deformation_gradient(u, section)
     tau, _ = kirchhoff_and_rate(material, F, ufl.Identity(3))
-    return ufl.inner(tau, ufl.dot(ufl.grad(v), ufl.inv(F))) * dx
+    return ufl.inner(tau, ufl.dot(gradient(v, section), ufl.inv(F))) * dx
 
 
-def stress_power_rate(material: Material, u: Function, du: Expr, v: Expr, dx: Measure) -> Form:
+def stress_power_rate(
+    material: Material, u: Function, du: Expr, v: Expr, dx: Measure, section: Section | None = None
+) -> Form:
     """The first integral of (25): (Dtau - tau h^T) : delta h."""
-    F = deformation_gradient(u)
+    F = deformation_gradient(u, section)
     Finv = ufl.inv(F)
-    h = ufl.dot(ufl.grad(du), Finv)
+    h = ufl.dot(gradient(du, section), Finv)
     tau, dtau = kirchhoff_and_rate(material, F, h)
-    return ufl.inner(dtau - ufl.dot(tau, h.T), ufl.dot(ufl.grad(v), Finv)) * dx
+    return ufl.inner(dtau - ufl.dot(tau, h.T), ufl.dot(gradient(v, section), Finv)) * dx
 
 
-def dilatation_rate(u: Function, v: Expr) -> Expr:
+def dilatation_rate(u: Function, v: Expr, section: Section | None = None) -> Expr:
     """Rate of J = det F under the velocity v: J div_x v."""
-    F = deformation_gradient(u)
-    return ufl.det(F) * ufl.tr(ufl.dot(ufl.grad(v), ufl.inv(F)))
+    F = deformation_gradient(u, section)
+    return ufl.det(F) * ufl.tr(ufl.dot(gradient(v, section), ufl.inv(F)))
 
 
-def cauchy_stress(material: Material, u: Function) -> Expr:
+def cauchy_stress(material: Material, u: Function, section: Section | None = None) -> Expr:
     """(20): sigma = tau / J."""
-    F = deformation_gradient(u)
+    F = deformation_gradient(u, section)
     tau, _ = kirchhoff_and_rate(material, F, ufl.Identity(3))
     return tau / ufl.det(F)
 
@@ -98,19 +121,25 @@ def dead_traction_power(traction: Expr, v: Expr, ds: Measure) -> Form:
 
 def _area_vector(F: Expr, mesh: Mesh) -> Expr:
     """Current area vector over reference area, cof F N, by Nanson's formula."""
-    return ufl.det(F) * ufl.dot(ufl.inv(F).T, ufl.FacetNormal(mesh))
+    N = ufl.FacetNormal(mesh)
+    N = N if len(N) == 3 else ufl.as_vector((N[0], N[1], 0))
+    return ufl.det(F) * ufl.dot(ufl.inv(F).T, N)
 
 
-def follower_pressure_power(pressure: Expr, u: Function, v: Expr, mesh: Mesh, ds: Measure) -> Form:
+def follower_pressure_power(
+    pressure: Expr, u: Function, v: Expr, mesh: Mesh, ds: Measure, section: Section | None = None
+) -> Form:
     """Power of a pressure [per current area] that pushes against the outward normal of the deformed surface, (19)."""
-    return -pressure * ufl.inner(_area_vector(deformation_gradient(u), mesh), v) * ds
+    return -pressure * ufl.inner(_area_vector(deformation_gradient(u, section), mesh), v) * ds
 
 
-def follower_pressure_power_rate(pressure: Expr, u: Function, du: Expr, v: Expr, mesh: Mesh, ds: Measure) -> Form:
+def follower_pressure_power_rate(
+    pressure: Expr, u: Function, du: Expr, v: Expr, mesh: Mesh, ds: Measure, section: Section | None = None
+) -> Form:
     """Its rate at constant pressure: the load tangent of (25), with d(n da)/dt = (tr h I - h^T) n da."""
-    F = deformation_gradient(u)
+    F = deformation_gradient(u, section)
     area = _area_vector(F, mesh)
-    h = ufl.dot(ufl.grad(du), ufl.inv(F))
+    h = ufl.dot(gradient(du, section), ufl.inv(F))
     return -pressure * ufl.inner(ufl.tr(h) * area - ufl.dot(h.T, area), v) * ds
 
 
@@ -119,19 +148,19 @@ def body_force_power(force: Expr, v: Expr, dx: Measure) -> Form:
     return ufl.inner(force, v) * dx
 
 
-def strain_energy(material: Material, u: Function, dx: Measure) -> Form:
+def strain_energy(material: Material, u: Function, dx: Measure, section: Section | None = None) -> Form:
     """Strain energy [force length]."""
-    F = deformation_gradient(u)
+    F = deformation_gradient(u, section)
     if not isinstance(material, Isotropic):
         return material.psi(F) * dx
     return material.psi(*_invariants(F), ufl.det(F)) * dx
 
 
 def mixed_energy(
-    isochoric: Callable[[Expr, Expr], Expr], volumetric: Callable[[Expr], Expr], u: Function, dilatation: Expr, dx: Measure
+    isochoric: Callable[[Expr, Expr], Expr], volumetric: Callable[[Expr], Expr], F: Expr, dilatation: Expr, dx: Measure
 ) -> Form:
     """Strain energy [force length] of a volume that follows a dilatation of its own."""
-    return (isochoric(*_invariants(deformation_gradient(u))) + volumetric(dilatation)) * dx
+    return (isochoric(*_invariants(F)) + volumetric(dilatation)) * dx
 
 
 def _invariants(F: Expr) -> tuple[Expr, Expr]:
@@ -143,3 +172,13 @@ def _invariants(F: Expr) -> tuple[Expr, Expr]:
 def spring_power(stiffness: Expr, moved: Expr, v: Expr, dx: Measure) -> Form:
     """Springs of `stiffness` per reference volume [pressure/length^2] that are stretched by `moved`."""
     return stiffness * ufl.inner(moved, v) * dx
+
+
+class Deep:
+    """An integral over the plane mesh of a Section, over all the depth behind it: integrand * Deep(...) is a form."""
+
+    def __init__(self, measure: Measure, depth: Expr | float) -> None:
+        self._measure, self._depth = measure, depth
+
+    def __rmul__(self, integrand: Expr) -> Form:
+        return (self._depth * integrand) * self._measure

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.finding import INVERTED, Finding, foremost, spot
+from fenics_contact.assembly.section import Section
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body, NamedCells
 from fenics_contact.types import Function
@@ -17,11 +18,13 @@ from fenics_contact.types import Function
 class VolumeRatio:
     """J of the displacement u in the quadrature points of all cells. mesh: NamedMesh; bodies: with their groups."""
 
-    def __init__(self, mesh: NamedCells, bodies: Sequence[Body], degree: int, u: Function) -> None:
+    def __init__(
+        self, mesh: NamedCells, bodies: Sequence[Body], degree: int, u: Function, section: Section | None = None
+    ) -> None:
         cell = getattr(basix.CellType, compat.cell_name(mesh.domain))
         points, _ = basix.make_quadrature(cell, 2 * degree + 1)
         self._mesh, self._bodies = mesh, bodies
-        self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(vp.deformation_gradient(u)), points)
+        self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(vp.deformation_gradient(u, section)), points)
 
     def smallest(self) -> float:
         """Smallest J over all ranks."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact import compat
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.system import System
@@ -78,8 +79,8 @@ def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
 def _move(system: System) -> tuple[Floats, Floats]:
     """Motion (local dofs, free tools' travel) [length] of STEP of a cell, the same on any number of ranks."""
     X = system.space.tabulate_dof_coordinates()
-    cells = system.space.mesh.topology.index_map(3).size_global
-    size = STEP * system.extent / max(cells ** (1 / 3), 1.0)
+    mesh = system.space.mesh
+    size = STEP * system.extent / max(compat.cell_map(mesh).size_global, 1) ** (1 / mesh.topology.dim)
     keys = node_keys(system.space).astype(float)
     waves = np.sin(np.outer(keys + 1.0, [12.9898, 78.233, 37.719])) * 43758.5453  # a hash: neighbours differ
     du = 2.0 * (waves - np.floor(waves)) - 1.0

@@ -1,0 +1,415 @@
+"""Plane strain and axisymmetry on plane meshes: the digits of a layer, exact radial and Hertz solutions, tangents."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Displacement,
+    Penalty,
+    Scene,
+    SceneError,
+    from_elastic,
+    mooney_paper,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_curve,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    rigid_surface,
+    solve,
+)
+from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
+from meshes import box, rectangles, ring_sector, two_blocks
+
+RUBBER = neo_hooke(1.0, 10.0)
+THICKNESS = 0.5
+# The same column of a plane scene and of a layer whose thickness lies along y; the moment about z is minus that about y
+NAMES = {"force_x": "force_x", "force_y": "force_z", "friction_x": "friction_x", "friction_y": "friction_z"}
+NAMES |= {"moment_z": "moment_y", "load": "load", "area": "area", "width_x": "width_x", "peak_pressure": "peak_pressure"}
+
+
+def same(plane, layer, contact="pair", rel=1e-9):
+    """Every resultant of a contact and the energies agree, of the greatest of their kind."""
+    assert plane.converged and layer.converged
+    flat, deep = plane.history[-1], layer.history[-1]
+    units = {key.rsplit("_", 1)[-1]: 0.0 for key in flat}
+    for key, value in flat.items():
+        unit = key.rsplit("_", 1)[-1]
+        units[unit] = max(units[unit], abs(value))
+    found = 0
+    for key, value in flat.items():
+        middle, unit = key.removeprefix(f"{contact}_").rsplit("_", 1)[0], key.rsplit("_", 1)[-1]
+        if key in ("strain_energy_Nmm", "external_work_Nmm", "smallest_J"):
+            other = deep[key]
+        elif key.startswith(f"{contact}_") and middle in NAMES:
+            other = deep[f"{contact}_{NAMES[middle]}_{unit}"] * (-1.0 if middle == "moment_z" else 1.0)
+        else:
+            continue
+        assert value == pytest.approx(other, abs=rel * units[unit]), key
+        found += 1
+    assert found >= 8
+
+
+def drag(t):
+    """Down by 0.1 until t = 1/2, then 0.4 aside."""
+    return 0.4 * max(2.0 * t - 1.0, 0.0), -0.1 * min(2.0 * t, 1.0)
+
+
+# -- the digits of a layer ------------------------------------------------------------------------------------------------
+@pytest.mark.parallel
+@pytest.mark.parametrize(
+    "degree, element, K", [(1, "displacement", 20.0), (1, "mixed", 200.0), (2, "mixed", 200.0), (2, "displacement", 20.0)]
+)
+def test_a_block_has_the_energy_and_the_reactions_of_a_layer(degree, element, K):
+    law, found = neo_hooke(1.0, K), []
+    for plane in (True, False):
+        if plane:
+            mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, 0), (2.0, 1.0), (4, 3))})
+            scene = Scene(Body(mesh, "box", law), degree=degree, element=element, plane="strain", thickness=THICKNESS)
+            prefix, up = "box_", "y"
+        else:
+            mesh = read_gmsh(box.build, size=(2.0, THICKNESS, 1.0), cells=(4, 1, 3))
+            scene = Scene(Body(mesh, "box", law), degree=degree, element=element)
+            scene.fix("ymin", "y"), scene.fix("ymax", "y")
+            prefix, up = "", "z"
+        scene.fix(f"{prefix}{up}min", f"x{up}")
+        scene.prescribe(f"{prefix}{up}max", "x", 0.1)
+        scene.prescribe(f"{prefix}{up}max", up, -0.2)
+        scene.pressure(f"{prefix}xmin", 0.3)
+        scene.traction(f"{prefix}xmax", (0.05, 0.02, 0.0) if plane else (0.05, 0.0, 0.02))
+        row = solve(scene, steps=2, progress=False).require().history[-1]
+        group = f"{prefix}{up}max_reaction"
+        names = ("strain_energy_Nmm", "external_work_Nmm", "smallest_J", f"{group}_x_N", f"{group}_{up}_N")
+        found.append([row[name] for name in names])
+    assert found[0] == pytest.approx(found[1], rel=1e-10)
+
+
+def pair(plane, friction, **options):
+    """A block led over another one."""
+    lower, upper = ((0.0, -1.0), (3.0, 1.0), (6, 3)), ((0.7, 0.0), (1.5, 0.8), (4, 2))
+    if plane:
+        mesh = read_gmsh(rectangles.build, rectangles={"lower": lower, "upper": upper})
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), plane="strain", thickness=THICKNESS)
+        bottom, up = ("ymin", "ymax"), "y"
+    else:
+        blocks = {
+            name: value
+            for of, ((x, z), (width, height), (across, tall)) in (("lower", lower), ("upper", upper))
+            for name, value in (
+                (of, (width, THICKNESS, height)), (f"{of}_cells", (across, 1, tall)), (f"{of}_origin", (x, 0.0, z))
+            )
+        }  # fmt: skip
+        mesh = read_gmsh(two_blocks.build, **blocks)
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        for side in ("lower_ymin", "lower_ymax", "upper_ymin", "upper_ymax"):
+            scene.fix(side, "y")
+        bottom, up = ("bottom", "top"), "z"
+    scene.fix(f"lower_{bottom[0]}")
+    scene.prescribe(f"upper_{bottom[1]}", "x", lambda X, t: drag(t)[0])
+    scene.prescribe(f"upper_{bottom[1]}", up, lambda X, t: drag(t)[1])
+    scene.contact(f"upper_{bottom[0]}", f"lower_{bottom[1]}", friction, name="pair", **options)
+    return scene
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("friction, options", [(0.0, {}), (0.3, {}), (0.3, {"penetration": 1e-3})])
+def test_two_bodies_meet_as_in_a_layer(friction, options):
+    plane, layer = (solve(pair(plane, friction, **options), steps=6, progress=False) for plane in (True, False))
+    same(plane, layer)
+
+
+TOOLS = {
+    "plane": lambda at, way, axis: rigid_plane(at(0.0, 0.0), way(0.0, -1.0), name="tool"),
+    "cylinder": lambda at, way, axis: rigid_cylinder(0.6, at(1.4, 0.6), axis, name="tool"),
+    "filleted": lambda at, way, axis: rigid_punch(0.45, 0.5, at(1.4, 0.0), 1.0, way(0.0, -1.0), 0.1, name="tool"),
+}
+
+
+@pytest.mark.parametrize("tool, degree", [("plane", 1), ("cylinder", 1), ("filleted", 1), ("cylinder", 2)])
+def test_a_tool_is_met_as_in_a_layer(tool, degree):
+    found = []
+    for plane in (True, False):
+        if plane:
+            mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, -1.0), (3.0, 1.0), (6, 3))})
+            scene = Scene(Body(mesh, "box", RUBBER), degree=degree, plane="strain", thickness=THICKNESS)
+            shape = TOOLS[tool](lambda x, y: (x, y, 0.0), lambda x, y: (x, y, 0.0), (0.0, 0.0, 1.0))
+            slave, bottom, way = "box_ymax", "box_ymin", lambda t: (*drag(t), 0.0)
+        else:
+            mesh = read_gmsh(box.build, size=(3.0, THICKNESS, 1.0), cells=(6, 1, 3), origin=(0.0, 0.0, -1.0))
+            scene = Scene(Body(mesh, "box", RUBBER), degree=degree)
+            scene.fix("ymin", "y"), scene.fix("ymax", "y")
+            shape = TOOLS[tool](lambda x, z: (x, THICKNESS / 2, z), lambda x, z: (x, 0.0, z), (0.0, 1.0, 0.0))
+            slave, bottom, way = "zmax", "zmin", lambda t: (drag(t)[0], 0.0, drag(t)[1])
+        scene.fix(bottom)
+        scene.contact(slave, shape, 0.3, points=3 if degree == 2 else None, name="pair")
+        found.append(solve(scene, move={shape: way}, steps=10, tolerance=1e-9, progress=False))
+    same(*found, rel=1e-8)  # a tolerance of 1e-9 of the forces
+
+
+# -- exact solutions ------------------------------------------------------------------------------------------------------
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane, kind", [("axisymmetric", "sphere"), ("strain", "tube")])
+@pytest.mark.parametrize("triangles", [False, True], ids=["quadrilaterals", "triangles"])
+def test_thick_walls_under_pressure(plane, kind, triangles):
+    """Curved cells of degree 2: the error of both radii falls at least sixfold with the cells' size halved."""
+    wall, inside, K, errors = (1.0, 2.0), 1.3, 5.0, []
+    pressure, outside = Radial(kind, K).solve(wall, inside)
+    for cells in ((4, 8), (8, 16)):
+        mesh = read_gmsh(ring_sector.build, radii=wall, cells=cells, order=2, triangles=triangles)
+        law = mooney_paper(0.1863, 0.0098, K)
+        scene = Scene(Body(mesh, "ring", law), plane=plane, degree=2, element="mixed" if not triangles else "displacement")
+        scene.fix("ymin", "y")
+        if plane == "strain":
+            scene.fix("xmin", "x")  # on an axis of turning that goes without saying
+        scene.pressure("inner", pressure)
+        record = {f"{R:g}_mm": lambda view, R=R: R + view.at((R, 0.0, 0.0)).displacement[0] for R in wall}
+        row = solve(scene, steps=3, record=record, progress=False).require().history[-1]
+        errors.append(abs(row["1_mm"] - inside) / (inside - 1.0) + abs(row["2_mm"] - outside) / (outside - 2.0))
+    assert errors[1] < 1e-3 and errors[0] > 6.0 * errors[1], errors
+
+
+@pytest.mark.parametrize("law, limit", [(mooney_paper, 5.450763e-3), (mooney_rivlin, 4.918205e-3)])
+def test_limit_pressure_of_a_thin_sphere(law, limit):
+    """The exact radial problem's limit point, to 0.0005 %."""
+    mesh = read_gmsh(ring_sector.build, radii=(95.0, 96.0), cells=(1, 16), order=2)
+    scene = Scene(Body(mesh, "ring", law(0.1863, 0.0098, 5.0)), plane="axisymmetric", degree=2, element="mixed")
+    scene.fix("ymin", "y")
+    scene.pressure("inner", 0.005)
+    arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": Displacement("ymin", "x", 60.0)}
+    result = solve(scene, progress=False, **arc)
+    (at,) = (row["t"] for row in result.history if row["limit_point"])
+    assert at * 0.005 == pytest.approx(limit, rel=5e-6)
+
+
+def test_a_turned_block_is_a_cylinder():
+    """Squeezed between smooth planes it is in the homogeneous state of uniaxial stress."""
+    mesh = read_gmsh(rectangles.build, rectangles={"disc": ((0.0, 0.0), (2.0, 1.0), (3, 2))})
+    scene = Scene(Body(mesh, "disc", RUBBER), plane="axisymmetric")
+    scene.fix("disc_ymin", "y")
+    scene.prescribe("disc_ymax", "y", -0.3)
+    row = solve(scene, steps=3, progress=False).require().history[-1]
+    # neo-Hooke, stretches (a, 0.7, a): sigma = mu J^(-5/3) dev(B) + K (J - 1) I, without stress along the radius
+    from scipy.optimize import brentq
+
+    def stress(a, other):
+        J, trace = 0.7 * a * a, 2 * a * a + 0.49
+        return J ** (-5 / 3) * (other**2 - trace / 3) + 10.0 * (J - 1.0)
+
+    a = brentq(lambda a: stress(a, a), 1.0, 1.5, xtol=1e-14)
+    force = stress(a, 0.7) * np.pi * (2.0 * a) ** 2
+    assert row["disc_ymax_reaction_y_N"] == pytest.approx(force, rel=1e-9)
+
+
+@pytest.mark.parametrize("plane", ["axisymmetric", "strain"])
+def test_hertz(plane):
+    """A smooth ball, and a cylinder, on a half-space whose far sides move as the exact one's do."""
+    E, nu, a, R, size = 1000.0, 0.3, 1.0, 1000.0, 4.0
+    star = E / (1 - nu**2)
+    mesh = read_gmsh(rectangles.build, rectangles={"block": ((0.0, -size), (size, size), (32, 32))})
+    scene = Scene(Body(mesh, "block", from_elastic(E, nu)), plane=plane, degree=2)
+    if plane == "axisymmetric":
+        force, depth, peak = 4 / 3 * star * np.sqrt(R) * (a**2 / R) ** 1.5, a**2 / R, 2 * star * a / (np.pi * R)
+        field, tool = under_hertz(boussinesq(force, E, nu), a), rigid_sphere(R, (0.0, R, 0.0))
+    else:
+        force, peak = np.pi * star * a**2 / (4 * R), star * a / (2 * R)
+        depth = 2 * force / (np.pi * star) * (0.5 - np.log(a / 2)) - force * (1 + nu) / (np.pi * E)
+        field, tool = under_hertz(flamant(force, E, nu), a, line=True), rigid_cylinder(R, (0.0, R, 0.0), (0.0, 0.0, 1.0))
+        scene.fix("block_xmin", "x")
+        force /= 2
+    for side in ("block_xmax", "block_ymin"):
+        for axis, column in (("x", 0), ("y", 2)):
+            scene.prescribe(side, axis, lambda X, t, c=column: t * field(X[:, [0, 2, 1]])[:, c])
+    scene.contact("block_ymax", tool, name="top", penalty=Penalty(factor=300.0))
+    result = solve(scene, move={tool: (0.0, -depth, 0.0)}, steps=2, progress=False).require()
+    row = result.history[-1]
+    assert -row["top_force_y_N"] == pytest.approx(force, rel=1e-3)
+    assert row["top_peak_pressure_MPa"] == pytest.approx(peak, rel=5e-3)
+    assert result.widths("top", "x")[0, 1] == pytest.approx(a, rel=2e-3)
+
+
+@pytest.mark.parametrize("plane", ["axisymmetric", "strain"])
+def test_rings_pressed_together(plane):
+    """Lame's two rings, of one stiffness, under outer pressure, each with cells of its own."""
+    E, nu, radii, outer = 1e3, 0.2, (0.2, 0.6, 1.0), 0.1
+
+    def draw():
+        import gmsh
+
+        ring_sector.build(radii=radii[:2], cells=(12, 40), name="shaft", prefix="shaft_")
+        ring_sector.build(radii=radii[1:], cells=(12, 40), name="hub", prefix="hub_")
+        gmsh.model.geo.synchronize()
+
+    law = from_elastic(E, nu)
+    mesh = read_gmsh(draw)
+    scene = Scene(Body(mesh, "shaft", law), Body(mesh, "hub", law), plane=plane)
+    for body in ("shaft", "hub"):
+        scene.fix(f"{body}_ymin", "y")
+        if plane == "strain":
+            scene.fix(f"{body}_xmin", "x")
+    scene.pressure("hub_outer", outer)
+    scene.contact("hub_inner", "shaft_outer", name="fit")
+    result = solve(scene, steps=1, progress=False).require()
+    # radial stress A - B/r^m of the whole ring, m = 2 of a tube, 3 of a sphere, zero inside
+    m = 2 if plane == "strain" else 3
+    exact = outer * (1 - (radii[0] / radii[1]) ** m) / (1 - radii[0] ** m)
+    pressure = result.line("fit", along=lambda X: np.arctan2(X[:, 1], X[:, 0]))["pressure_MPa"]
+    assert pressure == pytest.approx(exact, rel=5e-3)
+
+
+# -- tools of curves ------------------------------------------------------------------------------------------------------
+def polygon(radius, count, deep):
+    """A disc of straight sides about (1.5, radius) that touches y = 0 at a corner; deep: the same as a roller along y."""
+    import gmsh
+
+    angles = -np.pi / 2 + 2 * np.pi * np.arange(count) / count
+    rim = [(1.5 + radius * np.cos(a), radius + radius * np.sin(a)) for a in angles]
+    points = [gmsh.model.geo.addPoint(*((x, 0.0, y) if deep else (x, y, 0.0))) for x, y in rim]
+    sides = [gmsh.model.geo.addLine(points[i], points[(i + 1) % count]) for i in range(count)]
+    for side in sides:
+        gmsh.model.geo.mesh.setTransfiniteCurve(side, 2)
+    if deep:
+        walls = gmsh.model.geo.extrude([(1, side) for side in sides], 0.0, THICKNESS, 0.0, [1], recombine=True)
+        chosen = [tag for dim, tag in walls if dim == 2]
+    else:
+        gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop([-side for side in sides[::-1]])])  # clockwise
+        chosen = sides
+    gmsh.model.geo.synchronize()
+    dim = 2 if deep else 1
+    gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, chosen), "rim")
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.parallel
+def test_a_tool_of_curves_meets_as_its_surface_does_in_a_layer():
+    found = []
+    for plane in (True, False):
+        if plane:
+            mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, -1.0), (3.0, 1.0), (12, 4))})
+            scene = Scene(Body(mesh, "box", RUBBER), plane="strain", thickness=THICKNESS)
+            tool = rigid_curve(polygon, "rim", radius=1.2, count=40, deep=False)
+            slave, bottom, way = "box_ymax", "box_ymin", lambda t: (0.2 * t, -0.3 * t, 0.0)
+        else:
+            mesh = read_gmsh(box.build, size=(3.0, THICKNESS, 1.0), cells=(12, 1, 4), origin=(0.0, 0.0, -1.0))
+            scene = Scene(Body(mesh, "box", RUBBER))
+            scene.fix("ymin", "y"), scene.fix("ymax", "y")
+            tool = rigid_surface(polygon, "rim", radius=1.2, count=40, deep=True, flip=True)
+            slave, bottom, way = "zmax", "zmin", lambda t: (0.2 * t, 0.0, -0.3 * t)
+        scene.fix(bottom)
+        scene.contact(slave, tool, 0.3, name="pair")
+        found.append(solve(scene, move={tool: way}, steps=5, progress=False))
+    same(*found)
+
+
+# -- tangents, restart, refusals ------------------------------------------------------------------------------------------
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane", ["strain", "axisymmetric"])
+def test_every_tangent_is_the_derivative(plane):
+    """Slip and stick, between bodies and on a tool, follower pressure with the way round."""
+    shapes = {"lower": ((0.0, -1.0), (3.0, 1.0), (6, 3)), "upper": ((0.7, 0.0), (1.5, 0.8), (5, 2))}
+    mesh = read_gmsh(rectangles.build, rectangles=shapes)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), plane=plane)
+    scene.fix("lower_ymin")
+    scene.pressure("lower_xmax", 0.2)
+    scene.pressure("upper_xmin", 0.1)
+    scene.contact("upper_ymin", "lower_ymax", 0.2, name="pair")
+    tool = rigid_plane((0.0, 0.8, 0.0), (0.0, -1.0, 0.0))
+    scene.contact("upper_ymax", tool, 0.9, name="lid")
+    audit = solve(scene, move={tool: (0.0, -0.2, 0.0)}, steps=2, progress=False).require().audit()
+    assert audit.right and len(audit.blocks) > 5, str(audit)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane", ["strain", "axisymmetric"])
+def test_the_tangent_of_a_pushed_tool_of_curves(plane):
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, -1.0), (3.0, 1.0), (8, 3))})
+    scene = Scene(Body(mesh, "box", RUBBER), plane=plane)
+    scene.fix("box_ymin")
+    tool = rigid_curve(polygon, "rim", radius=1.2, count=40, deep=False)
+    scene.contact("box_ymax", tool, 0.3, name="top")
+    first = solve(scene, move={tool: (0.0, -0.1, 0.0)}, steps=2, progress=False).require().history[-1]
+    force = first["top_force_y_N"]
+    pushed = solve(scene, push={tool: (0.0, force, 0.0)}, stabilise=True, steps=2, progress=False).require()
+    assert pushed.history[-1]["tool_travel_y_mm"] == pytest.approx(-0.1, rel=1e-6)
+    assert pushed.audit().right, str(pushed.audit())
+
+
+@pytest.mark.parallel
+def test_a_resumed_run_equals_a_continuous_one(tmp_path):
+    from mpi4py import MPI
+
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    whole = solve(pair(True, 0.3), steps=[0.25, 0.5, 0.75, 1.0], progress=False)
+    solve(pair(True, 0.3), steps=[0.25, 0.5], out=folder, checkpoint=True, progress=False)
+    resumed = solve(pair(True, 0.3), steps=[0.25, 0.5, 0.75, 1.0], out=folder, checkpoint=True, resume=True, progress=False)
+    for name in ("pair_force_x_N", "pair_force_y_N", "strain_energy_Nmm"):
+        assert resumed.column(name) == pytest.approx(whole.column(name), rel=1e-9)
+
+
+def block(**options):
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (1.0, 1.0), (2, 2))})
+    return Scene(Body(mesh, "box", RUBBER), **options)
+
+
+def left_of_the_axis():
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((-0.5, 0.0), (1.0, 1.0), (2, 2))})
+    return Scene(Body(mesh, "box", RUBBER), plane="axisymmetric")
+
+
+def off_the_plane():
+    import gmsh
+
+    rectangles.build({"box": ((0.0, 0.0), (1.0, 1.0), (2, 2))})
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    gmsh.model.mesh.setNode(tags[0], places[:3] + [0.0, 0.0, 0.1], [])
+
+
+def met(tool, plane="strain", **drive):
+    scene = block(plane=plane)
+    scene.fix("box_ymin")
+    scene.contact("box_ymax", tool)
+    solve(scene, **{word: {tool: way} for word, way in drive.items()}, progress=False)
+
+
+FLOOR = rigid_plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+BAD = {
+    "nothing said": (block, "plane="),
+    "unknown word": (lambda: block(plane="stress"), "plane = 'stress'"),
+    "negative thickness": (lambda: block(plane="strain", thickness=-1.0), "thickness"),
+    "thickness of a turn": (lambda: block(plane="axisymmetric", thickness=2.0), "full turn"),
+    "left of the axis": (left_of_the_axis, "x = -0.5"),
+    "off the plane": (lambda: read_gmsh(off_the_plane), "z = 0"),
+    "plane of volumes": (lambda: Scene(Body(read_gmsh(box.build), "box", RUBBER), plane="strain"), "volumes"),
+    "along z": (lambda: block(plane="strain").prescribe("box_ymin", "z", 0.1), "along z"),
+    "tool aside": (lambda: met(rigid_sphere(1.0, (0.5, 2.0, 0.3))), "both sides"),
+    "cylinder upright": (lambda: met(rigid_cylinder(1.0, (0.5, 2.0, 0.3), (1.0, 0.0, 0.3))), "both sides"),
+    "moved along z": (lambda: met(FLOOR, move=(0.0, 0.0, 0.1)), "along z"),
+    "moved outwards": (lambda: met(FLOOR, plane="axisymmetric", move=(0.1, 0.0, 0.0)), "along x"),
+    "pushed outwards": (lambda: met(FLOOR, plane="axisymmetric", push=(0.1, -1.0, 0.0)), "along x"),
+}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("case", BAD)
+def test_what_a_plane_scene_cannot_be_is_refused(case):
+    state, words = BAD[case]
+    with pytest.raises((SceneError, ValueError)) as refusal:
+        state()
+    assert words in str(refusal.value)
+
+
+def test_the_scene_of_the_document_runs(tmp_path, monkeypatch):
+    """The first program in docs/plane.md; its disc spreads under the lid."""
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parents[1] / "docs" / "plane.md").read_text()
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", text, re.S).group(1), names)
+    result = names["result"]
+    assert result.converged and result.widths("top", "x")[0, 1] > 10.0
