@@ -240,9 +240,9 @@ def numbers(bodies=None):
 
 @pytest.mark.serial
 def test_ranks_give_the_same_numbers():
-    """On 1, 2 and 3 ranks as dolfinx parts the mesh, and with slave and master on two ranks, the other way round as well."""
-    found = []
-    for ranks, bodies in ((1, None), (2, None), (3, None), (2, {"lower": 0, "upper": 1}), (3, {"lower": 2, "upper": 0})):
+    """On 1 and 2 ranks as dolfinx parts the mesh, and with slave and master on two of 2 and of 3, either way round."""
+    found = [np.array(numbers())]
+    for ranks, bodies in ((2, None), (2, {"lower": 0, "upper": 1}), (3, {"lower": 2, "upper": 0})):
         code = (
             "import sys, json; from mpi4py import MPI; sys.path[:0] = ['tests', '.'];"
             f"import test_two_bodies as t; v = t.numbers({bodies});"
