@@ -8,7 +8,7 @@ from test_elements import draw_tetrahedra
 from vtu_files import read_pvd, read_vtu
 
 from fenics_contact import Body, Scene, Units, compat, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
-from fenics_contact.output.fields import Fields
+from fenics_contact.output.fields import Fields, surfaces_of
 from fenics_contact.output.series import FieldFiles, file_names
 from fenics_contact.output.vtu import GridFile
 from meshes import box, two_blocks
@@ -206,6 +206,15 @@ def test_a_run_writes_its_fields(folder, kind, degree, element):
         here = function.x.array.reshape(-1, function.function_space.dofmap.index_map_bs)[:owned]
         np.testing.assert_allclose(grid["CellData"][name].reshape(-1, here.shape[1])[order], here, atol=1e-14)
     assert grid["FieldData"]["t"] == 1.0
+    # contact fields: what the slave surface's nodes have, at all of its corners and between them
+    ball = surfaces_of(scene, result.system)[0].at_state()
+    pressure, status, gap = (grid["PointData"][f"c_{name}"] for name in ("contact_pressure_kPa", "contact_status", "gap_m"))
+    corners = grid["Cells"]["connectivity"].reshape(len(grid["Cells"]["types"]), -1)[:, : 8 if kind == "hexahedra" else 4]
+    corner = np.isin(nodes, corners)
+    top = np.abs(grid["Points"]["Points"][:, 2] - 1.0) < ROUND
+    assert not np.isnan(pressure[top]).any() and np.isnan(pressure[~top]).all() and np.nanmax(pressure) > 0.0
+    for values, of_nodes in ((pressure, ball.pressure), (status, ball.status), (gap, ball.gap)):
+        np.testing.assert_array_equal(values[nodes[corner & ball.on]], of_nodes[corner & ball.on])
 
 
 @pytest.mark.serial

@@ -268,6 +268,22 @@ def tetrahedra():
 
 
 @pytest.mark.parametrize("degree", [1, 2])
+def test_pressure_of_any_degree_is_drawn(degree):
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1))
+    scene = Scene(Body(mesh, "box", neo_hooke(0.4, 2.0)), degree=degree)
+    scene.fix("zmin")
+    lid = rigid_plane((0, 0, 1), (0, 0, -1), name="lid")
+    scene.contact("zmax", lid, name="top")
+    result = solve(scene, move={lid: (0, 0, -0.1)}, steps=1, progress=False)
+    drawn = result.drawing()
+    if ROOT:
+        assert "nothing" not in drawn.title and drawn.colours.high == pytest.approx(
+            result.history[-1]["top_peak_pressure_MPa"], rel=0.5
+        )
+        assert np.isfinite(drawn.body.values[drawn.body.slave]).all()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
 def test_tetrahedra(degree):
     scene = Scene(Body(read_gmsh(tetrahedra), "cube", neo_hooke(mu=0.4, K=2.0)), degree=degree)
     scene.fix("face5")

@@ -14,7 +14,7 @@ from fenics_contact.output.solved import Solved
 from fenics_contact.output.units import Units
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body
-from fenics_contact.types import Floats, Function, Ints
+from fenics_contact.types import Floats, Function, Ints, Ints64, Space
 
 
 class CellValues:
@@ -52,15 +52,14 @@ class ContactFields:
     """
 
     def __init__(self, system: System, name: str, units: Units) -> None:
-        mesh, degree = system.space.mesh, compat.degree(system.space)
+        mesh = system.space.mesh
         flat, vector = compat.lagrange_space(mesh, 1), compat.lagrange_space(mesh, 1, (3,))
         self.pressure = compat.Function(flat, name=f"{name}contact_pressure_{units.pressure}")
         self.friction = compat.Function(vector, name=f"{name}friction_traction_{units.pressure}")
         self.gap = compat.Function(flat, name=f"{name}gap_{units.length}")
         self.slip = compat.Function(flat, name=f"{name}slip_{units.length}")
         self.status = compat.Function(flat, name=f"{name}contact_status")
-        self._nodal = compat.lagrange_space(mesh, degree), compat.lagrange_space(mesh, degree, (3,))
-        self._linear = degree == 1
+        self._corners = _corners(flat, system.space)
 
     @property
     def all(self) -> list[Function]:
@@ -71,15 +70,18 @@ class ContactFields:
         status = at.status.astype(float)
         for function, values in zip(self.all, (at.pressure, at.friction, at.gap, at.slip, status), strict=True):
             on = at.on if values.ndim == 1 else at.on[:, None]
-            self._publish(function, np.where(on, values, np.nan).ravel())
+            function.x.array[:] = np.where(on, values, np.nan)[self._corners].ravel()
 
-    def _publish(self, function: Function, values: Floats) -> None:
-        if self._linear:
-            function.x.array[:] = values
-            return
-        source = compat.Function(self._nodal[function is self.friction])
-        source.x.array[:] = values
-        function.interpolate(source)
+
+def _corners(flat: Space, space: Space) -> Ints64:
+    """The node of `space` at each local node of the space `flat`, of degree 1: those of a cell's corners come first.
+
+    Values are copied, not interpolated: a cell's corner on the slave surface has its other nodes, NaN, beside it.
+    """
+    corners, nodes = compat.cell_dofs(flat), compat.cell_dofs(space)
+    found = np.empty(corners.max(initial=-1) + 1, dtype=np.int64)
+    found[corners] = nodes[:, : corners.shape[1]]
+    return found
 
 
 class Fields:
