@@ -27,7 +27,7 @@ from fenics_contact.output.fields import Fields
 from fenics_contact.output.lines import zones
 from fenics_contact.output.names import plain_name
 from fenics_contact.output.units import Units
-from meshes import box, tool_surfaces
+from meshes import box, tool_surfaces, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
@@ -104,6 +104,52 @@ def test_the_moment_of_a_support_is_about_its_own_centroid():
     np.testing.assert_allclose(found[0], found[1], rtol=1e-8)
     # Saint-Venant, small turns: 0.1406 G b^4 theta / L; 11 %: 4 cells across, warping held, half a radian
     assert found[0][0] == pytest.approx(0.1406 * 2 * (A1 + A2) * 2.0**4 * 0.5 / 6.0, rel=0.25)
+
+
+def joint(partner, points):
+    """A block tilted and dragged over another, or under a meshed punch or a roll: scene, move, support of the slave body."""
+    if partner == "body":
+        low = {"lower": (4.0, 4.0, 1.0), "lower_cells": (5, 5, 1), "lower_origin": (-2.0, -2.0, -1.0)}
+        high = {"upper": (2.4, 2.4, 1.0), "upper_cells": (4, 4, 1), "upper_origin": (-1.2, -1.0, 0.0)}
+        mesh = read_gmsh(two_blocks.build, **low, **high)
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        scene.fix("lower_bottom")
+        for axis, way in (("x", 0.1), ("y", 0.03)):
+            scene.prescribe("upper_top", axis, lambda X, t, way=way: way * t)
+        scene.prescribe("upper_top", "z", lambda X, t: -0.05 * min(2 * t, 1) - 0.01 * t * X[:, 0])
+        scene.contact("upper_bottom", "lower_top", 0.5, points=points, name="j")
+        return scene, {}, "upper_top"
+    mesh = read_gmsh(box.build, size=(4.0, 4.0, 1.0), cells=(5, 5, 2), origin=(-2.0, -2.0, -1.0))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    if partner == "roll":
+        tool = rigid_cylinder(3.0, (0.2, 0.0, 3.0), (0, 1, 0), name="tool")
+    else:
+        tool = rigid_surface(tool_surfaces.punch, half_width=1.2, face=(0.2, 0.1, 0.0), fillet=0.4, size=0.5, name="tool")
+    scene.contact("zmax", tool, 0.5, points=points, name="j")
+    return scene, {"move": {tool: lambda t: (0.1 * t, 0.03 * t, -0.08 * min(2 * t, 1))}}, "zmin"
+
+
+@pytest.mark.parametrize(
+    ("partner", "points"),
+    [(partner, points) for partner in ("body", "meshed") for points in ("averages", 3, "corners", "nodes")]
+    + [("roll", 3), ("roll", "nodes")],
+)
+def test_the_moments_of_a_contact_and_of_supports_balance(partner, points):
+    """Nothing else acts on the slave body, whose stresses have no moment: 1e-9 is the solver's tolerance times its arms."""
+    scene, move, group = joint(partner, points)
+    left = []
+
+    def moment(view):
+        c, r = view.contact("j"), view.reaction(group)
+        about = c.moment + r.moment + np.cross(r.point - c.point, r.force)
+        left.append((c.force + r.force, about, c.moment, c.force))
+        return 0.0
+
+    solve(scene, **move, steps=4, tolerance=1e-12, record={"left": moment}, progress=False).require()
+    for force, about, whole, size in left:
+        assert np.linalg.norm(force) < 1e-9 * np.linalg.norm(size) and np.linalg.norm(whole) > 1e-3 * np.linalg.norm(size)
+        assert np.linalg.norm(about) < 1e-9 * np.linalg.norm(size), (about, whole)
 
 
 # -- energies ---------------------------------------------------------------------------------------------------------

@@ -226,6 +226,11 @@ class FacetPartner(OnFacets):
         residual.reshape(-1, 3)[self._local] += response.forces[:first]
         self.master.add_forces(response.forces[first:], residual, tool_residual)
 
+    def on_slave(self, feet: FacetFeet, response: Response) -> tuple[Floats, Floats]:
+        """Places and forces (n, 3) at this rank's slave nodes."""
+        first = len(self._local)
+        return feet.coords[:first], -response.forces[:first]
+
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         return Blocks(pairs=self._tangent(feet, trial), at=feet)
 

@@ -18,20 +18,22 @@ if TYPE_CHECKING:
 def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, Any]:
     """Sums over a contact's points, by name. Collective.
 
-    force, friction (3,): resultants of the tractions and of their friction on the slave body [force]; moment (3,): of the
-    tractions about point (3,), the tool's own or the slave surface's centroid [force x length]; load: the pressure
+    force (3,), moment (3,): of the forces that act at the slave body's nodes, about point (3,), the tool's own or the slave
+    surface's centroid [force, force x length]; friction (3,): the part of the force that friction gives; load: the pressure
     integrated over the surface [force]; slip: (greatest, mean over what has been in contact) way slid [length]; stored:
     energy in the penalties [force x length]; penetration [length]; active, sticking, points: counts.
     """
     s, comm, response = contact.surface, state.u.function_space.mesh.comm, contact.response(state, trial)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
     pressure, friction = contact.split_traction(state, trial)
-    force, closed, h = -response.traction * s.area[..., None], response.status != OPEN, trial.history
+    closed, h = response.status != OPEN, trial.history
+    # at the nodes: an average acts through the samples around its node, and not where that is
+    places, forces = contact.partner.on_slave(contact.partner.feet(state), response)
     met = np.where(h.met, s.area, 0.0)
     sums = comm.allreduce(
         np.concatenate([
-            force.sum(axis=(0, 1)),
-            np.cross(x, force).sum(axis=(0, 1)),
+            forces.sum(axis=0),
+            np.cross(places, forces).sum(axis=0),
             (friction * s.area[..., None]).sum(axis=(0, 1)),
             (x * s.area[..., None]).sum(axis=(0, 1)),
             [s.area.sum(), (pressure * s.area).sum(), met.sum(), (met * h.slip_path).sum()],

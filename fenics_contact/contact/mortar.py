@@ -173,6 +173,10 @@ class MortarPartner(OnFacets):
         self.skin.add_forces(response.forces[: self._first], residual, tool_residual)
         self.master.add_forces(response.forces[self._first :], residual, tool_residual)
 
+    def on_slave(self, feet: MortarFeet, response: Response) -> tuple[Floats, Floats]:
+        """Places of all slave nodes and this rank's forces (n, 3) at them."""
+        return feet.coords[: self._first], -response.forces[: self._first]
+
     def _stick(self, averaged: kernel.Averaged, trial: Trial) -> Floats:
         """Penalties (ns, 1) of the nodes' slip [pressure/length]; without a foot there is no slip."""
         part = self._softened(averaged, trial)

@@ -102,6 +102,10 @@ class RigidPartner:
         scatter_forces(active, self.surface.nodes, response.forces, residual)
         tool_residual[self.index] -= response.forces[active].sum(axis=(0, 1))
 
+    def on_slave(self, feet: RigidFeet, response: Response) -> tuple[Floats, Floats]:
+        """Places and forces (n, 3) of the slave nodes, a node's in parts."""
+        return feet.x.reshape(-1, 3), -response.forces.reshape(-1, 3)
+
     def tangent(self, feet: RigidFeet, trial: Trial) -> Blocks:
         response, tangent, arm = self._evaluate(feet, trial, True)
         active = np.flatnonzero((response.status != OPEN).any(axis=1))
