@@ -7,7 +7,7 @@ from mpi4py import MPI
 from test_two_bodies import EXACT, RUBBER, blocks, deformed, direction, remainders, roughened, stacked
 
 from demos import ironing
-from fenics_contact import Body, Penalty, Scene, SceneError, from_elastic, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Penalty, Scene, SceneError, coulomb, from_elastic, read_gmsh, rigid_plane, solve
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from meshes import ironing as mesh_script
@@ -102,7 +102,13 @@ def overhanging(master, friction, shift):
 @pytest.mark.parametrize("master", ["lower_top", ("lower_top", "lower_xmax", "lower_ymax")])
 @pytest.mark.parametrize(
     "friction, shift, status",
-    [(0.0, (0.1, 0.05, -0.02), CLOSED), (0.02, (0.5, 0.2, -0.02), SLIP), (9.0, (0.03, 0.01, -0.02), STICK)],
+    [
+        (0.0, (0.1, 0.05, -0.02), CLOSED),
+        (0.02, (0.5, 0.2, -0.02), SLIP),
+        (coulomb(lambda p: 0.01 + 0.02 / (1.0 + p), up_to=1e3), (0.5, 0.2, -0.02), SLIP),
+        (9.0, (0.03, 0.01, -0.02), STICK),
+    ],
+    ids=["smooth", "slip", "slip, mu(p)", "stick"],
 )
 def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
     system, contact = overhanging(master, friction, shift)

@@ -180,6 +180,40 @@ def test_a_friction_law_needs_numbers_that_make_one(name, bad):
     refused(lambda: fc.coulomb(0.3, **{name: bad}), "friction", f"{name} = {bad}", "must be")
 
 
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (lambda: fc.coulomb(lambda p: 0.5 - 0.1 * p, up_to=50.0), ["mu(p) = -", "at p = ", "zero or a positive number"]),
+        (lambda: fc.coulomb(lambda p: NAN, up_to=50.0), ["mu(p) = nan", "positive number"]),
+        (lambda: fc.coulomb(lambda p: "much", up_to=50.0), ["mu(p) = 'much'", "positive number"]),
+        (lambda: fc.coulomb(lambda p: 0.3 if p < 1.0 else 0.2, up_to=50.0), ["mu(p) jumps at p = 1", "continuous"]),
+        (lambda: fc.coulomb(lambda p, t: 0.3, up_to=50.0), ["(p, t)", "mu(p)"]),
+        (lambda: fc.coulomb(lambda p: 0.3), ["largest pressure", "up_to="]),
+        (lambda: fc.coulomb(lambda p: 0.3, up_to=-1.0), ["up_to = -1.0", "pressure"]),
+        (lambda: fc.coulomb(lambda p: 0.3, exponent=-0.5, up_to=50.0), ["mu(p) says all", "exponent="]),
+        (lambda: fc.coulomb(0.3, up_to=50.0), ["up_to=", "a number mu has none"]),
+        (lambda: fc.coulomb("rough"), ["friction = 'rough'", "positive"]),
+        (lambda: fc.coulomb(0.3, across=0.5), ["across=", "along="]),
+        (lambda: fc.coulomb(0.3, across=0.0, along=(1, 0, 0)), ["across = 0.0", "positive"]),
+        (lambda: fc.coulomb(0.0, across=0.5, along=(1, 0, 0)), ["across=", "positive"]),
+        (lambda: fc.coulomb(0.3, across=0.5, along=(0, 0, 0)), ["along", "length zero"]),
+        (lambda: fc.coulomb(0.3, across=0.5, along=(1, 0)), ["along", "three finite numbers"]),
+        (lambda: fc.coulomb(0.3, across=0.5, along=(1, 0, 0), shear_limit=1.0), ["shear_limit=", "all directions"]),
+    ],
+)
+def test_what_is_no_law_of_friction(law, words):
+    refused(law, "friction", *words)
+
+
+def test_a_function_of_the_pressure_is_stated_with_its_range(mesh):
+    refused(lambda: pressed(mesh, friction=lambda p: 0.3), "top", "friction", "coulomb(...) of this function", "up_to=")
+
+
+def test_directions_of_friction_are_those_of_a_tool(pair):
+    law = fc.coulomb(0.3, across=0.5, along=(1, 0, 0))
+    refused(lambda: stacked(pair, friction=law), "joint", "across=", "needs a tool")
+
+
 def test_friction_is_a_number_or_a_law(mesh):
     refused(lambda: pressed(mesh, friction="rough"), "top", "friction = 'rough'", "coulomb(...)")
 

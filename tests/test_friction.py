@@ -1,10 +1,13 @@
 """A block dragged over a rigid plane obeys Coulomb's law whatever the numerics; history changes at accepted steps only."""
 
+import json
+
 import numpy as np
 import pytest
 from by_node import displacements, of_all
 
 from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.scene.fingerprint import first_difference, statement
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -68,6 +71,61 @@ def test_friction_that_falls_with_pressure(mesh, shear_limit):
     np.testing.assert_allclose(np.linalg.norm(friction, axis=-1), np.minimum(free, shear_limit or np.inf), rtol=LAW)
     above = result.system.comm.allreduce(int((free > 4.5).sum())), result.system.comm.allreduce(int((free < 4.5).sum()))
     assert min(above) > 0
+
+
+@pytest.mark.parallel
+def test_friction_as_a_function_of_the_pressure(mesh):
+    """A block whose nodes are all led along a plane, under 20 MPa everywhere: T = mu(p) p."""
+
+    def mu(p):
+        return 0.1 + 0.4 / (1.0 + p / 15.0)
+
+    scene = Scene(Body(mesh, "box", from_elastic(1000.0, 0.3)))
+    for group in ("zmin", "zmax"):
+        scene.prescribe(group, "x", lambda X, t: np.full(len(X), 3.0 * max(t - PRESSED, 0.0)))
+        scene.fix(group, "y")
+    scene.traction("zmax", lambda t: (0.0, 0.0, -20.0 * min(t / PRESSED, 1.0)))
+    scene.contact("zmin", rigid_plane(), coulomb(mu, up_to=200.0), name="floor")
+    result = solve(scene, steps=drag_times(4), progress=False)
+    last = force(result)[-1]
+    np.testing.assert_allclose(last, [-4.0 * 20.0 * mu(20.0), 0.0, 4.0 * 20.0], atol=1e-7 * 80)  # of a step in balance
+
+
+@pytest.mark.serial
+def test_another_function_is_another_statement(mesh):
+    def said(mu):
+        scene = dragged(mesh, lambda s: np.zeros(2), mu=coulomb(mu, up_to=50.0))
+        return json.loads(json.dumps(statement(scene, scene.system(), "newton", ())))
+
+    first = said(lambda p: 0.3 / (1.0 + p))
+    assert first_difference(first, said(lambda p: 0.3 / (1.0 + p))) is None
+    name, *_ = first_difference(first, said(lambda p: 0.3 / (1.0 + 1.01 * p)))
+    assert name == "contact 'floor', friction"
+
+
+@pytest.mark.parallel
+def test_a_pressure_beyond_the_law_ends_the_run(mesh):
+    law = coulomb(lambda p: 0.3 / (1.0 + p / 15.0), up_to=15.0)
+    result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(1), progress=False)
+    verdict = result.verdict
+    assert verdict.kind == "outside a law" and "beyond the 15 up to which mu(p) is given" in verdict.reason
+    assert "raise up_to=" in str(verdict) and result.history[-1]["t"] < PRESSED
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("angle", [0.0, 25.0, 90.0, 200.0])
+def test_two_directions_of_friction(mesh, angle):
+    """mu_1 = 0.3 along (2, 1, 0), mu_2 = 0.6 across: N / sqrt((cos/mu_1)^2 + (sin/mu_2)^2) against the way."""
+    turn = np.arctan2(1.0, 2.0) + np.radians(angle)
+    way = np.array([np.cos(turn), np.sin(turn)])
+    law = coulomb(MU, across=0.6, along=(2.0, 1.0, 0.0))
+    result = solve(dragged(mesh, lambda s: 3.0 * s * way, "zmin", mu=law), steps=drag_times(3), progress=False)
+    last = force(result)[-1]
+    size = last[2] / np.hypot(np.cos(np.radians(angle)) / MU, np.sin(np.radians(angle)) / 0.6)
+    np.testing.assert_allclose(last[:2], -size * way, atol=LAW * size)
+    work = result.history[-1]["floor_friction_work_Nmm"]  # the force is the same on all of the way that it slides
+    slid = 3.0 - size / 4.0 / 1e4
+    np.testing.assert_allclose(work, size * slid, rtol=0.2)
 
 
 @pytest.mark.parametrize(("tangential", "steps"), [(1e4, 8), (1e4, 24), (1e6, 8)])

@@ -16,6 +16,7 @@ from fenics_contact import (
     Penalty,
     Scene,
     SceneError,
+    coulomb,
     mooney_rivlin,
     read_gmsh,
     rigid_plane,
@@ -153,7 +154,14 @@ def pressed(points, friction, shift):
 @pytest.mark.parametrize("points", ["nodes", "averages", 2])
 @pytest.mark.parametrize(
     "friction, shift, status",
-    [(0.0, (0.1, 0.05, -0.01), CLOSED), (0.05, (0.9, 0.2, -0.01), SLIP), (9.0, (0.02, 0.01, -0.01), STICK)],
+    [
+        (0.0, (0.1, 0.05, -0.01), CLOSED),
+        (0.05, (0.9, 0.2, -0.01), SLIP),
+        (coulomb(lambda p: 0.03 + 0.03 / (1.0 + p), up_to=1e3), (0.9, 0.2, -0.01), SLIP),
+        (coulomb(0.05, across=0.02, along=(1.0, 1.0, 0.2)), (0.9, 0.2, -0.01), SLIP),
+        (9.0, (0.02, 0.01, -0.01), STICK),
+    ],
+    ids=["smooth", "slip", "slip, mu(p)", "slip, two directions", "stick"],
 )
 def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
     system, contact = pressed(points, friction, shift)
@@ -216,6 +224,29 @@ def test_sliding_plate_obeys_coulomb():
     assert result.converged and result.history[-1]["c_sticking_points"] == 0
     x, _, z = (result.history[-1][name] for name in NAMES)
     assert abs(x / -z - FRICTION) < 1e-6
+
+
+GROOVED = coulomb(FRICTION, across=0.5, along=(1.0, 2.0, 0.0))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["averages", 2])
+def test_a_grooved_plate_is_dragged_at_an_angle(points):
+    """At every point of the sole, which deforms as it slides: |T_T| = p / sqrt((cos/mu_1)^2 + (sin/mu_2)^2)."""
+    tool = rigid_surface(plate, "face", flip=True)
+    scene = block(tool, GROOVED, cells=(4, 4, 2), points=points)
+    result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=4, tolerance=1e-10, progress=False)
+    assert result.converged and result.history[-1]["c_sticking_points"] == 0
+    contact, state = result.system.contacts[0], result.system.state
+    pressure, friction = contact.split_traction(state)
+    lean = 1.0 - contact.normals(state)[..., 2] ** 2  # of the slave's normals, across which its nodes rub
+    closed = pressure > 0.0
+    pressure, size, part = pressure[closed], np.linalg.norm(friction[closed], axis=-1), friction[closed] @ GROOVED.along
+    assert len(size) > 10
+    wanted = pressure * size / np.sqrt((part / FRICTION) ** 2 + (size**2 - part**2) / 0.5**2)
+    assert np.ptp(part / size) > 1e-3  # the ways differ
+    np.testing.assert_allclose(size, wanted, rtol=1e-9 + lean.max())
+    assert lean.max() < 1e-3
 
 
 @pytest.mark.parallel

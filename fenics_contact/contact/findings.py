@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.assembly.finding import LOST, TOO_SOFT, TOO_STIFF, Finding, foremost, spot
+from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, Finding, foremost, spot
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.trial import DRAWN
 from fenics_contact.types import Floats
@@ -21,6 +21,7 @@ DEEP = 0.05  # of a cell's height: a penetration that the result should not be t
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
 LED = 0.01  # of a contact's force: what more of it acts on prescribed points is worth a note
+TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
@@ -138,9 +139,22 @@ def _depth_beside(contact: Contact, state: State) -> tuple[float, str]:
     return max(depth, 0.0), place
 
 
+def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
+    """None, or the Finding that a pressure is greater than those for which mu(p) was given. Collective."""
+    table = contact.trial.law.friction.table
+    if len(table) == 0:
+        return None
+    pressure = contact.split_traction(state)[0] / np.maximum(contact.covered(state), TINY)
+    largest, place = worst(contact, state.u.function_space.mesh.comm, pressure.ravel())
+    if largest <= (known := np.exp(table[-1, 1])) * (1.0 + TINY):
+        return None
+    text = f"a pressure of {largest:.4g} is beyond the {known:.4g} up to which mu(p) is given"
+    return Finding(NO_LAW, text, place, "raise up_to= of coulomb(...)")
+
+
 def objection(contact: Contact, state: State) -> Finding | None:
-    """Why a state in balance must not be accepted: bodies have passed through one another, a point is held by nothing, or
-    penetrations are too small for a number beside the coordinates. Collective."""
+    """Why a state in balance must not be accepted: bodies have passed through one another, a point is held by nothing, mu(p)
+    is not known, or penetrations are too small for a number beside the coordinates. Collective."""
     comm, trial = state.u.function_space.mesh.comm, contact.trial
     depth = contact.partner.lost_depth(state, trial)
     if depth > DRAWN * contact.surface.cell_height:
@@ -149,6 +163,8 @@ def objection(contact: Contact, state: State) -> Finding | None:
         return Finding(LOST, text, f"contact '{contact.name}'", remedy)
     if sunk := _sunk(contact, state, SUNK):
         return sunk
+    if known := _beyond_the_law(contact, state):
+        return known
     response = contact.response(state)
     largest, place = worst(contact, comm, np.linalg.norm(response.traction, axis=2).ravel())
     soft = contact.surface.stiffness.min(initial=np.inf)

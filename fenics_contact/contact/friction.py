@@ -1,44 +1,134 @@
-"""Friction as the user states it: Coulomb's coefficient, a number or one that depends on the pressure, and a shear limit."""
+"""Friction as the user states it: Coulomb's coefficient, a number or one that depends on the pressure, with a shear limit or
+with two directions."""
 
-import numbers
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from fenics_contact.kernels.law import Friction, friction_limits
 from fenics_contact.types import Floats
+from fenics_contact.values import SceneError, finite, function, is_number, positive, shown
 
-__all__ = ["Friction", "allowed", "coulomb", "friction_of"]
+__all__ = ["Friction", "allowed", "coulomb", "friction_of", "stated"]
+
+POWER = 7  # of the polynomials that stand for a user's mu(p)
+EXACT = 1e-10  # how near they come to it, of its greatest value: below what any run resolves
+DECADES = 12  # below the largest pressure of its range: under less mu is that of the least
+PIECES = 64  # at first: two an octave and a half, so that no bend of a law is passed over
+NARROWEST = 1e-12  # of ln p: where a kink would long be met to EXACT, mu(p) jumps
+NO_TABLE = np.empty((0, POWER + 3))
 
 
-def coulomb(mu: float, exponent: float = 0.0, reference: float = 1.0, shear_limit: float | None = None) -> Friction:
+def coulomb(
+    mu: float | Callable[[float], float],
+    exponent: float = 0.0,
+    reference: float = 1.0,
+    shear_limit: float | None = None,
+    *,
+    up_to: float | None = None,
+    across: float | None = None,
+    along: Sequence[float] | None = None,
+) -> Friction:
     """|T_T| <= mu(p) p with mu(p) = mu (p/reference)^exponent, and |T_T| <= shear_limit [pressure] where one is given.
 
     exponent: 0 for Coulomb's constant mu; -1/3 for smooth rubber, whose true area of contact grows as p^(2/3) (Hertz);
     above -1, so that more pressure allows more friction; reference: the pressure at which mu(p) = mu [pressure].
-    ValueError for other numbers.
+    mu may be a function mu(p) of one pressure, for pressures up to `up_to`: it is asked once, here, and met to 1e-10 by
+    polynomials in ln p, of which the tangent is exact; a state under more pressure is refused; under less than a millionth
+    of a millionth of it mu is that of the least.
+    across: the coefficient across the direction `along` (3,), along which mu holds; both directions are fixed to the master,
+    a tool. |T_T| lies on the ellipse of both; it acts against the way slid, so that slip is not associated with the ellipse.
+    SceneError for anything else.
     """
-    if not (np.isfinite(mu) and mu >= 0.0):
-        raise ValueError(f"friction = {mu} must be zero or positive")
-    if not (np.isfinite(exponent) and exponent > -1.0):
-        raise ValueError(f"friction: exponent = {exponent} must be greater than -1")
-    if not (np.isfinite(reference) and reference > 0.0):
-        raise ValueError(f"friction: reference = {reference} must be a positive pressure")
-    if shear_limit is not None and not (np.isfinite(shear_limit) and shear_limit > 0.0):
-        raise ValueError(f"friction: shear_limit = {shear_limit} must be a positive pressure")
-    return Friction(float(mu), float(reference), float(exponent), float(shear_limit or 0.0))
+    law = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), NO_TABLE)
+    if shear_limit is not None:
+        law = law._replace(shear=float(positive(shear_limit, "friction: shear_limit", more=", a pressure")))
+    if callable(mu):
+        if exponent != 0.0 or across is not None or along is not None:
+            raise SceneError("friction: a function mu(p) says all itself; it goes without exponent=, across= and along=")
+        if up_to is None:
+            raise SceneError("friction: a function mu(p) needs the largest pressure it holds for, coulomb(mu, up_to=...)")
+        table = _table(function(mu, "friction", "mu(p)"), float(positive(up_to, "friction: up_to", more=", a pressure")))
+        return law._replace(mu=_greatest(table), table=table)
+    if up_to is not None:
+        raise SceneError("friction: up_to= is the range of a function mu(p); a number mu has none")
+    if not (is_number(exponent) and np.isfinite(exponent) and exponent > -1.0):
+        raise SceneError(f"friction: exponent = {shown(exponent)} must be greater than -1")
+    reference = float(positive(reference, "friction: reference", more=", a pressure"))
+    law = law._replace(mu=float(positive(mu, "friction", zero=True)), reference=reference, exponent=float(exponent))
+    return law if across is None and along is None else _with_directions(law, across, along)
 
 
-def friction_of(stated: object) -> Friction:
-    """The Friction of a number, Coulomb's mu, or of what `coulomb` gives. ValueError for anything else."""
-    if isinstance(stated, Friction):
-        return stated
-    if not isinstance(stated, numbers.Real):
-        raise ValueError(f"friction = {stated!r} must be a number, Coulomb's mu, or coulomb(...)")
-    return coulomb(float(stated))
+def _with_directions(law: Friction, across: float | None, along: Sequence[float] | None) -> Friction:
+    if across is None or along is None:
+        raise SceneError("friction: two directions need both across=, the second coefficient, and along=, where mu holds")
+    if law.shear:
+        raise SceneError("friction: shear_limit= is the same in all directions; it goes without across= and along=")
+    first, second = positive(law.mu, "friction, with across=,"), positive(across, "friction: across")
+    way = finite(along, "friction: along", (3,))
+    length = np.linalg.norm(way)
+    if length == 0.0:
+        raise SceneError("friction: along has the length zero; give a direction")
+    x, y, z = way / length
+    return law._replace(ratio=float(first / second), along=(float(x), float(y), float(z)))
 
 
-def allowed(friction: Friction, pressure: Floats) -> Floats:
-    """Largest friction tractions [pressure] under pressures of any shape."""
+def _table(mu: Callable[[float], Any], up_to: float) -> Floats:
+    """The table (m, POWER + 3) of kernels/law.py for mu(p) up to a pressure: pieces halved until they are exact."""
+    nodes = np.cos(np.pi * np.arange(POWER, -1, -1) / POWER)
+    between = np.append(0.5 * (nodes[1:] + nodes[:-1]), [-0.995, 0.995])
+    powers = np.linalg.inv(np.vander(nodes))
+    ends = np.log(up_to) - np.log(10.0) * DECADES * np.linspace(1.0, 0.0, PIECES + 1)
+    left, done, greatest = list(zip(ends[:-1], ends[1:], strict=True))[::-1], [], 0.0
+    while left:
+        start, end = left.pop()
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        there = np.array([_asked(mu, min(np.exp(middle + half * s), up_to)) for s in (*nodes, *between)])
+        greatest = max(greatest, there.max())
+        parts = powers @ there[: POWER + 1]
+        error = np.abs(np.vander(between, POWER + 1) @ parts - there[POWER + 1 :]).max()
+        if error <= EXACT * greatest:
+            done.append([start, end, *parts])
+        elif half > NARROWEST:
+            left += [(middle, end), (start, middle)]
+        else:
+            raise SceneError(f"friction: mu(p) jumps at p = {np.exp(middle):.6g}; give a continuous function")
+    return np.array(done)
+
+
+def _asked(mu: Callable[[float], Any], p: float) -> float:
+    value = mu(float(p))
+    if not (is_number(value) and np.isfinite(value) and value >= 0.0):
+        raise SceneError(f"friction: mu(p) = {shown(value)} at p = {p:.6g} must be zero or a positive number")
+    return float(value)
+
+
+def _greatest(table: Floats) -> float:
+    """The greatest mu of a table, at the ends and in the middle of its pieces."""
+    places = np.vander([-1.0, 0.0, 1.0], POWER + 1)
+    return float(max((table[:, 2:] @ places.T).max(), 0.0))
+
+
+def friction_of(value: object, what: str = "friction") -> Friction:
+    """The Friction of a number, Coulomb's mu, or of what `coulomb` gives. SceneError for anything else."""
+    if isinstance(value, Friction):
+        return value
+    more = ", Coulomb's mu, or coulomb(...)" + (" of this function, with up_to=" if callable(value) else "")
+    return coulomb(positive(value, what, zero=True, more=more))
+
+
+def stated(friction: Friction) -> float | dict[str, Any]:
+    """Coulomb's mu, or the numbers of a friction law by name, a table as some of its pressures with their mu."""
+    parts = friction._asdict()
+    if len(table := parts.pop("table")) == 0:
+        return friction.mu if friction == coulomb(friction.mu) else parts
+    mu = table[:, 2:] @ np.ones(POWER + 1)
+    return {"shear": friction.shear, "pressures": np.exp(table[:, 1]).tolist(), "mu": mu.tolist()}
+
+
+def allowed(friction: Friction, pressure: Floats, traction: Floats) -> Floats:
+    """Largest sizes [pressure] of friction tractions (..., 3) in the directions they have, under pressures (...)."""
     limits = np.empty(pressure.size)
-    friction_limits(friction, pressure.ravel(), limits)
+    friction_limits(friction, pressure.ravel(), np.ascontiguousarray(traction.reshape(-1, 3)), limits)
     return limits.reshape(pressure.shape)

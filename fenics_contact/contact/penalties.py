@@ -51,7 +51,7 @@ class Penalty:
     def values(self, stiffness: Floats, friction: Friction) -> tuple[Floats, Floats]:
         """Normal and tangential penalties (ne,) [pressure/length] over bodies of a stiffness (ne,)."""
         normal = np.full_like(stiffness, self.normal) if self.normal else (self.factor or PENALTY_FACTOR) * stiffness
-        share = self.share or max(TANGENTIAL_SHARE, friction.mu / SLIPS)
+        share = self.share or max(TANGENTIAL_SHARE, max(friction.mu, friction.mu / friction.ratio) / SLIPS)
         return normal, np.full_like(normal, self.tangential) if self.tangential else share * normal
 
     def adapts(self, penetration: float | None) -> tuple[bool, bool]:

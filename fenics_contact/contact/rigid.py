@@ -79,7 +79,10 @@ class RigidPartner:
         return tool.kind, tool.shape, tool.origin, tool.axes, travel
 
     def _law(self, law: Law, touch: float | None = None) -> ElementLaws:
-        return law.eps_n, law.eps_t, self.surface.stiffness, law.friction, float(law.touch if touch is None else touch)
+        friction = law.friction
+        if friction.ratio != 1.0:  # its direction is seen in the tool's frame
+            friction = friction._replace(along=tuple(self.tool.axes.T @ friction.along))
+        return law.eps_n, law.eps_t, self.surface.stiffness, friction, float(law.touch if touch is None else touch)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
     def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats, Floats]:

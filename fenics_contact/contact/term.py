@@ -11,7 +11,7 @@ from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.system import ROUNDED
 from fenics_contact.assembly.term import State
 from fenics_contact.contact import findings
-from fenics_contact.contact.friction import allowed, coulomb
+from fenics_contact.contact.friction import allowed, stated
 from fenics_contact.contact.measures import contact_measures
 from fenics_contact.contact.multipliers import Multipliers
 from fenics_contact.contact.partner import Partner
@@ -194,10 +194,9 @@ class Contact:
         return self.trial.rough
 
     @property
-    def friction_stated(self) -> float | dict[str, float]:
+    def friction_stated(self) -> float | dict[str, Any]:
         """Coulomb's mu, or the numbers of a friction law by name."""
-        friction = self.trial.law.friction
-        return friction.mu if friction == coulomb(friction.mu) else friction._asdict()
+        return stated(self.trial.law.friction)
 
     @property
     def key(self) -> Ints64:
@@ -238,7 +237,7 @@ class Contact:
 
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
-        return allowed(self.trial.law.friction, self.split_traction(state)[0])
+        return allowed(self.trial.law.friction, *self.split_traction(state))
 
     def grip(self, state: State) -> tuple[float, float]:
         """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""

@@ -5,12 +5,13 @@ anchor there. Masters differ in how these follow the nodes; the law is the same 
 T . (dv_S - dv_M), (14): -T acts on the slave.
 """
 
+import math
 from typing import NamedTuple
 
 from numba import njit
 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, plus, times
+from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, plus, row, times
 from fenics_contact.types import Floats
 
 FREE = -1  # no status: the way decides
@@ -19,15 +20,21 @@ ON_CONE = 1e-8  # round-off of a traction rebuilt from its anchor, relative
 
 class Friction(NamedTuple):
     """|T_T| <= mu(p) p under a pressure p: mu(p) = mu (p/reference)^exponent, Coulomb's constant mu for an exponent of 0;
-    and |T_T| <= shear [pressure], 0: no such limit."""
+    and |T_T| <= shear [pressure], 0: no such limit. A table (m, 2 + c) of mu(p) stands in the place of that power, mu being
+    its greatest: from ln p in column 0 to ln p in column 1 a polynomial in 2 (ln p - middle)/width, its highest power first.
+
+    ratio: mu over the coefficient across the unit vector `along`. |T_T| is then sqrt((t_a)^2 + ratio^2 (t_b)^2) of the parts
+    of T_T along that vector and across: the ellipse of Mroz & Stupkiewicz (1994, doi:10.1016/0020-7683(94)90167-8). Slip is
+    not associated with it: friction acts against the way slid.
+    """
 
     mu: float
     reference: float
     exponent: float
     shear: float
-
-
-FRICTIONLESS = Friction(0.0, 1.0, 0.0, 0.0)
+    ratio: float
+    along: Vector
+    table: Floats
 
 
 class Law(NamedTuple):
@@ -49,12 +56,13 @@ class Gaps(NamedTuple):
 
 
 class Traction(NamedTuple):
-    """status; N [pressure]; the limit of |T_T| [pressure] and its slope d(limit)/dp; T_T^tr, T_T and T (3,)."""
+    """status; N [pressure]; the limit of |T_T| [pressure] and its slope d(limit)/dp; |T_T^tr|; T_T^tr, T_T and T (3,)."""
 
     status: int
     N: float
     limit: float
     slope: float
+    size: float
     trial: Vector
     tangential: Vector
     T: Vector
@@ -75,19 +83,59 @@ def friction_limit(friction: Friction, p: float) -> tuple[float, float]:
     """The greatest |T_T| [pressure] under a pressure p, mu |N| of (16), and its slope."""
     if p <= 0.0:  # a gap within touch presses on nothing
         return 0.0, 0.0
-    mu = friction.mu
-    if friction.exponent != 0.0:
-        mu *= (p / friction.reference) ** friction.exponent
+    if len(friction.table) > 0:
+        mu, slope = _tabulated(friction.table, math.log(p))
+        slope += mu
+    else:
+        mu = friction.mu
+        if friction.exponent != 0.0:
+            mu *= (p / friction.reference) ** friction.exponent
+        slope = mu * (1.0 + friction.exponent)
     if 0.0 < friction.shear <= mu * p:
         return friction.shear, 0.0
-    return mu * p, mu * (1.0 + friction.exponent)
+    return mu * p, slope
+
+
+@njit(cache=True, error_model="numpy")
+def _tabulated(table: Floats, place: float) -> tuple[float, float]:
+    """mu and d mu/d(ln p) at ln p = place; beyond the table's ends what it has there."""
+    low, high = 0, len(table) - 1
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if place <= table[middle, 1] else (middle + 1, high)
+    start, end = table[low, 0], table[low, 1]
+    s = 2.0 * (min(max(place, start), end) - start) / (end - start) - 1.0
+    mu, rate = 0.0, 0.0
+    for c in range(2, table.shape[1]):
+        rate = rate * s + mu
+        mu = mu * s + table[low, c]
+    return mu, rate * 2.0 / (end - start) if start <= place <= end else 0.0
 
 
 @njit(cache=True)
-def friction_limits(friction: Friction, pressures: Floats, limits: Floats) -> None:
-    """Fill limits (n,) under pressures (n,)."""
+def without(friction: Friction) -> Friction:
+    """No friction."""
+    return Friction(0.0, 1.0, 0.0, 0.0, 1.0, ZERO, friction.table)
+
+
+@njit(cache=True, error_model="numpy")
+def strength_taken(friction: Friction, t: Vector) -> float:
+    """|T_T| of a traction t, that of the ellipse where friction has directions."""
+    if friction.ratio == 1.0:
+        return norm(t)
+    square = friction.ratio * friction.ratio
+    # a rounded difference of squares may fall below zero
+    return math.sqrt(max(square * dot(t, t) + (1.0 - square) * dot(friction.along, t) ** 2, 0.0))
+
+
+@njit(cache=True)
+def friction_limits(friction: Friction, pressures: Floats, tractions: Floats, limits: Floats) -> None:
+    """Fill limits (n,) of the sizes of friction tractions (n, 3), in the directions they have, under pressures (n,)."""
     for i in range(len(limits)):
-        limits[i] = friction_limit(friction, pressures[i])[0]
+        t, limits[i] = row(tractions, i), friction_limit(friction, pressures[i])[0]
+        taken = strength_taken(friction, t)
+        if taken > 0.0:
+            limits[i] *= norm(t) / taken
 
 
 @njit(cache=True)
@@ -100,24 +148,24 @@ def _strength(law: Law, gaps: Gaps, N: float, limit: float, slope: float) -> flo
 def traction(law: Law, gaps: Gaps, n: Vector, w: Vector, told: int = FREE) -> Traction:
     """The Traction T = N n + T_T of a point; told: STICK or SLIP, where the way itself is not to decide."""
     if gaps.decides > law.touch:
-        return Traction(OPEN, 0.0, 0.0, 0.0, ZERO, ZERO, ZERO)
+        return Traction(OPEN, 0.0, 0.0, 0.0, 0.0, ZERO, ZERO, ZERO)
     N = law.eps_n * gaps.press  # penalty of (15)
     if law.friction.mu == 0.0:
-        return Traction(CLOSED, N, 0.0, 0.0, ZERO, ZERO, times(N, n))
+        return Traction(CLOSED, N, 0.0, 0.0, 0.0, ZERO, ZERO, times(N, n))
     # of (17): eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k))
     trial = times(law.eps_t, less(w, dot(n, w), n))
     limit, slope = friction_limit(law.friction, -law.eps_n * gaps.decides)
-    size = norm(trial)
+    size = strength_taken(law.friction, trial)
     # A way within round-off has no direction to slip in. A point that slipped when the last step was accepted starts the
     # next one on the cone to round-off, of the traction or of the way: it slips, so that the next step's first tangent lets
     # it go on.
     crumb = law.eps_t * law.touch
     sticks = size <= crumb or size <= limit * (1.0 - ON_CONE) - crumb
     if told == STICK or (told == FREE and sticks):
-        return Traction(STICK, N, limit, slope, trial, trial, plus(times(N, n), trial))
+        return Traction(STICK, N, limit, slope, size, trial, trial, plus(times(N, n), trial))
     share = _strength(law, gaps, N, limit, slope) / size
     tangential = times(min(share, 1.0) if gaps.decides == gaps.press and told == FREE else share, trial)
-    return Traction(SLIP, N, limit, slope, trial, tangential, plus(times(N, n), tangential))
+    return Traction(SLIP, N, limit, slope, size, trial, tangential, plus(times(N, n), tangential))
 
 
 @njit(cache=True, error_model="numpy")
@@ -125,31 +173,41 @@ def partials(law: Law, gaps: Gaps, n: Vector, w: Vector, found: Traction) -> Par
     """The Partials of T, found at the same arguments: (26), with (27) in stick and (28) in slip."""
     if found.status == OPEN:
         return Partials(ZERO, ZERO, (ZERO, ZERO, ZERO), (ZERO, ZERO, ZERO))
-    rub, lost, t = 0.0, 0.0, ZERO
+    rub, lost, t, pull = 0.0, 0.0, ZERO, ZERO
     if found.status == STICK:
         rub = law.eps_t
     elif found.status == SLIP:
-        size, lost = norm(found.trial), found.slope  # -d|T_T|/dN
+        size, lost = found.size, found.slope  # -d|T_T|/dN
         t = times(1.0 / size, found.trial)
+        pull = _size_rate(law.friction, t)
         rub = law.eps_t / size * _strength(law, gaps, found.N, found.limit, found.slope)
     push = less(n, lost, t)  # dT/dN
-    n0, w0 = _rows(AXES[0], n[0], t[0], rub, found.N, n, w, t)
-    n1, w1 = _rows(AXES[1], n[1], t[1], rub, found.N, n, w, t)
-    n2, w2 = _rows(AXES[2], n[2], t[2], rub, found.N, n, w, t)
+    n0, w0 = _rows(AXES[0], less(AXES[0], t[0], pull), rub, found.N, n, w)
+    n1, w1 = _rows(AXES[1], less(AXES[1], t[1], pull), rub, found.N, n, w)
+    n2, w2 = _rows(AXES[2], less(AXES[2], t[2], pull), rub, found.N, n, w)
     return Partials(times(law.eps_n, push), times(gaps.press, push), (n0, n1, n2), (w0, w1, w2))
 
 
 @njit(cache=True)
-def _rows(e: Vector, n_e: float, t_e: float, rub: float, N: float, n: Vector, w: Vector, t: Vector) -> tuple[Vector, Vector]:
-    """Rows of dT/dn = N I - rub (n w^T + (n.w) (I - t t^T)) and dT/dw = rub (I - n n^T - t t^T) along the axis e.
+def _size_rate(friction: Friction, t: Vector) -> Vector:
+    """d|T_T|/dT_T of a traction of the direction t, which has the size 1."""
+    if friction.ratio == 1.0:
+        return t
+    square = friction.ratio * friction.ratio
+    return plus(times(square, t), times((1.0 - square) * dot(friction.along, t), friction.along))
 
-    n_e, t_e: the parts of n and t along e. d(P w) = P dw - n (w.dn) - (n.w) dn, and the return to the cone takes off t t^T.
+
+@njit(cache=True)
+def _rows(e: Vector, left: Vector, rub: float, N: float, n: Vector, w: Vector) -> tuple[Vector, Vector]:
+    """Rows of dT/dn = N I - rub L (n w^T + (n.w) I) and dT/dw = rub L (I - n n^T) along the axis e; left: that of L.
+
+    d(P w) = P dw - n (w.dn) - (n.w) dn, and L = I - t d|t|/dt is the return to the limit, t being of size 1.
     """
-    left = less(e, t_e, t)
-    return less(less(times(N, e), rub * dot(n, w), left), rub * n_e, w), times(rub, less(left, n_e, n))
+    across = dot(left, n)
+    return less(less(times(N, e), rub * dot(n, w), left), rub * across, w), times(rub, less(left, across, n))
 
 
 @njit(cache=True)
 def excess(found: Traction) -> float:
     """|T_T^tr| over the limit of friction minus 1, of a Traction; 0 without friction."""
-    return norm(found.trial) / max(found.limit, 1e-300) - 1.0 if found.status >= STICK else 0.0
+    return found.size / max(found.limit, 1e-300) - 1.0 if found.status >= STICK else 0.0

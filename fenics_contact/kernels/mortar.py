@@ -28,7 +28,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface, shape, shape_gradient
-from fenics_contact.kernels.law import FREE, FRICTIONLESS, Friction, Gaps, Law, excess, partials, traction
+from fenics_contact.kernels.law import FREE, Friction, Gaps, Law, excess, partials, traction, without
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import (
     ZERO,
@@ -167,7 +167,7 @@ def softening(law: NodeLaws, averaged: Averaged, part: Floats) -> None:
 def _node_law(A: int, law: NodeLaws, averaged: Averaged) -> Law:
     """The Law of node A: without friction where none of its samples has an anchor."""
     part = _series(A, law, averaged)[0]
-    return Law(part * law[0][A], part * law[1][A], law[2] if averaged[3][A] > 0.0 else FRICTIONLESS, law[3])
+    return Law(part * law[0][A], part * law[1][A], law[2] if averaged[3][A] > 0.0 else without(law[2]), law[3])
 
 
 @njit(cache=True, error_model="numpy")

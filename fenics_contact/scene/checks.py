@@ -57,8 +57,7 @@ def refuse_numbers(
     """The name and the numbers of a contact must be such; returns its Friction and its Penalty."""
     text(name, "contact: name")
     what = f"contact '{name}'"
-    if not isinstance(friction, Friction):
-        positive(friction, f"{what}: friction", zero=True, more=", Coulomb's mu, or coulomb(...)")
+    law = friction_of(friction, f"{what}: friction")
     if not isinstance(penalty, Penalty):
         if penalty is not None:
             positive(penalty, f"{what}: penalty", more=" [pressure/length], or a Penalty(...)")
@@ -70,7 +69,7 @@ def refuse_numbers(
         raise SceneError(f"{what}: {penalty} states a penalty twice: give normal or factor, and tangential or share")
     if points not in ("nodes", "corners", "averages"):
         count(points, f"{what}: points", remedy=", a count of Gauss points, or 'nodes', 'corners' or 'averages'")
-    return friction_of(friction), penalty
+    return law, penalty
 
 
 def default_points(master: Tool | tuple[str, ...], degree: int, bare_corners: bool, multipliers: bool) -> int | str:
@@ -93,6 +92,8 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
         if degree != 1:
             raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
+        if contact.friction.ratio != 1.0:
+            raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform")
     if isinstance(master, RigidTool) and points == "averages":
         raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":

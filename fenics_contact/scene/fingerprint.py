@@ -91,4 +91,6 @@ def plain(value: Any) -> Any:
             weights = np.cos(np.arange(len(flat)))
             return [float(len(flat)), float(np.abs(flat).sum()), float(weights @ flat)]
         return flat.tolist()
-    return list(value) if isinstance(value, tuple) else value
+    if isinstance(value, tuple):
+        return [entry for part in map(plain, value) for entry in (part if isinstance(part, list) else [part])]
+    return value

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import coulomb
-from fenics_contact.kernels.law import Gaps, Law, Partials, excess, partials, traction
+from fenics_contact.kernels.law import Gaps, Law, Partials, excess, friction_limit, partials, traction
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 pytestmark = pytest.mark.serial
@@ -14,6 +14,8 @@ NORMAL = np.array([2.0, -3.0, 6.0]) / 7.0
 WAY = np.array([0.3, 0.5, 0.4])  # leans out of the plane across NORMAL, as the way to a foot on a curved master does
 SMOOTH, SOME, MUCH = coulomb(0.0), coulomb(0.3), coulomb(9.0)
 FALLING, CAPPED = (coulomb(0.3, exponent=-1 / 3, reference=0.5, shear_limit=cap) for cap in (0.8, 0.5))
+BENT = coulomb(lambda p: 0.1 + 0.2 / (1.0 + p / 4.0), up_to=50.0)
+GROOVED = coulomb(0.3, across=0.6, along=(1.0, 2.0, 0.5))  # neither along the plane across NORMAL nor across it
 # status, friction, press, decides: the pressures are 5 but where they are foreseen to be 2, the trial traction is 13, and
 # a falling mu allows 0.696 of a pressure of 5
 POINTS = {
@@ -23,18 +25,24 @@ POINTS = {
     "slip": (SLIP, SOME, -0.1, -0.1),
     "slip, mu falls": (SLIP, FALLING, -0.1, -0.1),
     "slip, shear limit": (SLIP, CAPPED, -0.1, -0.1),
+    "slip, mu(p)": (SLIP, BENT, -0.1, -0.1),
+    "slip, two directions": (SLIP, GROOVED, -0.1, -0.1),
+    "stick, two directions": (STICK, coulomb(9.0, across=5.0, along=(1.0, 2.0, 0.5)), -0.1, -0.1),
     "closed, foreseen": (CLOSED, SMOOTH, 0.02, -0.04),
     "stick, foreseen": (STICK, MUCH, 0.02, -0.04),
     "slip, foreseen": (SLIP, SOME, -0.1, -0.04),
     "slip, foreseen and open": (SLIP, SOME, 0.02, -0.04),
     "slip, mu falls, foreseen": (SLIP, FALLING, -0.1, -0.04),
+    "slip, mu(p), foreseen": (SLIP, BENT, -0.1, -0.04),
+    "slip, two directions, foreseen": (SLIP, GROOVED, -0.1, -0.04),
     "open, foreseen": (OPEN, SOME, -0.1, 0.04),
 }
 
 
-def at(name, press=None, n=NORMAL, w=WAY, eps_n=EPS_N):
+def at(name, press=None, n=NORMAL, w=WAY, eps_n=EPS_N, along=None):
     """(law, gaps, n, w) of a point; a press of its own decides with it, unless another pressure was foreseen."""
     _, friction, own, decides = POINTS[name]
+    friction = friction if along is None else friction._replace(along=tuple(map(float, along)))
     press = own if press is None else press
     decides = press if own == decides else decides * EPS_N / eps_n
     return Law(eps_n, EPS_T, friction, 0.0), Gaps(press, decides), tuple(map(float, n)), tuple(map(float, w))
@@ -87,21 +95,73 @@ def test_partials_in_closed_form(name):
         strength = 0.3 * (0.5 * known**2) ** (1 / 3)
         mu = 2 / 3 * strength / known
         strength, mu = (strength + mu * (pressure - known), mu) if friction == FALLING else (0.5, 0.0)
+    if friction is BENT:
+        known = -EPS_N * decides
+        mu = 0.1 + 0.2 / (1.0 + known / 4.0) ** 2  # of mu(p) p
+        strength = (0.1 + 0.2 / (1.0 + known / 4.0)) * known + mu * (pressure - known)
     direction = across @ WAY / np.linalg.norm(across @ WAY)
-    slide = np.outer(direction, direction)
-    spring = {CLOSED: 0.0, STICK: EPS_T, SLIP: strength / np.linalg.norm(across @ WAY)}[status]
+    ellipse = one
+    if friction is GROOVED:  # sqrt(t_a^2 + t_b^2/4) of what is twice as great across
+        groove = np.array(GROOVED.along)
+        ellipse = np.outer(groove, groove) + 0.25 * (one - np.outer(groove, groove))
+    direction = direction / np.sqrt(direction @ ellipse @ direction)
+    slide = np.outer(direction, ellipse @ direction)
+    spring = {CLOSED: 0.0, STICK: EPS_T, SLIP: strength * np.linalg.norm(direction) / np.linalg.norm(across @ WAY)}[status]
     turning = one - slide if status == SLIP else one
     pushed = NORMAL - mu * direction if status == SLIP else NORMAL
     # sums of a few rounded products of size 50
-    np.testing.assert_allclose(by.g, EPS_N * pushed, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(by.eps_n, press * pushed, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(by.w, spring * turning @ across, rtol=0, atol=1e-13)
+    atol = 1e-13 if friction is not BENT else 1e-7  # 1e-10 that polynomials are off, the slope of one over its width
+    np.testing.assert_allclose(by.g, EPS_N * pushed, rtol=0, atol=atol)
+    np.testing.assert_allclose(by.eps_n, press * pushed, rtol=0, atol=atol)
+    np.testing.assert_allclose(by.w, spring * turning @ across, rtol=0, atol=atol)
     turn = -turning @ (np.outer(NORMAL, WAY) + along * one)
-    np.testing.assert_allclose(by.n, -pressure * one + spring * turn, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(by.n, -pressure * one + spring * turn, rtol=0, atol=atol)
     np.testing.assert_allclose(by.w @ NORMAL, 0.0, rtol=0, atol=1e-13)  # a way along the normal is none
 
 
 UP = (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 17.0, 90.0, 200.0])
+def test_two_directions_allow_what_the_ellipse_does(angle):
+    """mu_1 = 0.3 along (1, 2, 0) and mu_2 = 0.6 across: |T_T| = p / sqrt((cos/mu_1)^2 + (sin/mu_2)^2), against the slip."""
+    turn, c, s = np.arctan2(2.0, 1.0) + np.radians(angle), np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    way = (float(np.cos(turn)), float(np.sin(turn)), 0.0)
+    law = Law(EPS_N, EPS_T, coulomb(0.3, across=0.6, along=(1.0, 2.0, 0.0)), 0.0)
+    found = traction(law, Gaps(-0.1, -0.1), UP, way)
+    size = 5.0 / np.hypot(c / 0.3, s / 0.6)
+    np.testing.assert_allclose(found.tangential, size * np.array(way), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(excess(found), EPS_T / size - 1.0, rtol=1e-14)
+
+
+def octaves(count):
+    rng = np.random.default_rng(7)
+    return np.exp(rng.uniform(np.log(1e-9), np.log(50.0), count))
+
+
+@pytest.mark.parametrize(
+    "mu",
+    [
+        lambda p: 0.2 + 0.6 / (1.0 + (p / 2.0) ** 0.7),
+        lambda p: 0.3 * (p / 2.0) ** (-1 / 3),
+        lambda p: float(np.interp(p, [0.0, 1.0, 5.0, 50.0], [0.9, 0.7, 0.3, 0.2])),
+        lambda p: 0.3,
+        lambda p: 0.0,
+    ],
+    ids=["smooth", "power", "kinks", "constant", "none"],
+)
+def test_a_function_of_the_pressure_is_met(mu):
+    """To 1e-10 of its greatest value, kinks included; an exact one lies between the slopes of two pressures near each."""
+    friction, p = coulomb(mu, up_to=50.0), octaves(2000)
+    found = [friction_limit(friction, x) for x in p]
+    wanted = np.array([mu(x) for x in p])
+    largest = max(mu(50.0e-12), mu(50.0))
+    np.testing.assert_allclose(friction.mu, largest, rtol=1e-9)
+    assert np.abs(np.array([limit for limit, _ in found]) / p - wanted).max() <= 1e-10 * largest
+    h = 1e-5 * p  # of a fourth derivative h^4, and 1e-10/h of what the polynomials are off
+    above, below = (np.array([friction_limit(friction, x)[0] for x in p + side * h]) for side in (1, -1))
+    rate = (above - below) / (2 * h)
+    assert np.quantile(np.abs(rate - np.array([slope for _, slope in found])), 0.99) <= 1e-8 * largest
 
 
 @pytest.mark.parametrize(
@@ -179,7 +239,7 @@ def test_the_law_does_not_know_the_frame():
     Q = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     for name in POINTS:
         here, by = numbers(at(name))
-        there, turned = numbers(at(name, n=Q @ NORMAL, w=Q @ WAY))
+        there, turned = numbers(at(name, n=Q @ NORMAL, w=Q @ WAY, along=Q @ POINTS[name][1].along))
         assert here.status == there.status
         # rounding of a rotated vector, times eps
         np.testing.assert_allclose(there.T, Q @ here.T, rtol=0, atol=1e-13)

@@ -146,12 +146,18 @@ PLACES = {
 }
 FLAT = ("plane", "punch face", "punch back", "punch side", "fillet face")
 EDGES = ("sharp edge", "sharp edge, nearly out", "sharp corner")
-LAWS = {"open": OPEN, "closed": CLOSED, "stick": STICK, "slip": SLIP, "falling": SLIP}
+LAWS = {"open": OPEN, "closed": CLOSED, "stick": STICK, "slip": SLIP, "falling": SLIP, "mu(p)": SLIP, "grooved": SLIP}
 FALLING = coulomb(0.3, exponent=-1 / 3, reference=2.0, shear_limit=50.0)
+BENT = coulomb(lambda p: 0.1 + 0.2 / (1.0 + p / 4.0), up_to=100.0)
+GROOVED = coulomb(0.3, across=0.6, along=(1.0, 2.0, 0.5))  # in the tool's frame
+OF_PRESSURE = {
+    "falling": lambda p: 0.3 * (2.0 * p**2) ** (1 / 3),
+    "mu(p)": lambda p: (0.1 + 0.2 / (1.0 + p / 4.0)) * p,
+}
 DEPTH = 0.1
 CASES = [(p, law, k) for p in PLACES for law in LAWS for k in (1, 4) if p != "sharp edge outside" or law == "open"]
 TOUCHING = [case for case in CASES if case[1] != "open"]
-RUBBING = [case for case in CASES if case[1] in ("stick", "slip", "falling")]
+RUBBING = [case for case in CASES if case[1] in ("stick", "slip", "falling", "mu(p)", "grooved")]
 
 
 def build(place, law, k, depth=DEPTH):
@@ -159,7 +165,8 @@ def build(place, law, k, depth=DEPTH):
     normal = np.asarray(normal, float)
     across = np.cross(normal, [0.5, 0.3, -0.6])
     across /= np.linalg.norm(across)
-    mu = {"open": 0.3, "closed": 0.0, "stick": 200.0 if place in EDGES else 9.0, "slip": 0.3, "falling": FALLING}[law]
+    stuck = 200.0 if place in EDGES else 9.0
+    mu = {"closed": 0.0, "stick": stuck, "falling": FALLING, "mu(p)": BENT, "grooved": GROOVED}.get(law, 0.3)
     at = np.asarray(y) + (0.3 * depth if law == "open" else -depth) * normal
     contact = Contact(Tool(kind, shape), at, normal, k, mu, elastic=0.2 * across)
     r = contact.evaluate()
@@ -274,13 +281,19 @@ def test_laws_hold(place, law, k):
     eps = EPS_N * r["cover"]
     N = np.einsum("qc,qc->q", r["T"], r["normal"])
     assert np.abs(N - eps * r["gap"]).max() < 1e-13  # rounding of a pressure of 5
-    tangential = np.linalg.norm(r["T"] - N[:, None] * r["normal"], axis=1)
-    pressure = -eps * r["gap"]
-    limit = 0.3 * (2.0 * pressure**2) ** (1 / 3) if law == "falling" else contact.mu * pressure
+    along = r["T"] - N[:, None] * r["normal"]
+    tangential, pressure = np.linalg.norm(along, axis=1), -eps * r["gap"]
+    if law in OF_PRESSURE:
+        limit, exact = OF_PRESSURE[law](pressure), 1e-10 * 5 if law == "mu(p)" else 1e-13
+    elif law == "grooved":
+        part = along @ contact.tool.axes @ GROOVED.along / tangential
+        limit, exact = pressure / np.sqrt((part / 0.3) ** 2 + (1 - part**2) / 0.6**2), 1e-13
+    else:
+        limit, exact = contact.mu * pressure, 1e-13
     if law == "closed":
         assert tangential.max() < 1e-13
-    elif law in ("slip", "falling"):
-        assert np.abs(tangential - limit).max() < 1e-13 and (r["slip"] > 0).all()
+    elif LAWS[law] == SLIP:
+        assert np.abs(tangential - limit).max() < exact and (r["slip"] > 0).all()
     else:
         assert (1e-3 * limit < tangential).all() and (tangential < limit).all() and (r["slip"] < 0).all()
     # the forces are the weighted tractions
