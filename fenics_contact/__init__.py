@@ -3,7 +3,16 @@
 from fenics_contact import packages  # noqa: F401 - first, so that a missing module is named with its package
 from fenics_contact.contact.friction import coulomb
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere
+from fenics_contact.contact.profiles import rigid_extrusion, rigid_revolution
+from fenics_contact.contact.tools import (
+    rigid_cone,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    rigid_torus,
+    rigid_union,
+)
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.output.film import Film
 from fenics_contact.output.units import Units
@@ -39,10 +48,14 @@ __all__ = [
     "rigid_cone",
     "rigid_curve",
     "rigid_cylinder",
+    "rigid_extrusion",
     "rigid_plane",
     "rigid_punch",
+    "rigid_revolution",
     "rigid_sphere",
     "rigid_surface",
+    "rigid_torus",
+    "rigid_union",
     "solve",
     "user_energy",
     "yeoh",

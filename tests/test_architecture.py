@@ -64,12 +64,12 @@ ONLY = {
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"exchange", "facet_points", "numbering", "section", "system", "term"},
     ("output", "contact"): {"tools"},  # their shapes, to draw them
-    ("output", "kernels"): {"rigid_shapes", "status"},
+    ("output", "kernels"): {"rigid_profiles", "rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"sets", "scatter"},
     ("restart", "scene"): {"fingerprint"},
     ("run", "contact"): {"tools"},  # the keys of move and push
-    ("__init__", "contact"): {"friction", "penalties", "tools"},
+    ("__init__", "contact"): {"friction", "penalties", "profiles", "tools"},
     ("meetings", "kernels"): {"broad_phase", "sets"},
     ("__init__", "output"): {"film", "units"},
     ("__init__", "solid"): {"materials"},

@@ -61,8 +61,9 @@ class MeshedTool(Tool):
 class RigidTool(Tool):
     """An analytic rigid tool.
 
-    kind, shape (4,): the kernel's code and numbers of the shape; axes (3, 3): columns are the tool's axes; origin (3,): its
-    frame's place at the start [length]; extent: largest length of its shape; edge: what the output says of its edges.
+    kind, shape: the kernel's code and numbers of the shape, as many as the kind takes; axes (3, 3): columns are the tool's
+    axes; origin (3,): its frame's place at the start [length]; extent: largest length of its shape; edge: what the output
+    says of its edges.
     """
 
     kind: int
@@ -83,7 +84,7 @@ class RigidTool(Tool):
         return self.origin + (self.shape[2] * self.axes[:, 2] if self.kind == rigid_shapes.BOX else 0.0)
 
 
-def _axes(third: object, what: str) -> Floats:
+def axes_along(third: object, what: str) -> Floats:
     """Right-handed orthonormal axes whose third is along `third`, aligned with x, y, z where that is possible."""
     third = finite(third, what, (3,))
     length = np.linalg.norm(third)
@@ -106,7 +107,7 @@ def rigid_plane(
     name: str = "plane",
 ) -> RigidTool:
     """Half-space behind the plane through `point` whose outward `normal` points at the body."""
-    axes = _axes(normal, f"{name}: normal")
+    axes = axes_along(normal, f"{name}: normal")
     return RigidTool(name, rigid_shapes.PLANE, np.zeros(4), axes, finite(point, f"{name}: point", (3,)))
 
 
@@ -130,26 +131,53 @@ def rigid_punch(
     fillet = _length(fillet, f"{name}: fillet", zero=True)
     if fillet > min(half, depth, tall):
         raise ValueError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
-    axes = _axes(direction, f"{name}: direction")
+    axes = axes_along(direction, f"{name}: direction")
     origin = finite(face, f"{name}: face", (3,)) - tall * axes[:, 2]
     edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
     shape = np.array([half, depth, tall, fillet])
     return RigidTool(name, rigid_shapes.BOX, shape, axes, origin, max(half, depth, tall), edge)
 
 
-def rigid_sphere(radius: float, centre: Sequence[float] | Floats, name: str = "sphere") -> RigidTool:
-    """Ball of `radius` about `centre` [lengths]."""
-    shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
-    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)), shape[0])
+def _round(radius: float, hollow: bool, name: str) -> tuple[Floats, float]:
+    """(kernel's numbers, radius) of a ball or cylinder."""
+    length = _length(radius, f"{name}: radius")
+    if not isinstance(hollow, bool):
+        raise ValueError(f"{name}: hollow = {hollow!r} must be True, where the body lies within, or False")
+    return np.array([-length if hollow else length]), length
+
+
+def rigid_sphere(radius: float, centre: Sequence[float] | Floats, hollow: bool = False, name: str = "sphere") -> RigidTool:
+    """Ball of `radius` about `centre` [lengths]; hollow: a tool without end with a hollow of this shape for the body."""
+    shape, extent = _round(radius, hollow, name)
+    return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)), extent)
 
 
 def rigid_cylinder(
-    radius: float, point: Sequence[float] | Floats, axis: Sequence[float] | Floats = (0.0, 1.0, 0.0), name: str = "cylinder"
+    radius: float,
+    point: Sequence[float] | Floats,
+    axis: Sequence[float] | Floats = (0.0, 1.0, 0.0),
+    hollow: bool = False,
+    name: str = "cylinder",
 ) -> RigidTool:
-    """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]."""
-    shape = np.array([_length(radius, f"{name}: radius"), 0.0, 0.0, 0.0])
-    axes = _axes(axis, f"{name}: axis")
-    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)), shape[0])
+    """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]; hollow: a bore."""
+    shape, extent = _round(radius, hollow, name)
+    axes = axes_along(axis, f"{name}: axis")
+    return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)), extent)
+
+
+def rigid_torus(
+    ring: float,
+    tube: float,
+    centre: Sequence[float] | Floats,
+    axis: Sequence[float] | Floats = (0.0, 0.0, 1.0),
+    name: str = "torus",
+) -> RigidTool:
+    """Ring about `axis` through `centre`: a tube of radius `tube` about a circle of the larger radius `ring` [lengths]."""
+    ring, tube = _length(ring, f"{name}: ring"), _length(tube, f"{name}: tube")
+    if not tube < ring:
+        raise ValueError(f"{name}: a tube of radius {tube} closes a ring of radius {ring}; make it smaller")
+    axes, shape = axes_along(axis, f"{name}: axis"), np.array([ring, tube])
+    return RigidTool(name, rigid_shapes.TORUS, shape, axes, finite(centre, f"{name}: centre", (3,)), ring + tube)
 
 
 def rigid_cone(
@@ -167,5 +195,40 @@ def rigid_cone(
     half_angle = float(positive(half_angle, f"{name}: half_angle", most=np.pi / 2, more=", in radians"))
     tip = _length(tip, f"{name}: tip", zero=True)
     shape = np.array([tip, np.cos(half_angle), np.sin(half_angle), 0.0])
-    axes, edge = _axes(direction, f"{name}: direction"), f"rounded tip, radius {tip:g}" if tip > 0 else "sharp apex"
+    axes, edge = axes_along(direction, f"{name}: direction"), f"rounded tip, radius {tip:g}" if tip > 0 else "sharp apex"
     return RigidTool(name, rigid_shapes.CONE, shape, axes, finite(apex, f"{name}: apex", (3,)), tip, edge)
+
+
+def rigid_union(*tools: RigidTool, name: str = "union") -> RigidTool:
+    """Several analytic tools that move as one, each where it was stated; its point is that of the first.
+
+    A point meets the nearest of them: where two meet in a corner into which the body is pressed, one alone would hold it.
+    State a profile with a fillet there, or two tools.
+    """
+    if len(tools) < 2 or not all(isinstance(tool, RigidTool) for tool in tools):
+        raise ValueError(f"{name}: a union is made of two or more analytic tools, rigid_union(rigid_plane(...), ...)")
+    for tool in tools:
+        if tool.edge == "sharp":
+            raise ValueError(f"{name}: the sharp edges of '{tool.name}' cannot be in a union; give it a fillet")
+        if tool.kind == rigid_shapes.UNION:
+            raise ValueError(f"{name}: '{tool.name}' is a union itself; name its parts instead")
+    origin = tools[0].point
+    parts = [
+        np.concatenate([[tool.kind, len(tool.shape)], tool.origin - origin, tool.axes.ravel(), tool.shape]) for tool in tools
+    ]
+    edges = dict.fromkeys(tool.edge for tool in tools if tool.edge != "none")
+    reach = max(tool.reach for tool in tools)
+    return RigidTool(name, rigid_shapes.UNION, np.concatenate(parts), np.eye(3), origin, reach, ", ".join(edges) or "none")
+
+
+def parts_of(tool: RigidTool) -> list[RigidTool]:
+    """The parts of a union, where they are at the start; of other tools the tool itself."""
+    if tool.kind != rigid_shapes.UNION:
+        return [tool]
+    parts, left = [], tool.shape
+    while len(left):
+        end = rigid_shapes.PART + int(left[1])
+        shape, axes, place = left[rigid_shapes.PART : end], left[5 : rigid_shapes.PART].reshape(3, 3), left[2:5]
+        parts.append(RigidTool(tool.name, int(left[0]), shape, axes, tool.origin + place))
+        left = left[end:]
+    return parts

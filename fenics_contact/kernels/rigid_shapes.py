@@ -8,6 +8,7 @@ import math
 
 from numba import njit
 
+from fenics_contact.kernels.rigid_profiles import extrusion, revolution, torus
 from fenics_contact.types import Floats
 
 PLANE = 0
@@ -15,6 +16,12 @@ BOX = 1
 SPHERE = 2
 CYLINDER = 3
 CONE = 4
+TORUS = 5
+EXTRUSION = 6
+REVOLUTION = 7
+UNION = 8
+# A part of a union: its kind, the length of its parameters, its origin (3,), its axes (3, 3) row by row, its parameters.
+PART = 14
 ON_AXIS = 1e-9  # of the distance from the apex: nearer to the axis a cone has no side to prefer
 
 
@@ -86,13 +93,22 @@ def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -
 
 
 @njit(cache=True)
-def signed_distance(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
-    """Signed distance of y (3,) to a shape; fills the unit normal n (3,) and the curvature H (3, 3).
+def _round(kind: int, radius: float, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+    """Ball or endless cylinder; with a radius below zero the hollow of that radius in a tool without end."""
+    active[0], active[1], active[2] = 1.0, 1.0, 0.0 if kind == CYLINDER else 1.0
+    g = _ball(y[0], y[1], y[2], active, abs(radius), n, H)
+    if radius >= 0.0:
+        return g
+    for i in range(3):
+        n[i] = -n[i]
+        for j in range(3):
+            H[i, j] = -H[i, j]
+    return -g
 
-    kind: PLANE (body z <= 0), BOX (half sizes and fillet radius), SPHERE (radius), CYLINDER (radius, axis z, endless), CONE
-    (radius of its tip, cosine and sine of its half-angle; ends at z = 0, endless towards -z).
-    parameters: (4,) lengths and the cone's ratios; active: (3,) scratch.
-    """
+
+@njit(cache=True)
+def _single(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+    """`signed_distance` of what is no union."""
     if kind == PLANE:
         n[0], n[1], n[2] = 0.0, 0.0, 1.0
         H[:, :] = 0.0
@@ -101,10 +117,67 @@ def signed_distance(kind: int, parameters: Floats, y: Floats, active: Floats, n:
         return _box(parameters, y, active, n, H)
     if kind == CONE:
         return _cone(parameters, y, active, n, H)
-    active[0], active[1], active[2] = 1.0, 1.0, 1.0
-    if kind == CYLINDER:
-        active[2] = 0.0
-    return _ball(y[0], y[1], y[2], active, parameters[0], n, H)
+    if kind == TORUS:
+        return torus(parameters[0], parameters[1], y, n, H)
+    if kind == EXTRUSION:
+        return extrusion(parameters, y, n, H)
+    if kind == REVOLUTION:
+        return revolution(parameters, y, n, H)
+    return _round(kind, parameters[0], y, active, n, H)
+
+
+@njit(cache=True)
+def _part(parts: Floats, at: int, x: tuple[float, float, float], y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+    """Distance of x to the part of a union that begins at `at`, in whose frame y, n and H then are."""
+    r0, r1, r2 = x[0] - parts[at + 2], x[1] - parts[at + 3], x[2] - parts[at + 4]
+    for i in range(3):
+        y[i] = parts[at + 5 + i] * r0 + parts[at + 8 + i] * r1 + parts[at + 11 + i] * r2
+    first = at + PART
+    return _single(int(parts[at]), parts[first : first + int(parts[at + 1])], y, active, n, H)
+
+
+@njit(cache=True)
+def _union(parts: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+    """Distance to the nearest of the parts, with its normal and curvature, all in the union's frame."""
+    x = y[0], y[1], y[2]
+    least, nearest, at = 1.0e300, 0, 0
+    while at < len(parts):
+        g = _part(parts, at, x, y, active, n, H)
+        if g < least:
+            least, nearest = g, at
+        at += PART + int(parts[at + 1])
+    g = _part(parts, nearest, x, y, active, n, H)
+    axes = nearest + 5
+    _turn(parts, axes, n)
+    for i in range(3):
+        _turn(parts, axes, H[i])
+    for i in range(3):
+        _turn(parts, axes, H[:, i])
+    y[0], y[1], y[2] = x
+    return g
+
+
+@njit(cache=True)
+def _turn(parts: Floats, axes: int, v: Floats) -> None:
+    """v <- Q v, with Q (3, 3) row by row from `axes` on."""
+    v0, v1, v2 = v[0], v[1], v[2]
+    for i in range(3):
+        v[i] = parts[axes + 3 * i] * v0 + parts[axes + 3 * i + 1] * v1 + parts[axes + 3 * i + 2] * v2
+
+
+@njit(cache=True)
+def signed_distance(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+    """Signed distance of y (3,) to a shape; fills the unit normal n (3,) and the curvature H (3, 3).
+
+    kind: PLANE (body z <= 0), BOX (half sizes and fillet radius), SPHERE (radius), CYLINDER (radius, axis z, endless), both
+    hollow with a radius below zero, CONE (radius of its tip, cosine and sine of its half-angle; ends at z = 0, endless
+    towards -z), TORUS (radius of its ring about z, radius of its tube), EXTRUSION along y and REVOLUTION about z (pieces of
+    a profile, see rigid_profiles), UNION (parts one after another, see PART).
+    parameters: as many as the kind takes; active: (3,) scratch.
+    """
+    if kind == UNION:
+        return _union(parameters, y, active, n, H)
+    return _single(kind, parameters, y, active, n, H)
 
 
 @njit(cache=True)

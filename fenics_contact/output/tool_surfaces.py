@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
-from fenics_contact.kernels import rigid_shapes
+from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, parts_of
+from fenics_contact.kernels import rigid_profiles, rigid_shapes
 from fenics_contact.types import Floats, Ints64
 
 SAG = 2e-3  # of `size`: how far a facet may cut below a round surface in a file
@@ -29,33 +29,95 @@ def tool_surface(
         return tool.X + moved, tool.nodes
     if not isinstance(tool, RigidTool):
         raise TypeError(f"no surface is known of a {type(tool).__name__}")
-    centre = np.zeros(3) if about is None else tool.axes.T @ (np.asarray(about, dtype=np.float64) - tool.origin - moved)
-    points, facets = _in_frame(tool, size, centre, sag * size)
-    return points @ tool.axes.T + tool.origin + moved, facets
+    surfaces = []
+    for part in parts_of(tool):
+        centre = np.zeros(3) if about is None else part.axes.T @ (np.asarray(about, dtype=np.float64) - part.origin - moved)
+        points, facets = _in_frame(part, size, centre, sag * size)
+        surfaces.append((points @ part.axes.T + part.origin + moved, facets))
+    return _joined(surfaces)
+
+
+def _joined(surfaces: list[Facets]) -> Facets:
+    before = np.cumsum([0, *(len(points) for points, _ in surfaces)])
+    facets = [facets + start for (_, facets), start in zip(surfaces, before, strict=False)]
+    return np.concatenate([points for points, _ in surfaces]), np.concatenate(facets)
 
 
 def _in_frame(tool: RigidTool, size: float, centre: Floats, sag: float) -> Facets:
     """Surface in the tool's frame, of endless shapes the part about `centre` (3,)."""
-    a, b, c, d = tool.shape
     if tool.kind == rigid_shapes.PLANE:
         side = np.linspace(-size / 2, size / 2, FLAT + 1)
         x, y = np.meshgrid(centre[0] + side, centre[1] + side, indexing="ij")
         return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), _grid(*x.shape)
     if tool.kind == rigid_shapes.BOX:
-        return _rounded_box(tool.shape[:3] - d, d, _quarter(d, sag))
-    if tool.kind == rigid_shapes.SPHERE:
-        return _rounded_box(np.zeros(3), a, _quarter(a, sag))
-    if tool.kind == rigid_shapes.CYLINDER:
-        height = centre[2] + np.linspace(size / 2, -size / 2, FLAT + 1)
-        return _turned(np.full(FLAT + 1, a), height, _quarter(a, sag))
+        fillet = tool.shape[3]
+        return _rounded_box(tool.shape[:3] - fillet, fillet, _quarter(fillet, sag))
+    if tool.kind in (rigid_shapes.SPHERE, rigid_shapes.CYLINDER):
+        return _round(tool.kind, tool.shape[0], size, centre, sag)
     if tool.kind == rigid_shapes.CONE:
-        around = _quarter(a + size * c, sag)
-        tilt = np.linspace(0.0, np.arctan2(b, c), around + 1 if a > 0.0 else 1)  # of the tip's normal against the axis
-        down = np.linspace(0.0, size, FLAT + 1)[1:]  # along the side
-        radius = np.append(a * np.sin(tilt), a * b + down * c)
-        height = np.append(a * np.cos(tilt), a * c - down * b) - a
-        return _turned(radius, height, around)
+        return _cone(tool.shape, size, sag)
+    if tool.kind == rigid_shapes.TORUS:
+        ring, tube = tool.shape
+        angle = np.linspace(2 * np.pi, 0.0, 4 * _quarter(tube, sag) + 1)
+        return _turned(ring + tube * np.cos(angle), tube * np.sin(angle), _quarter(ring + tube, sag))
+    if tool.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION):
+        line = _profile(tool.shape.reshape(-1, rigid_profiles.PIECE), size, sag)
+        if tool.kind == rigid_shapes.REVOLUTION:
+            radius, height = line[line[:, 0] >= 0.0].T
+            return _turned(radius, height, _quarter(radius.max(), sag))
+        y = centre[1] + np.linspace(-size / 2, size / 2, FLAT + 1)
+        p, z = (np.repeat(values, len(y)) for values in line.T)
+        return np.column_stack([p, np.tile(y, len(line)), z]), _grid(len(line), len(y))
     raise ValueError(f"no surface is known of the rigid shape with code {tool.kind}")
+
+
+def _round(kind: int, radius: float, size: float, centre: Floats, sag: float) -> Facets:
+    """Ball or cylinder; with a radius below zero its hollow."""
+    quarter = _quarter(abs(radius), sag)
+    if kind == rigid_shapes.SPHERE:
+        points, facets = _rounded_box(np.zeros(3), abs(radius), quarter)
+    else:
+        height = centre[2] + np.linspace(size / 2, -size / 2, FLAT + 1)
+        points, facets = _turned(np.full(FLAT + 1, abs(radius)), height, quarter)
+    return points, facets if radius > 0.0 else np.ascontiguousarray(facets[:, ::-1])
+
+
+def _cone(shape: Floats, size: float, sag: float) -> Facets:
+    """Cone about -z, of a tip's radius and the cosine and sine of its half-angle."""
+    tip, c, s, _ = shape
+    around = _quarter(tip + size * s, sag)
+    tilt = np.linspace(0.0, np.arctan2(c, s), around + 1 if tip > 0.0 else 1)  # of the tip's normal against the axis
+    down = np.linspace(0.0, size, FLAT + 1)[1:]  # along the side
+    radius = np.append(tip * np.sin(tilt), tip * c + down * s)
+    height = np.append(tip * np.cos(tilt), tip * s - down * c) - tip
+    return _turned(radius, height, around)
+
+
+def _profile(pieces: Floats, size: float, sag: float) -> Floats:
+    """Points (n, 2) of a profile on its way, lines without end as long as `size` beyond their last corner."""
+    line = []
+    for code, *numbers in pieces:
+        place, direction, (extent, radius) = np.array(numbers[:2]), np.array(numbers[2:4]), numbers[4:]
+        if code >= rigid_profiles.ARC:
+            half, side = np.arccos(extent), 1.0 if code == rigid_profiles.ARC else -1.0
+            count = (
+                2 * int(np.ceil(2 * _quarter(radius, sag) * half / np.pi)) if radius > 0.0 else 0
+            )  # its middle is a point
+            turn = side * np.linspace(half, -half, count + 1) if count else np.zeros(1)
+            across = np.array([-direction[1], direction[0]])
+            line.append(place + radius * (np.cos(turn)[:, None] * direction + np.sin(turn)[:, None] * across))
+        else:
+            start = -size if code in (rigid_profiles.NO_START, rigid_profiles.NO_ENDS) else 0.0
+            end = extent + (size if code >= rigid_profiles.NO_END else 0.0)
+            stations = np.linspace(start, end, FLAT + 1)
+            if start < 0.0 <= extent:
+                stations = np.unique(np.append(stations, 0.0))
+            line.append(place + stations[:, None] * direction)
+    points = np.concatenate(line)
+    if pieces[0, 0] in (rigid_profiles.ARC, rigid_profiles.HOLLOW, rigid_profiles.LINE):  # closed
+        points = np.vstack([points, points[:1]])
+    new = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9 * np.abs(points).max()
+    return points[np.append(True, new)]
 
 
 def _quarter(radius: float, sag: float) -> int:
@@ -86,9 +148,7 @@ def _rounded_box(flat: Floats, fillet: float, quarter: int) -> Facets:
         points = inner + fillet * outward
         upper = _grid(len(p), len(q))
         sides += [(points[0].reshape(-1, 3), upper), (points[1].reshape(-1, 3), upper[:, ::-1])]
-    before = np.cumsum([0, *(len(points) for points, _ in sides)])
-    facets = np.concatenate([facets + start for (_, facets), start in zip(sides, before, strict=False)])
-    return np.concatenate([points for points, _ in sides]), facets
+    return _joined(sides)
 
 
 def _stations(flat: float, fillet: float, quarter: int) -> tuple[Floats, Floats]:
@@ -106,6 +166,10 @@ def _turned(radius: Floats, height: Floats, quarter: int) -> Facets:
     z = np.broadcast_to(height[:, None], (len(radius), len(angle)))
     points = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1)
     facets = _grid(len(radius), len(angle))
-    at_apex = np.arange(len(facets)) < (len(angle) - 1 if radius[0] == 0.0 else 0)
-    facets[at_apex, 3] = facets[at_apex, 2]  # both upper points are the apex
+    if radius[0] == 0.0:
+        at_apex = slice(len(angle) - 1)
+        facets[at_apex, 3] = facets[at_apex, 2]  # both upper points are the apex
+    if radius[-1] == 0.0:
+        at_end = slice(len(facets) - len(angle) + 1, len(facets))
+        facets[at_end, 2] = facets[at_end, 3]  # both lower points are the end
     return points.reshape(-1, 3), facets

@@ -9,8 +9,20 @@ import pytest
 
 from fenics_contact import coulomb
 from fenics_contact.contact.friction import friction_of
+from fenics_contact.contact.profiles import rigid_extrusion, rigid_revolution
+from fenics_contact.contact.tools import rigid_sphere, rigid_torus, rigid_union
 from fenics_contact.kernels import rigid_element as element
-from fenics_contact.kernels.rigid_shapes import BOX, CONE, CYLINDER, PLANE, SPHERE
+from fenics_contact.kernels.rigid_shapes import (
+    BOX,
+    CONE,
+    CYLINDER,
+    EXTRUSION,
+    PLANE,
+    REVOLUTION,
+    SPHERE,
+    TORUS,
+    UNION,
+)
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 pytestmark = pytest.mark.serial
@@ -18,6 +30,11 @@ pytestmark = pytest.mark.serial
 EPS_N, EPS_T, BODY, SPACING = 50.0, 20.0, 5.0, 0.4
 HALF = [2.0, 1.5, 1.0]
 SHARP, ROUND, BALL = np.array([*HALF, 0.0]), np.array([*HALF, 0.6]), np.array([1.5, 0.0, 0.0, 0.0])
+HOLLOW, RING = np.array([-1.5]), np.array([1.5, 0.5])
+GROOVE = rigid_extrusion([(-3, 0), (-1, 0, 0.6), (-1, -3, 0.7), (1, -3, 0.7), (1, 0, 0.6), (3, 0)]).shape
+GLAND = rigid_revolution([(1.0, 2.0), (1.0, -1.0, 0.7), (3.0, -1.0, 0.7), (3.0, 1.0, 0.6), (5.0, 1.0)]).shape
+UNITED = rigid_union(rigid_sphere(9.0, (0, 0, 20)), rigid_torus(1.5, 0.5, (0, 0, 20), (0.6, 0, 0.8)),
+                     rigid_torus(1.5, 0.5, (0, 0, 0), (0.6, 0.0, 0.8)))  # fmt: skip
 POINTED, BLUNT = (np.array([tip, np.cos(1.0), np.sin(1.0), 0.0]) for tip in (0.0, 0.6))
 # four Gauss points of a quadrilateral whose nodes run along the rows
 GAUSS = np.array([[(1 + s * p) * (1 + t * q) / 4 for q in (-1, 1) for p in (-1, 1)]
@@ -119,6 +136,9 @@ S2, S3 = 0.5**0.5, 3**-0.5
 CORE = np.array(HALF) - 0.6
 ACROSS = np.array([0.8, -0.6, 0.0])
 SIDE, OUT = (a * ACROSS + [0, 0, b] for a, b in ((np.sin(1.0), -np.cos(1.0)), (np.cos(1.0), np.sin(1.0))))  # of the cones
+IN_TUBE = 0.8 * ACROSS + [0, 0, 0.6]  # normal of a torus there
+INNER = -0.8 * ACROSS + [0, 0, 0.6]
+TILTED = rigid_torus(1.5, 0.5, (0, 0, 0), (0.6, 0.0, 0.8)).axes
 PLACES = {
     "plane": (PLANE, np.zeros(4), [0.2, -0.4, 0.0], [0, 0, 1]),
     "punch face": (BOX, SHARP, [0.7, -0.4, 1.0], [0, 0, 1]),
@@ -143,8 +163,19 @@ PLACES = {
         0.6 * np.array([0.36, -0.2, 0.0]) + [0, 0, 0.6 * (0.8304**0.5 - 1)],
         [0.36, -0.2, 0.8304**0.5],
     ),
+    "hollow ball": (SPHERE, HOLLOW, 1.5 * np.array([0.48, -0.6, 0.64]), [-0.48, 0.6, -0.64]),
+    "bore": (CYLINDER, HOLLOW, [0.9, -1.2, 4.0], [-0.6, 0.8, 0]),
+    "torus outside": (TORUS, RING, 1.5 * ACROSS + 0.5 * IN_TUBE, IN_TUBE),
+    "torus inside": (TORUS, RING, 1.5 * ACROSS + 0.5 * INNER, INNER),
+    "groove wall": (EXTRUSION, GROOVE, [-1.0, 2.0, -1.5], [1, 0, 0]),
+    "groove corner": (EXTRUSION, GROOVE, [-0.3 - 0.42, 2.0, -2.3 - 0.56], [0.6, 0, 0.8]),
+    "groove rim": (EXTRUSION, GROOVE, [1.6 - 0.36, 2.0, -0.6 + 0.48], [-0.6, 0, 0.8]),
+    "gland floor": (REVOLUTION, GLAND, [1.6, -1.2, -1.0], [0, 0, 1]),
+    "gland corner": (REVOLUTION, GLAND, [*(2.3 + 0.42) * ACROSS[:2], -0.3 - 0.56], [*(-0.6 * ACROSS[:2]), 0.8]),
+    "gland rim": (REVOLUTION, GLAND, [*(3.6 - 0.36) * ACROSS[:2], 0.4 + 0.48], [*(-0.6 * ACROSS[:2]), 0.8]),
+    "union": (UNION, UNITED.shape, TILTED @ (1.5 * ACROSS + 0.5 * IN_TUBE) - [0, 0, 20], TILTED @ IN_TUBE),
 }
-FLAT = ("plane", "punch face", "punch back", "punch side", "fillet face")
+FLAT = ("plane", "punch face", "punch back", "punch side", "fillet face", "groove wall", "gland floor")
 EDGES = ("sharp edge", "sharp edge, nearly out", "sharp corner")
 LAWS = {"open": OPEN, "closed": CLOSED, "stick": STICK, "slip": SLIP, "falling": SLIP, "mu(p)": SLIP, "grooved": SLIP}
 FALLING = coulomb(0.3, exponent=-1 / 3, reference=2.0, shear_limit=50.0)

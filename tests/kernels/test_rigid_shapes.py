@@ -4,17 +4,25 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from fenics_contact.contact.profiles import rigid_extrusion, rigid_revolution
+from fenics_contact.contact.tools import rigid_cone, rigid_cylinder, rigid_plane, rigid_punch, rigid_sphere, rigid_union
+from fenics_contact.kernels.rigid_profiles import ARC, PIECE
 from fenics_contact.kernels.rigid_shapes import (
     BOX,
     CONE,
     CYLINDER,
+    EXTRUSION,
     PLANE,
+    REVOLUTION,
     SPHERE,
+    TORUS,
+    UNION,
     edge_cover,
     face_distance,
     meets_face,
     signed_distance,
 )
+from fenics_contact.output.tool_surfaces import _profile
 
 pytestmark = pytest.mark.serial
 
@@ -25,6 +33,14 @@ BALL = np.array([1.3, 0.0, 0.0, 0.0])
 HALF_ANGLE = 1.0
 POINTED = np.array([0.0, np.cos(HALF_ANGLE), np.sin(HALF_ANGLE), 0.0])
 BLUNT = np.array([0.4, np.cos(HALF_ANGLE), np.sin(HALF_ANGLE), 0.0])
+HOLLOW = np.array([-1.3])
+RING = np.array([1.5, 0.4])
+# a groove with a flat bottom, a round rim and one wall that leans; a turned one, in a plate that starts on the axis
+GROOVE = rigid_extrusion([(-3, 0), (-1, 0, 0.3), (-0.8, -2, 0.5), (1, -2, 0.6), (1, 0, 0.4), (3, 0)])
+GLAND = rigid_revolution([(0, 0), (1.4, 0, 0.3), (1.5, -1.2, 0.4), (2.6, -1.2, 0.5), (2.6, 0), (4, 0.5)])
+PLUG = rigid_revolution([(0, 1.0, 0.3), (1.1, 0.4, 0.2), (1.2, -1.0), (0, -1.0)])
+WEDGE = rigid_extrusion([(-1, -2), (-1, 0.5), (1, 0.0, 0.2), (1, -2)], closed=True)
+PROFILES = {"groove": GROOVE, "gland": GLAND, "plug": PLUG, "wedge": WEDGE}
 
 # name: kind, parameters, a point, number of curved directions of the surface through it
 PLACES = {
@@ -56,6 +72,32 @@ PLACES = {
     "blunt cone, side inside": (CONE, BLUNT, [0.4, -0.3, -1.6], 1),
     "blunt cone, tip outside": (CONE, BLUNT, [0.2, -0.1, 0.3], 2),
     "blunt cone, tip inside": (CONE, BLUNT, [0.1, 0.1, -0.05], 2),
+    "hollow ball, in the hollow": (SPHERE, HOLLOW, [0.4, -0.8, 0.7], 2),
+    "hollow ball, in the tool": (SPHERE, HOLLOW, [0.9, -1.2, 0.7], 2),
+    "bore, in the hollow": (CYLINDER, HOLLOW, [0.4, -0.8, -3.0], 1),
+    "bore, in the tool": (CYLINDER, HOLLOW, [0.9, -1.2, 7.0], 1),
+    "torus, outer side": (TORUS, RING, [1.1, -1.6, 0.2], 2),
+    "torus, inner side": (TORUS, RING, [0.6, -0.7, 0.3], 2),
+    "torus, in the tube": (TORUS, RING, [1.1, -1.2, -0.2], 2),
+    "groove, its rim": (EXTRUSION, GROOVE.shape, [-1.05, 3.0, 0.1], 1),
+    "groove, in its rim": (EXTRUSION, GROOVE.shape, [1.2, 3.0, -0.2], 1),
+    "groove, leaning wall": (EXTRUSION, GROOVE.shape, [-0.6, 3.0, -1.0], 0),
+    "groove, its corner": (EXTRUSION, GROOVE.shape, [-0.6, 3.0, -1.85], 1),
+    "groove, behind its corner": (EXTRUSION, GROOVE.shape, [0.95, 3.0, -1.9], 1),
+    "groove, its floor": (EXTRUSION, GROOVE.shape, [0.1, 3.0, -1.9], 0),
+    "groove, its line without end": (EXTRUSION, GROOVE.shape, [9.1, 3.0, -0.3], 0),
+    "wedge, its sharp edge": (EXTRUSION, WEDGE.shape, [-1.2, 0.0, 0.8], 1),
+    "gland, floor": (REVOLUTION, GLAND.shape, [1.3, -1.6, -1.1], 0),
+    "gland, inner wall": (REVOLUTION, GLAND.shape, [1.2, -1.0, -0.6], 1),
+    "gland, inner corner": (REVOLUTION, GLAND.shape, [-1.2, 1.1, -1.05], 2),
+    "gland, outer corner": (REVOLUTION, GLAND.shape, [1.95, 1.5, -1.0], 2),
+    "gland, inner rim": (REVOLUTION, GLAND.shape, [0.8, 1.08, 0.05], 2),
+    "gland, its plate on the axis": (REVOLUTION, GLAND.shape, [0.0, 0.0, 0.1], 0),
+    "gland, its line without end": (REVOLUTION, GLAND.shape, [1.8, 2.4, 0.3], 1),
+    "plug, its tip": (REVOLUTION, PLUG.shape, [0.05, -0.04, 1.0], 2),
+    "plug, its tip on the axis": (REVOLUTION, PLUG.shape, [0.0, 0.0, 0.8], 2),
+    "plug, its sharp edge": (REVOLUTION, PLUG.shape, [1.1, -0.9, -1.2], 2),
+    "plug, inside": (REVOLUTION, PLUG.shape, [0.9, -0.4, -0.3], 1),
 }
 
 
@@ -100,7 +142,7 @@ def test_normal_and_curvature_are_those_of_a_distance(name):
     assert abs(n @ n - 1) < 1e-15 * 4  # a square root and a division
     # |H| is at most 5 here; its products round at 1e-15
     assert np.abs(H @ n).max() < 1e-14 and np.array_equal(H, H.T)
-    principal = np.sort(np.linalg.eigvalsh(H))[::-1]
+    principal = np.sort(np.abs(np.linalg.eigvalsh(H)))[::-1]
     assert (principal[:curved] > 0.1).all() and np.abs(principal[curved:]).max(initial=0) < 1e-14
     # y - g n lies on the surface (for a sharp edge: on the edge itself)
     assert abs(at(kind, parameters, np.asarray(y) - g * n)[0]) < 1e-14
@@ -161,6 +203,138 @@ def test_a_cone_is_smooth_where_tip_and_side_meet(turn):
             ends.append(at(CONE, BLUNT, [r * np.cos(turn), r * np.sin(turn), z]))
         # places 2e-9 times a radius of at most 0.7 apart, normals 2e-9
         assert abs(ends[0][0] - g) < 1e-14 and abs(ends[1][0] - g) < 1e-14 and np.abs(ends[0][1] - ends[1][1]).max() < 1e-8
+
+
+# ---- hollows, rings and profiles against the same shapes said otherwise, and against sampled lines
+
+
+def sampled(count=300, size=4.0, seed=11):
+    return np.random.default_rng(seed).uniform(-size, size, (count, 3))
+
+
+@pytest.mark.parametrize("kind", [SPHERE, CYLINDER])
+def test_a_hollow_is_the_rest_of_space(kind):
+    for y in sampled(50):
+        full, hollow = at(kind, BALL, y), at(kind, HOLLOW, y)
+        assert full[0] == -hollow[0] and (full[1] == -hollow[1]).all() and (full[2] == -hollow[2]).all()
+
+
+def lines_of(tool):
+    """Places (n, 2) of a profile cut into short lines, of a turned one on one side of its axis."""
+    line = _profile(tool.shape.reshape(-1, PIECE), 20.0, 1e-9)
+    return line[line[:, 0] >= 0.0] if tool.kind == REVOLUTION else line
+
+
+def nearest_by_lines(tool, x):
+    """Unsigned distances (n,) of places (n, 2) to a profile."""
+    line = lines_of(tool)
+    start, step = line[:-1], np.diff(line, axis=0)
+    share = np.clip(np.einsum("nlc,lc->nl", x[:, None] - start, step) / (step**2).sum(axis=1), 0.0, 1.0)
+    return np.linalg.norm(start + share[..., None] * step - x[:, None], axis=2).min(axis=1)
+
+
+def material(tool, x):
+    """Whether places (n, 2) lie in the tool, by the nearest line to the left or right at their height; None without."""
+    line = lines_of(tool)
+    a, b = line[:-1], line[1:]
+    found = []
+    for p, z in x:
+        crossed = np.flatnonzero((a[:, 1] > z) != (b[:, 1] > z))
+        at_p = a[crossed, 0] + (z - a[crossed, 1]) / (b - a)[crossed, 1] * (b - a)[crossed, 0]
+        left, right = at_p < p, at_p > p
+        if left.any():  # upwards the tool is to the right of the line
+            nearest = crossed[left][at_p[left].argmax()]
+            found.append((b - a)[nearest, 1] > 0)
+        elif right.any():
+            nearest = crossed[right][at_p[right].argmin()]
+            found.append((b - a)[nearest, 1] < 0)
+        else:
+            found.append(None)
+    return found
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_profiles_against_their_lines(name):
+    tool, places = PROFILES[name], sampled(size=2.5)
+    turned = tool.kind == REVOLUTION
+    plane = np.column_stack([np.hypot(places[:, 0], places[:, 1]) if turned else places[:, 0], places[:, 2]])
+    g = np.array([at(tool.kind, tool.shape, y)[0] for y in places])
+    # 48 lines per quarter of an arc of 0.6 cut off 8e-5 of it
+    assert np.abs(np.abs(g) - nearest_by_lines(tool, plane)).max() < 1e-4
+    inside = material(tool, plane)
+    assert sum(known is not None for known in inside) > 80  # at the other heights there is no line
+    for gap, known in zip(g, inside, strict=True):
+        assert known is None or abs(gap) < 1e-4 or known == (gap < 0)
+
+
+def same_everywhere(one, other, places, moved=(0.0, 0.0, 0.0)):
+    for y in places:
+        a, b = at(*one, y), at(*other, y - np.asarray(moved))
+        # rounding of places of size 5, over the smallest distance at which curvatures are one over it
+        assert abs(a[0] - b[0]) < 1e-13 and np.abs(a[1] - b[1]).max() < 1e-11 and np.abs(a[2] - b[2]).max() < 1e-9
+
+
+def test_a_profile_is_the_shape_it_draws():
+    places = sampled(100)
+    flat = rigid_extrusion([(-1, 0), (1, 0)])
+    same_everywhere((EXTRUSION, flat.shape), (PLANE, np.zeros(4)), places)
+    turned_flat = rigid_revolution([(0, 0), (1, 0)])
+    same_everywhere((REVOLUTION, turned_flat.shape), (PLANE, np.zeros(4)), places)
+    pipe = rigid_revolution([(1.3, 1), (1.3, -1)])
+    same_everywhere((REVOLUTION, pipe.shape), (CYLINDER, BALL), places)
+    bore = rigid_revolution([(1.3, -1), (1.3, 1)])
+    same_everywhere((REVOLUTION, bore.shape), (CYLINDER, HOLLOW), places)
+    c, s = np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)
+    cone = rigid_revolution([(0, 0.4 / s - 0.4, 0.4), (s, 0.4 / s - 0.4 - c)])
+    same_everywhere((REVOLUTION, cone.shape), (CONE, BLUNT), places)
+    ring = [(1.9, 0.4, 0.4), (1.9, -0.4, 0.4), (1.1, -0.4, 0.4), (1.1, 0.4, 0.4)]
+    same_everywhere((REVOLUTION, rigid_revolution(ring, closed=True).shape), (TORUS, RING), places)
+    ball = [(0, 1.3), (1.3, 1.3, 1.3), (1.3, -1.3, 1.3), (0, -1.3)]
+    same_everywhere((REVOLUTION, rigid_revolution(ball).shape), (SPHERE, BALL), places)
+    bar = [(2, 1, 0.4), (2, -1, 0.4), (-2, -1, 0.4), (-2, 1, 0.4)]
+    box = np.array([2.0, 99.0, 1.0, 0.4])
+    outside = places[[at(BOX, box, y)[0] > 0.0 for y in places]]  # within, a box is not a distance by its rounded edges
+    same_everywhere((EXTRUSION, rigid_extrusion(bar, closed=True).shape), (BOX, box), outside)
+
+
+def test_no_place_is_forgotten_where_pieces_meet():
+    """On the normals through the ends of all lines and arcs, where rounding decides to which piece a place belongs."""
+    for tool in PROFILES.values():
+        pieces = tool.shape.reshape(-1, PIECE)
+        for code, x, z, d0, d1, size, _ in pieces[(pieces[:, 0] < ARC) & (pieces[:, 1] >= 0.0)]:
+            for end in (0.0, size):
+                for gap in (-0.15, 1e-3, 0.15):
+                    y = np.array([x + end * d0 - gap * d1, 0.0, z + end * d1 + gap * d0])
+                    g = at(tool.kind, tool.shape, y)[0]
+                    # behind its line another one may be nearer
+                    assert y[0] <= 0.0 or abs(g - gap) < 1e-12 or (gap < 0.0 and abs(g) < -gap), (code, y)
+
+
+def test_a_union_is_its_nearest_part():
+    parts = [
+        rigid_sphere(1.3, (0.5, 0.2, -0.4)),
+        rigid_cylinder(0.5, (1.0, -2.0, 0.5), (1.0, 2.0, -0.4)),
+        rigid_cone(0.7, (-1.5, 0.0, 1.0), (-1.0, 0.3, 0.8), tip=0.2),
+        rigid_punch(0.6, 1.0, (-2.0, 2.0, 1.0), direction=(0.3, 1.0, 0.2), fillet=0.2),
+        rigid_plane((0.0, 0.0, -3.0), (0.2, 0.1, 1.0)),
+        rigid_extrusion([(-3, 0), (-1, 0, 0.3), (-1, 2, 0.5), (1, 2)], (2.0, 1.0, -1.0), (0, 0.6, 0.8), (0, -0.8, 0.6)),
+    ]
+    union, nearest = rigid_union(*parts), set()
+    assert union.kind == UNION and np.array_equal(union.point, parts[0].point)
+    for x in sampled(200):
+        alone = []
+        for part in parts:
+            g, n, H = at(part.kind, part.shape, part.axes.T @ (x - part.origin))
+            alone.append((g, part.axes @ n, part.axes @ H @ part.axes.T))
+        which = int(np.argmin([g for g, _, _ in alone]))
+        nearest.add(which)
+        y = x - union.origin
+        g, n, H = at(union.kind, union.shape, y)
+        assert np.array_equal(y, x - union.origin)
+        # rounding of places of size 5
+        assert abs(g - alone[which][0]) < 1e-14 and np.abs(n - alone[which][1]).max() < 1e-13
+        assert np.abs(H - alone[which][2]).max() < 1e-12 and abs(n @ n - 1) < 1e-14
+    assert nearest == set(range(len(parts)))
 
 
 # ---- against a closest point that knows only the surface's implicit equation
@@ -289,7 +463,7 @@ def test_cover_fades_between_one_and_two_spacings_of_depth(depth):
 
 
 @pytest.mark.parametrize(("kind", "parameters"), [(PLANE, np.zeros(4)), (BOX, ROUND), (SPHERE, BALL), (CYLINDER, BALL),
-                                                  (CONE, POINTED)])  # fmt: skip
+                                                  (CONE, POINTED), (TORUS, RING), (EXTRUSION, WEDGE.shape)])  # fmt: skip
 def test_shapes_without_sharp_edges_are_covered(kind, parameters):
     s, ds = cover_at([2.1, 1.6, 0.9], parameters, kind)
     assert s == 1 and not ds.any()
