@@ -231,9 +231,29 @@ def global_blocks(space: Space) -> Ints64:
     return index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32))
 
 
-def locate_blocks(space: Space, facets: Array) -> Ints:
-    """Local block dofs on facets, ghosts included on every rank that sees them."""
-    return fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, np.asarray(facets, dtype=np.int32))
+def locate_blocks(space: Space, entities: Array, dim: int | None = None) -> Ints:
+    """Local block dofs on facets, or on edges (1) or vertices (0), ghosts included on every rank that sees them."""
+    topology = space.mesh.topology
+    dim = topology.dim - 1 if dim is None else dim
+    topology.create_connectivity(dim, topology.dim)
+    return fem.locate_dofs_topological(space, dim, np.asarray(entities, dtype=np.int32))
+
+
+def source_vertices(mesh: Mesh) -> Ints64:
+    """Number in the gmsh model's order of every local vertex, ghosts included."""
+    mesh.topology.create_connectivity(mesh.topology.dim, 0)
+    vertices = mesh.topology.connectivity(mesh.topology.dim, 0)
+    vertices = vertices.array.reshape(vertices.num_nodes, -1)
+    out = np.full(mesh.topology.index_map(0).size_local + mesh.topology.index_map(0).num_ghosts, -1, dtype=np.int64)
+    out[vertices] = np.asarray(mesh.geometry.input_global_indices)[geometry_dofmap(mesh)[:, : vertices.shape[1]]]
+    return out
+
+
+def edge_vertices(mesh: Mesh) -> Ints:
+    """Local vertices (edges, 2) of every local edge."""
+    mesh.topology.create_entities(1)
+    mesh.topology.create_connectivity(1, 0)
+    return mesh.topology.connectivity(1, 0).array.reshape(-1, 2)
 
 
 def cell_evaluator(mesh: Mesh, ufl_expression: Expr, points: Floats | list[float]) -> Callable[..., Floats]:

@@ -41,8 +41,9 @@ Source = Callable[..., Any] | str  # a script that draws and meshes the current 
 
 @dataclass(frozen=True)
 class Groups:
-    """dim: of the cells; `volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; `cells`: name -> how
-    many, in a plane mesh of its surfaces and its curves; `doubled` and
+    """dim: of the cells; `volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; in a plane mesh of its
+    surfaces and its curves; `edges` and `points`: name -> ends (n, 2) of its lines, nodes (n, 1), numbered as the cells'
+    nodes are handed over; `cells`: name -> how many; `doubled` and
     `touching`: Meetings of faces with other cells' faces, and of parts with each other, that share no nodes.
 
     A facet has one tag: every combination of surface groups that meet in a facet has a tag of its own.
@@ -51,6 +52,8 @@ class Groups:
     dim: int
     volumes: dict[str, int]
     surfaces: dict[str, tuple[int, ...]]
+    edges: dict[str, Ints64]
+    points: dict[str, Ints64]
     cells: dict[str, int]
     doubled: tuple[Meeting, ...]
     touching: tuple[Meeting, ...]
@@ -182,9 +185,10 @@ def hand_over() -> Groups:
     doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of)
     volume_tags = {name: tag for name, (tag, _) in volumes.items()}
     counts = [int(count) for count in np.bincount(owner, minlength=len(names))]
+    edges, points = {} if dim == 2 else _ends(1, used), _ends(0, used)
     rows = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]
     _replace(dim, used, X, kind, rows, facets)
-    return Groups(dim, volume_tags, facets.tags, dict(zip(names, counts, strict=True)), doubled, touching)
+    return Groups(dim, volume_tags, facets.tags, edges, points, dict(zip(names, counts, strict=True)), doubled, touching)
 
 
 def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
@@ -260,6 +264,23 @@ def counter_clockwise(label: str, nodes: Ints64, tags: Array) -> Ints64:
     if bad.size:
         raise ValueError(f"{bad.size} folded or flat elements, the first is element {tags[bad[0]]}; mesh the surface again")
     return np.where(clockwise[:, None], nodes[:, _TURNED[label]], nodes)
+
+
+def _ends(dim: int, used: Ints64) -> dict[str, Ints64]:
+    """{name: corner nodes (n, dim + 1), as places in `used`} of the named groups of lines or points on the cells."""
+    found: dict[str, Ints64] = {}
+    for _, tag in gmsh.model.getPhysicalGroups(dim):
+        if not (name := gmsh.model.getPhysicalName(dim, tag)):
+            continue  # what has no name nobody can state
+        entities = gmsh.model.getEntitiesForPhysicalGroup(dim, tag)
+        rows = [nodes[:, : dim + 1] for entity in entities for _, _, _, nodes in elements(dim, entity)]
+        ends = np.sort(np.concatenate([np.empty((0, dim + 1), dtype=np.int64), *rows]), axis=1)
+        on_cells = np.isin(ends, used).all(axis=1)
+        if 0 < on_cells.sum() < len(ends):
+            kind = "edge" if dim else "point"
+            raise ValueError(f"{kind} group '{name}': {(~on_cells).sum()} of its {len(ends)} are on no cell of a volume")
+        found[name] = np.concatenate([found.get(name, ends[:0]), np.searchsorted(used, ends[on_cells])])
+    return found
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import Source, known_group
 from fenics_contact.meetings import Meeting, key
-from fenics_contact.types import Floats, Ints, Ints64, Mesh, Tags
+from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
 
 
 @dataclass
@@ -20,8 +20,8 @@ class NamedMesh:
     that of surfaces.
 
     volumes: name -> tag in cell_tags; surfaces: name -> tags in facet_tags, one for every combination with other groups, so
-    that groups may overlap; doubled: faces of cells that lie on one another with nodes of their own; touching: parts that
-    touch or overlap otherwise, see meetings.
+    that groups may overlap; edges, points: name -> ends (n, 2) of lines, nodes (n, 1), by gmsh's order; doubled: faces of
+    cells that lie on one another with nodes of their own; touching: parts that touch or overlap otherwise, see meetings.
     """
 
     domain: Mesh
@@ -29,6 +29,8 @@ class NamedMesh:
     facet_tags: Tags
     volumes: dict[str, int]
     surfaces: dict[str, tuple[int, ...]]
+    edges: dict[str, Ints64]
+    points: dict[str, Ints64]
     doubled: tuple[Meeting, ...] = ()
     touching: tuple[Meeting, ...] = ()
 
@@ -58,8 +60,36 @@ class NamedMesh:
             )
         )
 
+    def nodes(self, space: Space, *names: str) -> Ints:
+        """Local nodes of a space (rising, ghosts included) of the named surfaces, edges and points. Collective."""
+        kinds = self.surfaces, self.edges, self.points
+        for name in names:
+            if sum(name in groups for groups in kinds) > 1:
+                raise ValueError(
+                    f"there is more than one group '{name}', of surfaces, edges or points; give one another name"
+                )
+            if all(name not in groups for groups in kinds):
+                known_group(name, {**self.surfaces, **self.edges, **self.points}, "surface, edge or point")
+        surfaces, edges, points = ([name for name in names if name in groups] for groups in kinds)
+        found = [compat.locate_blocks(space, self.facets(*surfaces))]
+        if edges or points:
+            vertices = compat.source_vertices(self.domain)
+            ends = np.sort(vertices[compat.edge_vertices(self.domain)], axis=1)
+            for groups, names_there, rows, dim in (
+                (self.edges, edges, ends, 1),
+                (self.points, points, vertices[:, None], 0),
+            ):
+                wanted = np.concatenate([np.empty((0, dim + 1), dtype=np.int64), *(groups[name] for name in names_there)])
+                found.append(compat.locate_blocks(space, np.flatnonzero(np.isin(_code(rows), _code(wanted))), dim))
+        return np.unique(np.concatenate(found)).astype(np.int32)
+
     def volume_tag(self, name: str) -> int:
         return self.volumes[known_group(name, self.volumes, "surface" if self.plane else "volume")]
+
+
+def _code(rows: Ints64) -> Ints64:
+    """One number for each row (n, 1) or (n, 2) of numbers."""
+    return rows[:, 0] if rows.shape[1] == 1 else rows[:, 0] << 32 | rows[:, 1]
 
 
 def read_gmsh(
@@ -94,7 +124,10 @@ def read_gmsh(
             gmsh_model.close()
     domain.topology.create_connectivity(groups.dim - 1, groups.dim)
     domain.topology.create_connectivity(groups.dim, groups.dim - 1)
-    return NamedMesh(domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.doubled, groups.touching)
+    return NamedMesh(
+        domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.edges, groups.points, groups.doubled,
+        groups.touching,
+    )  # fmt: skip
 
 
 def read_surface(

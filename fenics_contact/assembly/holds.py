@@ -7,9 +7,10 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import ContactTerm
-from fenics_contact.types import Ints64
+from fenics_contact.types import Floats, Ints64
 
 AXES = "xyz"
+SPANS = 1e-9  # of the most that supports hold: less is rounding
 ALLOWED = 1e-7  # of the largest force: a contact that presses less holds nothing, a spring that pulls less has let go
 
 
@@ -25,9 +26,7 @@ class Holds:
     ) -> None:
         self.bodies, self._supported, self._ties = bodies, [], []
         for _, blocks in bodies:
-            counts = [int(np.isin(3 * blocks + axis, supports.dofs).sum()) for axis in range(3)]
-            counts = comm.allreduce(np.array(counts))
-            self._supported.append({letter for letter, count in zip(AXES, counts, strict=True) if count})
+            self._supported.append(_letters(comm.allreduce(supports.spanned(blocks))))
         for contact in contacts:
             met = comm.allreduce(np.array([contact.partner.touches(blocks) for _, blocks in bodies], dtype=int))
             self._ties.append((contact, np.flatnonzero(met)))
@@ -51,3 +50,15 @@ class Holds:
                     others = (held[j] for j in met if j != i)
                     held[i] |= along if contact.partner.grounded else along & set().union(*others)
         return {i: "".join(sorted(set(AXES) - axes)) for i, axes in enumerate(held) if len(axes) < len(AXES)}
+
+
+def _letters(spanned: Floats) -> set[str]:
+    """As many axes as the directions span of which this is the sum of d d^T, such that the other axes hold the rest."""
+    size, vectors = np.linalg.eigh(spanned)
+    basis, letters = vectors[:, size > SPANS * max(size.max(), 1.0)], set()
+    for _ in range(basis.shape[1]):
+        axis = int(np.linalg.norm(basis, axis=1).argmax())
+        letters.add(AXES[axis])
+        row = basis[axis] / np.linalg.norm(basis[axis])
+        basis = basis - np.outer(basis @ row, row)
+    return letters

@@ -1,11 +1,13 @@
 """Prescribed dofs and prescribed or pushed tools as functions of the load parameter t."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from petsc4py import PETSc
 
-from fenics_contact.types import Bools, Floats, Ints
+from fenics_contact.assembly.turned import ONE, Turned
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mat, Space
 
 Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (3,)
 
@@ -18,48 +20,177 @@ class Prescribed(Protocol):
     def few(self, t: float) -> Floats: ...
 
 
-class Supports:
-    """Dofs with prescribed displacement.
+class Support(NamedTuple):
+    """Displacement of local nodes (n,), ghosts included, along a unit direction (3,): a number, ramped with t, or a function
+    of t that gives (n,) and that all ranks call [length]."""
 
-    entries: (dofs, value) with local dofs (n,) (ghosts included), value a number (ramped with t) or a function of t that
-    gives (n,) and that all ranks call. conflict: names of two entries that contradict each other, or None.
+    nodes: Ints
+    direction: Floats
+    value: float | Prescribed
+
+
+class Supports:
+    """Dofs with prescribed displacement: components along the nodes' axes, which are x, y, z but for turned nodes.
+
+    space: of u; entries: Support; names: of the entries. dofs: 3 node + axis, local, first those of nodes that are not
+    turned; owned: those of owned nodes; turned: the nodes where a support along another direction acts, with all supports
+    that meet there, None where no rank has one; conflict: names of two entries that contradict each other, or None.
+    Construction is collective.
     """
 
-    def __init__(self, entries: Sequence[tuple[Ints, float | Prescribed]], owned_dofs: int, names: Sequence[str]) -> None:
+    def __init__(self, space: Space, entries: Sequence[Support], names: Sequence[str]) -> None:
         self._entries, self._names = entries, names
-        dofs = np.concatenate([e[0] for e in entries]) if entries else np.empty(0, dtype=np.int32)
-        self.dofs, self._first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
-        self.owned = self.dofs[self.dofs < owned_dofs]
-        self.conflict = None
+        nodes = _joined([np.asarray(entry.nodes, dtype=np.int64) for entry in entries], np.int64)
+        self._entry = np.repeat(np.arange(len(entries)), [len(entry.nodes) for entry in entries])
+        self._directions = np.array([entry.direction for entry in entries], dtype=float).reshape(-1, 3)
+        skew = np.count_nonzero(self._directions, axis=1) > 1
+        apart = np.isin(nodes, nodes[skew[self._entry]])
+        self._straight = np.flatnonzero(~apart)
+        axis, sign = np.abs(self._directions).argmax(axis=1), self._directions.sum(axis=1)
+        self._sign = sign[self._entry]
+        dofs = 3 * nodes[self._straight] + axis[self._entry[self._straight]]
+        plain, self._first, self._inverse = np.unique(dofs, return_index=True, return_inverse=True)
+        self.turned = self._turned(space, nodes, np.flatnonzero(apart)) if skew.any() else None
+        turned = 3 * self.turned.nodes[:, None] + np.arange(3) if self.turned else np.empty((0, 3), dtype=np.int64)
+        self.dofs = np.concatenate([plain, turned[self.turned.held] if self.turned else turned.ravel()])
+        self._plain, self._nodes = plain, nodes
+        self.owned = self.dofs[self.dofs < 3 * space.dofmap.index_map.size_local].astype(PETSc.IntType)
+        self.conflict = self._conflict()
+
+    def _turned(self, space: Space, nodes: Ints64, rows: Ints64) -> Turned:
+        """The nodes of these rows of all entries."""
+        rows = rows[np.argsort(nodes[rows], kind="stable")]
+        known, first, count = np.unique(nodes[rows], return_index=True, return_counts=True)
+        places = np.arange(max(count, default=0))
+        there = places < count[:, None]
+        self._rows = np.where(there, rows[np.minimum(first[:, None] + places, len(rows) - 1)], -1)
+        directions = np.where(there[..., None], self._directions[self._entry[self._rows]], 0.0)
+        return Turned(space, known, directions)
+
+    def _conflict(self) -> tuple[str, str] | None:
         for t in (0.0, 0.5, 1.0):
             values = self._all(t)
-            gap = np.abs(values - values[self._first][inverse])
-            if gap.size and gap.max() > 1e-12 * max(1.0, np.abs(values).max()):
-                sizes = np.cumsum([len(e[0]) for e in entries])
-                second = int(np.searchsorted(sizes, int(np.argmax(gap)), side="right"))
-                first = int(np.searchsorted(sizes, self._first[inverse[int(np.argmax(gap))]], side="right"))
-                self.conflict = (names[first], names[second])
+            allowed = 1e-12 * max(1.0, np.abs(values).max(initial=0.0))
+            along = values[self._straight] * self._sign[self._straight]
+            gap = np.abs(along - along[self._first][self._inverse])
+            if gap.size and gap.max() > allowed:
+                worst = int(gap.argmax())
+                pair = self._straight[[self._first[self._inverse[worst]], worst]]
+                return self._names[self._entry[pair[0]]], self._names[self._entry[pair[1]]]
+            if self.turned is not None and self._rows.size:
+                made = np.einsum("nmk,nm->nk", self.turned.shares, self._at_turned(values))
+                made = np.einsum("nmc,nck,nk->nm", self.turned.directions, self.turned.axes, made)
+                gap = np.abs(made - self._at_turned(values))
+                # directions that count as one may differ by ONE
+                if gap.max() > allowed + ONE * np.abs(values).max():
+                    rows = self._rows[gap.max(axis=1).argmax()]
+                    one, other = _contradicting(self._directions[self._entry[rows[rows >= 0]]], values[rows[rows >= 0]])
+                    return self._names[self._entry[rows[one]]], self._names[self._entry[rows[other]]]
+        return None
+
+    def _at_turned(self, values: Floats) -> Floats:
+        """Values (n, m) of the statements at turned nodes, of all rows' values."""
+        return np.where(self._rows >= 0, values[self._rows], 0.0)
 
     def _all(self, t: float) -> Floats:
-        parts = [value(t) if callable(value) else np.full(len(dofs), value * t) for dofs, value in self._entries]
-        return np.concatenate(parts) if parts else np.empty(0)
+        parts = [value(t) if callable(value) else np.full(len(nodes), value * t) for nodes, _, value in self._entries]
+        return _joined(parts, float)
 
     def sampled(self, times: Iterable[float]) -> dict[str, list[float]]:
         """{name: prescribed displacements [length] at these t, of a function at a few points}. Collective."""
         out: dict[str, list[float]] = {}
-        for (_, value), name in zip(self._entries, self._names, strict=True):
+        for (_, _, value), name in zip(self._entries, self._names, strict=True):
             at = [value.few(t) if callable(value) else [value * t] for t in times]
             out[name] = out.get(name, []) + [float(x) for x in np.concatenate(at)]
         return out
 
     def largest(self, t: float) -> list[tuple[str, float]]:
         """[(name, largest displacement [length] on this rank)] of all entries at t."""
-        parts = np.split(np.abs(self._all(t)), np.cumsum([len(dofs) for dofs, *_ in self._entries]))
+        parts = np.split(np.abs(self._all(t)), np.cumsum([len(entry.nodes) for entry in self._entries]))
         return [(name, float(part.max(initial=0.0))) for name, part in zip(self._names, parts[:-1], strict=True)]
 
     def values(self, t: float) -> Floats:
         """Prescribed displacements [length] of `dofs` at load parameter t."""
-        return self._all(t)[self._first]
+        values = self._all(t)
+        plain = (values * self._sign)[self._straight][self._first]
+        if self.turned is None:
+            return plain
+        made = np.einsum("nmk,nm->nk", self.turned.shares, self._at_turned(values))
+        return np.concatenate([plain, made[self.turned.held]])
+
+    # -- of local arrays of u or of forces, of owned dofs or with the ghosts behind them --------------------------
+    def held(self, array: Floats) -> Floats:
+        """Components of `dofs`, as many as the array has."""
+        plain = array[self._plain[: np.searchsorted(self._plain, len(array))]]
+        if self.turned is None:
+            return plain
+        components = self.turned.components(array)
+        return np.concatenate([plain, components[self.turned.held[: len(components)]]])
+
+    def put(self, array: Floats, values: Floats | float) -> None:
+        """Set the components of `dofs`, as many as the array has; other ones stay."""
+        plain = self._plain[: np.searchsorted(self._plain, len(array))]
+        values = np.broadcast_to(values, len(self.dofs))
+        array[plain] = values[: len(plain)]
+        if self.turned is not None:
+            components = self.turned.components(array)
+            mask = self.turned.held[: len(components)]
+            components[mask] = values[len(self._plain) : len(self._plain) + int(mask.sum())]
+            self.turned.put(array, components)
+
+    def eliminated(self, matrix: Mat, diagonal: float, pattern: int | None = None) -> Mat:
+        """The tangent with unit rows and columns, times `diagonal`, of all held dofs: itself changed, or turned.
+
+        pattern: number that changes with its nonzero pattern; None: unlike any before."""
+        if self.turned is not None:
+            matrix = self.turned.turned(matrix, pattern)
+        matrix.zeroRowsColumns(self.owned + matrix.getOwnershipRange()[0], diagonal)
+        return matrix
+
+    # -- what else is asked ---------------------------------------------------------------------------------------
+    def free(self, nodes: Ints | Ints64) -> Floats:
+        """Unit directions (..., 3, 3) of nodes (...), by rows, in which no support leads them; zero in their places."""
+        out = np.broadcast_to(np.eye(3), (*nodes.shape, 3, 3)).copy()
+        if self.turned is not None and len(self.turned.nodes):
+            at = np.minimum(np.searchsorted(self.turned.nodes, nodes), len(self.turned.nodes) - 1)
+            of_turned = self.turned.nodes[at] == nodes
+            out[of_turned] = self.turned.axes[at[of_turned]].transpose(0, 2, 1)
+        out[np.isin(3 * nodes[..., None].astype(np.int64) + np.arange(3), self.dofs)] = 0.0
+        return out
+
+    def spanned(self, nodes: Ints64) -> Floats:
+        """Sum (3, 3) of d d^T over the directions d along which these nodes are held: what it maps to zero is free."""
+        free = self.free(nodes)
+        return len(nodes) * np.eye(3) - np.einsum("nki,nkj->ij", free, free)
+
+    def parts(self, reactions: Floats) -> list[tuple[Ints64, Floats]]:
+        """Of every entry its nodes and the forces (n,) that it gives them along its direction, of the held components of all
+        reactions; equal shares where entries hold the same."""
+        forces = np.zeros(len(self._entry))
+        plain = reactions[: len(self._plain)] / np.maximum(np.bincount(self._inverse, minlength=len(self._plain)), 1)
+        forces[self._straight] = plain[self._inverse] * self._sign[self._straight]
+        if self.turned is not None:
+            components = np.zeros((len(self.turned.nodes), 3))
+            components[self.turned.held] = reactions[len(self._plain) :]
+            along = np.einsum("nmk,nk->nm", self.turned.shares, components)
+            forces[self._rows[self._rows >= 0]] = along[self._rows >= 0]
+        ends = np.cumsum([len(entry.nodes) for entry in self._entries])
+        return list(zip(np.split(self._nodes, ends)[:-1], np.split(forces, ends)[:-1], strict=True))
+
+
+def _contradicting(directions: Floats, values: Floats) -> tuple[int, int]:
+    """Of displacements (m,) along unit directions (m, 3) that cannot all be, the first that those before it do not allow,
+    behind the one of these whose direction is nearest to its own."""
+    for last in range(1, len(values)):
+        known = directions[: last + 1]
+        u = np.linalg.lstsq(known, values[: last + 1], rcond=ONE)[0]
+        if np.abs(known @ u - values[: last + 1]).max() > ONE * np.abs(values).max():
+            break
+    return int(np.abs(directions[:last] @ directions[last]).argmax()), last
+
+
+def _joined(parts: Sequence[Array], kind: type) -> Array:
+    return np.concatenate([np.empty(0, dtype=kind), *parts])
 
 
 class ToolMotion:

@@ -105,7 +105,7 @@ class System:
         """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
         self.state.t = t
         self.set_loads(t)
-        owed = self.supports.values(t) - self.state.u.x.array[self.supports.dofs]
+        owed = self.supports.values(t) - self.supports.held(self.state.u.x.array)
         return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.travel)
 
     def commit(self) -> None:
@@ -151,12 +151,12 @@ class System:
         """
         if not self._foreseeing or any(contact.settles for contact in self._foreseeing) or self.condensed or len(self.tools):
             return False
-        u, dofs = self._committed[0], self.supports.dofs
+        u = self._committed[0]
         for count in (3, 2):
             step = self._onwards(self.accepted[-count:]) if len(self.accepted) >= count else None
-            if step is None or self._strays(step[dofs] - owed, owed):
+            if step is None or self._strays(self.supports.held(step) - owed, owed):
                 continue
-            step[dofs] = owed
+            self.supports.put(step, owed)
             self.state.u.x.array[:] = u + step
             for contact in self._foreseeing:
                 contact.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
@@ -302,8 +302,8 @@ class System:
                 total.axpy(1.0, self._work)
         self.tool_residual = self.comm.allreduce(tool_residual) - self.tools.forces(self.state.t)
         with total.localForm() as local:
-            self.reactions = local.array_r[self.supports.dofs].copy()
-            local.array_w[self.supports.dofs] = 0.0
+            self.reactions = self.supports.held(local.array_r)
+            self.supports.put(local.array_w, 0.0)
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 

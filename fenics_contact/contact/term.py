@@ -8,6 +8,7 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import ROUNDED
 from fenics_contact.assembly.term import State
 from fenics_contact.contact import findings
@@ -29,8 +30,8 @@ class Contact:
     """Penalty contact with Coulomb friction between slave points and a master.
 
     partner: what the points of its surface meet; friction: Friction; penalty: as the user states it; tolerance: how deep a
-    point may lie in the master and how far one that sticks may slip [length], None: as the penalty alone gives; prescribed:
-    local dofs that supports do; state: the initial one, in which every point is anchored at its projection. Response and
+    point may lie in the master and how far one that sticks may slip [length], None: as the penalty alone gives; supports:
+    what leads nodes; state: the initial one, in which every point is anchored at its projection. Response and
     tangent depend on the state and a Trial alone: `accepted` is what the last accepted step left, `trial` what the present
     one is tried with. All methods that take a state are collective.
     """
@@ -44,16 +45,17 @@ class Contact:
         friction: Friction,
         penalty: Penalty,
         tolerance: float | None,
-        prescribed: Ints,
+        supports: Supports,
         state: State,
         timers: Timers,
     ) -> None:
         surface = partner.surface
         self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
         self.tolerance = tolerance
-        led = np.isin(3 * surface.nodes[:, :, None] + np.arange(3), prescribed)
-        # (ne, k, 3): components of the slave nodes that supports prescribe; None on all ranks without
-        self._prescribed = led if state.u.function_space.mesh.comm.allreduce(int(led.any())) else None
+        free = supports.free(surface.nodes)
+        # (ne, k, 3, 3): directions, by rows, in which supports let the slave nodes go; None on all ranks where all do
+        led = int((~free.any(axis=3)).any())
+        self._free = free if state.u.function_space.mesh.comm.allreduce(led) else None
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(tolerance)), Multipliers(self)
         ne, nq = surface.area.shape
@@ -257,9 +259,9 @@ class Contact:
     def fixed(self, state: State) -> Bools:
         """Which points (ne, nq) supports prescribe along the contact's normal."""
         s = self.surface
-        if self._prescribed is None:
+        if self._free is None:
             return np.zeros(s.area.shape, dtype=bool)
-        moved = np.einsum("eqk,eqc,ekc->eqkc", np.abs(s.a), np.abs(self.partner.looks(state)), ~self._prescribed)
+        moved = np.abs(np.einsum("eqk,eqc,ekfc->eqkf", s.a, self.partner.looks(state), self._free))
         return moved.max(axis=(2, 3), initial=0.0) <= FIXED
 
     def covered(self, state: State) -> Floats:

@@ -110,8 +110,9 @@ class EnergyBalance:
         sum_to_owners(vector)
         forces = -vector.array
         vector.destroy()
-        held = system.supports.dofs < len(forces)
-        forces[system.supports.dofs[held]] += system.reactions[held]
+        reactions = np.zeros_like(forces)
+        system.supports.put(reactions, system.reactions)
+        forces += reactions
         return _Forces(
             state.u.x.array.copy(),
             state.travel.copy(),

@@ -228,7 +228,7 @@ def quarters(corners: Floats) -> Floats:
 def symmetry_planes(scene: Solved) -> dict[int, float]:
     """{axis: place [length]} of the planes that supports make planes of symmetry: flat ends of the bodies, held along
     their normal alone. Of two along one axis the one nearer to the origin. Collective."""
-    held: dict[tuple[str, ...], set[int]] = {}
+    held: dict[tuple[str, ...], set[int | None]] = {}
     for support in scene.supports:
         held.setdefault(support.group, set()).add(support.axis)
     zero = [s for s in scene.supports if isinstance(s.value, float) and s.value == 0.0 and held[s.group] == {s.axis}]
@@ -238,9 +238,12 @@ def symmetry_planes(scene: Solved) -> dict[int, float]:
     if scene.section is not None and scene.section.axisymmetric:
         planes[0] = 0.0
     for support in zero:
+        axis = support.axis
+        if axis is None or not set(support.group) <= set(scene.mesh.surfaces):
+            continue
         nodes = compat.locate_blocks(scene.space, scene.mesh.facets(*support.group))
         least, most = extremes(scene.mesh.comm, X[nodes])
-        place, axis = float(least[support.axis]), support.axis
+        place = float(least[axis])
         at_end = min(abs(place - low[axis]), abs(place - high[axis])) < near
         if most[axis] - least[axis] < near and at_end and abs(place) <= abs(planes.get(axis, np.inf)):
             planes[axis] = place

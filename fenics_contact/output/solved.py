@@ -1,6 +1,6 @@
 """What the output takes of a scene: its mesh with names, its bodies, supports, contacts and tools, its units."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from fenics_contact.assembly.section import Section
@@ -23,14 +23,22 @@ class Held(Protocol):
     def group(self) -> tuple[str, ...]: ...
 
     @property
-    def axis(self) -> int: ...
+    def axis(self) -> int | None: ...
+
+    @property
+    def direction(self) -> tuple[float, ...]: ...
 
     @property
     def value(self) -> float | Callable[[Floats, float], Any]: ...
 
 
 class NamedFacets(NamedCells, Protocol):
+    @property
+    def surfaces(self) -> Mapping[str, tuple[int, ...]]: ...
+
     def facets(self, *names: str) -> Ints: ...
+
+    def nodes(self, space: Space, *names: str) -> Ints: ...
 
 
 class Solved(Protocol):

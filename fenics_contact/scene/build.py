@@ -165,7 +165,7 @@ def _contact(
     surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, where, scene.section)
     partner = _partner(scene, stated, surface, timers)
     friction, penalty = stated.friction, stated.penalty
-    return Contact(stated.name, partner, friction, penalty, stated.penetration, supports.dofs, state, timers)
+    return Contact(stated.name, partner, friction, penalty, stated.penetration, supports, state, timers)
 
 
 def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers) -> Partner:

@@ -5,15 +5,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
+from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.functions import AtPoints, Drive, ramp
 from fenics_contact.scene.statements import Support
-from fenics_contact.types import Floats, Ints, Space
+from fenics_contact.types import Floats, Space
 from fenics_contact.values import SceneError, shown
 
 
@@ -21,23 +21,21 @@ def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support], se
     """Supports from Support statements, checked; of a Section, those that keep it in its plane and on its axis.
     Collective."""
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
-    entries: list[tuple[Ints, float | AtPoints]] = []
-    names = []
+    entries = []
     for stated in statements:
-        group, axis, value = stated.group, stated.axis, stated.value
-        blocks = compat.locate_blocks(space, mesh.facets(*group))
-        name = f"{'+'.join(group)} along {'xyz'[axis]}"
-        what, at = f"prescribed displacement of {name}", (keys[blocks], X[blocks])
-        entries.append((3 * blocks + axis, AtPoints(mesh.comm, what, value, *at) if callable(value) else value))
-        names.append(name)
+        blocks, value = mesh.nodes(space, *stated.group), stated.value
+        what, at = f"prescribed displacement of {stated.name}", (keys[blocks], X[blocks])
+        way = AtPoints(mesh.comm, what, value, *at) if callable(value) else value
+        entries.append(Entry(blocks, np.array(stated.direction), way))
+    names = [stated.name for stated in statements]
     if section is not None:
-        entries.append((3 * np.arange(len(X), dtype=np.int32) + 2, 0.0))
+        entries.append(Entry(np.arange(len(X), dtype=np.int32), np.eye(3)[2], 0.0))
         names.append("the plane along z")
     if section is not None and section.axisymmetric:
         size = max(mesh.comm.allgather(np.abs(X).max(initial=0.0)))
-        entries.append((3 * np.flatnonzero(X[:, 0] <= ON_AXIS * size).astype(np.int32), 0.0))
+        entries.append(Entry(np.flatnonzero(X[:, 0] <= ON_AXIS * size).astype(np.int32), np.eye(3)[0], 0.0))
         names.append("the axis along x")
-    supports = Supports(entries, 3 * space.dofmap.index_map.size_local, names)
+    supports = Supports(space, entries, names)
     conflicts = [c for c in mesh.comm.allgather(supports.conflict) if c]
     if conflicts:
         raise SceneError(f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}")

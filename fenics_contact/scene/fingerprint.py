@@ -44,6 +44,9 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         out[f"energy of '{body.group}'"] = sampled_energy(body.material)
     for name, samples in system.supports.sampled(times).items():
         out[f"support of {name}"] = samples
+    for i, support in enumerate(scene.supports):
+        if support.axis is None:
+            out[f"direction of support {i + 1}"] = list(support.direction)
     for i, load in enumerate(scene.loads):
         out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = sampled(load.path)
     for i, load in enumerate(scene.pressures):

@@ -24,6 +24,7 @@ from fenics_contact.scene.checks import (
     section_of,
     sides,
 )
+from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.functions import Drive, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
 from fenics_contact.solid import virtual_power as vp
@@ -32,6 +33,8 @@ from fenics_contact.solid.volume_ratio import VolumeRatio
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Function, Ints, Measure
 from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, shown
+
+Value = float | Callable[[Floats, float], Any]  # of a prescribed displacement
 
 
 class Scene:
@@ -79,24 +82,63 @@ class Scene:
         self.pressures: list[Load] = []
 
     # -- statements -----------------------------------------------------------------------------------------------
-    def fix(self, group: str | tuple[str, ...], axis: str = "xyz") -> None:
-        """No displacement of a surface along the axes named, e.g. axis="x" for a symmetry plane."""
-        for letter in axis_letters(axis, f"fix '{group}'"):
-            if letter != "z" or self.section is None or axis != "xyz":
-                self.prescribe(group, letter, 0.0)
+    def fix(
+        self, group: Group, axis: str | None = None, *, direction: Sequence[float] | None = None, normal: bool = False
+    ) -> None:
+        """No displacement of a group along the axes named, by default all, e.g. axis="x" for a symmetry plane.
 
-    def prescribe(self, group: str | tuple[str, ...], axis: str, value: float | Callable[[Floats, float], Any]) -> None:
-        """Displacement of a surface along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
-
-        The function may give one number for all; X (n, 3): reference positions of all nodes of the surface, on every rank.
+        direction (3,) or normal=True, as in `prescribe`: along one direction alone, e.g. of an inclined symmetry plane.
         """
-        axis_letters(axis, f"prescribe '{group}'", most=1)
-        if axis == "z" and self.section is not None:
-            raise SceneError(f"prescribe '{group}' along z: nothing moves out of a plane mesh; leave it out")
-        what = f"prescribed displacement of '{group}' along {axis}"
+        what = f"fix '{group}'"
+        chosen(axis, direction, normal, what)
+        if direction is not None or normal:
+            self._support(group, None, 0.0, direction, normal, what)
+            return
+        for letter in axis_letters(("xyz" if self.section is None else "xy") if axis is None else axis, what):
+            self._support(group, letter, 0.0, None, False, what)
+
+    def prescribe(
+        self,
+        group: Group,
+        axis: str | None = None,
+        value: Value | None = None,
+        *,
+        direction: Sequence[float] | None = None,
+        normal: bool = False,
+    ) -> None:
+        """Displacement of a group along one axis [length]: a number reached at t = 1, or a function value(X, t) -> (n,).
+
+        group: names of surfaces, edges or points. The function may give one number for all; X (n, 3): reference positions of
+        all nodes of the group, on every rank. In the place of the axis: direction (3,), of any length, or normal=True, along
+        the outward normals of flat surfaces at the start. The nodes stay free across the direction, which does not turn.
+        """
+        what = f"prescribe '{group}'"
+        chosen(axis, direction, normal, what)
+        if direction is None and not normal:
+            axis_letters(axis, what, most=1)
+        along = axis if axis is not None else "its normal" if normal else shown(direction)
+        what = f"prescribed displacement of '{group}' along {along}"
         value = function(value, what, "value(X, t)") if callable(value) else float(finite(value, what))
-        self._facets(group)
-        self.supports.append(Support(group_names(group), AXES[axis], value))
+        self._support(group, axis, value, direction, normal, what)
+
+    def _support(
+        self, group: Group, axis: str | None, value: Value, direction: Sequence[float] | None, normal: bool, what: str
+    ) -> None:
+        names = group_names(group)
+        try:
+            count = len(self.mesh.nodes(self.space, *names))
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+        if self.mesh.comm.allreduce(count) == 0:
+            raise SceneError(f"group '{group}' has no facets, lines or points on a body; give it some in the gmsh script")
+        if normal:
+            ways = normals(self.mesh, self.space, group, what)
+        else:
+            ways = [(names, unit(direction, what) if axis is None else tuple(float(axis == letter) for letter in AXES))]
+        if self.section is not None and any(along[2] != 0.0 for _, along in ways):
+            raise SceneError(f"{what}: nothing moves along z, out of a plane mesh; leave that out")
+        for of, along in ways:
+            self.supports.append(Support(of, unsigned(along) if value == 0.0 else along, value))
 
     def traction(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""

@@ -47,11 +47,22 @@ class ContactStatement:
 
 @dataclass(frozen=True)
 class Support:
-    """Displacement of surfaces along an axis 0 ... 2: a number reached at t = 1 [length], or a function value(X, t)."""
+    """Displacement of groups along a unit direction: a number reached at t = 1 [length], or a function value(X, t)."""
 
     group: tuple[str, ...]
-    axis: int
+    direction: tuple[float, ...]
     value: float | Callable[[Floats, float], Any]
+
+    @property
+    def axis(self) -> int | None:
+        """0 ... 2 where the direction is that of x, y or z, else None."""
+        return self.direction.index(1.0) if sorted(self.direction) == [0.0, 0.0, 1.0] else None
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        along = "(" + ", ".join(f"{part:.6g}" for part in self.direction) + ")" if self.axis is None else "xyz"[self.axis]
+        return f"{'+'.join(self.group)} along {along}"
 
 
 @dataclass(frozen=True)

@@ -197,7 +197,7 @@ def _advance(system: System, increment: Increment, share: float = 1.0) -> Increm
     """
     owed, moved = system.begin_step(system.state.t + increment.dt)
     with increment.du.localForm() as local:
-        local.array_w[system.supports.dofs] = owed
+        system.supports.put(local.array_w, owed)
     increment.dq = np.where(system.tools.free, increment.dq, moved)
     system.update(increment.du, increment.dq, share)
     return increment

@@ -30,11 +30,10 @@ Motions = list[tuple[str, Motion, str]]  # owner, motion, words
 
 def supported(system: System) -> Mat:
     """Copy of the tangent in which supports hold as stiffly as the stiffest node."""
-    matrix = system.matrix.copy()
-    matrix.setLGMap(*system.matrix.getLGMap())
+    matrix, turned = system.matrix.copy(), system.supports.turned
     largest = matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
-    matrix.zeroRowsColumnsLocal(system.supports.owned, largest)
-    return matrix
+    matrix = system.supports.eliminated(matrix, largest, system.patterns)
+    return matrix if turned is None else turned.turned_back(matrix)
 
 
 def closed(system: System, contact: ContactTerm) -> bool:

@@ -46,6 +46,7 @@ class LinearSolver:
         method = choice.first if choice else method
         self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
         self._pivot: float | None = None
+        self._matrix: Mat = None  # with the supports eliminated
         modes = lambda matrix: _soft_modes(system, matrix)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = None if afresh or size <= REUSE_ABOVE else choice
@@ -99,7 +100,7 @@ class LinearSolver:
         PETSc.garbage_cleanup(system.comm)  # Python alone never frees what several ranks share
         for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
             with du.localForm() as local:
-                local.array_w[system.supports.dofs] = du_supports
+                system.supports.put(local.array_w, du_supports)
         border = system.border
         if not free.size or border is None:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
@@ -153,31 +154,36 @@ class LinearSolver:
         for rhs, values in zip(rights, du_supports, strict=True):
             with du.localForm() as local:
                 local.set(0.0)
-                local.array_w[system.supports.dofs] = values
+                system.supports.put(local.array_w, values)
             system.matrix.mult(du, force)
             rhs.axpy(-1.0, force)
-            rhs.array_w[system.supports.owned] = 0.0
+            system.supports.put(rhs.array_w, 0.0)
         if not again:
-            system.matrix.zeroRowsColumnsLocal(system.supports.owned, self._pivot)
+            self._matrix = system.supports.eliminated(system.matrix, self._pivot, system.patterns)
 
     def _response(self, forces: Floats) -> Vec:
         """du/dq of one free travel component: K^-1 (-C), from its column -C as a local array."""
         column = self.system.border_vector(forces)
         with column.localForm() as local:
-            local.array_w[self.system.supports.dofs] = 0.0
+            self.system.supports.put(local.array_w, 0.0)
         return self._solve(column)
 
     def _solve(self, rhs: Vec) -> Vec:
         """Solution with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
         system, solver, out = self.system, self._solver, rhs.duplicate()
-        reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
+        turned = system.supports.turned
+        if turned is not None:
+            turned.turn(rhs.array_w)
+        reason = solver.solve(self._matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0 and self.method == "iterative" and not self._forced:
             self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
             solver.use("direct")
             solver.choice = None
-            reason = solver.solve(system.matrix, system.patterns, rhs, out, self._tolerance)
+            reason = solver.solve(self._matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0:
             raise LinearFailure(*self._cause(reason))
+        if turned is not None:
+            turned.turn_back(out.array_w)
         return out
 
     def _cause(self, reason: int) -> tuple[str, ...]:
@@ -190,7 +196,7 @@ class LinearSolver:
 
 
 def _soft_modes(system: System, matrix: Mat) -> Any:
-    """Near-null space of the tangent: rigid-body motions of the deformed mesh that fade out where something holds them.
+    """Near-null space of the eliminated tangent: rigid motions of the deformed mesh that fade where something holds them.
 
     Where a penalty or a support holds a node the motions cost energy, and a coarse grid made from them can correct nothing
     around it: a frictional punch then takes hundreds of iterations, or fails. Jacobi's relaxation takes them away there and
@@ -206,6 +212,9 @@ def _soft_modes(system: System, matrix: Mat) -> Any:
         j, k = (i + 1) % 3, (i + 2) % 3
         modes[3 + i, :, j], modes[3 + i, :, k] = -X[:, k], X[:, j]
     vectors = [PETSc.Vec().createWithArray(mode.ravel().copy(), comm=system.comm) for mode in modes]
+    if system.supports.turned is not None:
+        for vector in vectors:
+            system.supports.turned.turn(vector.array_w)
     step = matrix.getDiagonal()
     step.reciprocal()
     step.scale(DAMPING)

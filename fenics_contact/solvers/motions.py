@@ -51,7 +51,7 @@ def softest(system: System) -> Motion | None:
     mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
     mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
     for sweep in range(SWEEPS):
-        mode.du.array_w[system.supports.owned] = 0.0
+        system.supports.put(mode.du.array_w, 0.0)
         size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))
         if not (np.isfinite(size) and size > 0.0):
             return None

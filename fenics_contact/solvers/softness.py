@@ -113,7 +113,7 @@ def _rigid_part(system: System, mode: Motion) -> tuple[str, float, str]:
     rigid.set(0.0)
     for amount, motion, _ in found[name]:
         rigid.axpy(amount, motion)
-    carried = max(system.comm.allgather(np.abs(rigid.array_r[system.supports.owned]).max(initial=0.0)))
+    carried = max(system.comm.allgather(np.abs(system.supports.held(rigid.array_r)).max(initial=0.0)))
     share = 0.0 if carried > STILL * rigid.norm(PETSc.NormType.NORM_INFINITY) else rigid.dot(rigid) / square
     return name, share, ", ".join(words for amount, _, words in found[name] if abs(amount) > 0.3 * largest)
 
