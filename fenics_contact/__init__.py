@@ -18,6 +18,7 @@ from fenics_contact.output.film import Film
 from fenics_contact.output.units import Units
 from fenics_contact.result import Result
 from fenics_contact.run import solve
+from fenics_contact.scene.motion import Motion
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Displacement, Load, Travel
@@ -32,6 +33,7 @@ __all__ = [
     "Displacement",
     "Film",
     "Load",
+    "Motion",
     "NamedMesh",
     "Penalty",
     "Result",

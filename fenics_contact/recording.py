@@ -2,7 +2,7 @@
 
 import pathlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from tqdm import tqdm
 
@@ -119,11 +119,12 @@ class Recorder:
         return row | of_arc
 
 
-def columns_of(record: Recorded, scene: Scene) -> Columns:
-    """The columns of a scene's history, which no two things of the scene may share, nor the user's own."""
+def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> Columns:
+    """The columns of a scene's history, which no two things of the scene may share, nor the user's own; turning: names of
+    the tools that turn."""
     rough = {contact.name: contact.friction.mu > 0.0 for contact in scene.contacts}
     groups = list(dict.fromkeys("+".join(support.group) for support in scene.supports))
-    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units, scene.section)
+    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units, scene.section, turning)
     if shared := columns.clash():
         raise SceneError(f"two contacts, tools or supports would share the columns '{shared}_...'; give one another name")
     taken = columns.all()

@@ -30,6 +30,7 @@ from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.result import Result
 from fenics_contact.scene.build import build
+from fenics_contact.scene.drives import Moves, turning
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
@@ -56,7 +57,7 @@ STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_len
 @ends_together
 def solve(
     scene: Scene,
-    move: Mapping[Tool, Drive] | None = None,
+    move: Moves | None = None,
     push: Mapping[Tool, Drive] | None = None,
     steps: Steps = 10,
     out: str | PathLike[str] | None = None,
@@ -76,13 +77,13 @@ def solve(
 ) -> Result:
     """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
 
-    move: {tool: travel (3,) at t = 1 [length], or a function of t}; push: {tool: force (3,) at t = 1 [force], or a function
-    of t}; steps: number of equal load steps, or the increasing list of their t; out: folder for history.csv, summary.json,
-    results.pvd and body.png; method: "newton", "incremental" (one solve per step, the paper's), "snes" or "arc_length";
-    linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8);
-    smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's shortest step); record:
-    {name: function of a View -> number}, columns added to the history, called on all ranks, which must agree on it; or a
-    Film, which draws every step.
+    move: {tool: travel (3,) at t = 1 [length], or a function of t, or a Motion with rotations and loads}; push: {tool: force
+    (3,) at t = 1 [force], or a function of t}; steps: number of equal load steps, or the increasing list of their t; out:
+    folder for history.csv, summary.json, results.pvd and body.png; method: "newton", "incremental" (one solve per step, the
+    paper's), "snes" or "arc_length"; linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a
+    step counts as converged (1e-8); smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's
+    shortest step); record: {name: function of a View -> number}, columns added to the history, called on all ranks, which
+    must agree on it; or a Film, which draws every step.
 
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
@@ -112,7 +113,7 @@ def solve(
     every = checkpoint_steps(checkpoint, resume, out)
     refuse_shares(method, tolerance, smallest_step)
     times = np.array([0.5, 1.0]) if continuation else load_times(steps)
-    columns = columns_of(record or {}, scene)
+    columns = columns_of(record or {}, scene, turning(move))
     extra = record or {}
     if out is not None and not isinstance(out, str | PathLike):
         raise SceneError(f"out = {shown(out)} must be the path of a folder")

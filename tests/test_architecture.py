@@ -62,7 +62,7 @@ TABLE = {
 ONLY = {
     ("studies", "assembly"): {"system", "term"},  # their names
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
-    ("output", "assembly"): {"exchange", "facet_points", "numbering", "section", "system", "term"},
+    ("output", "assembly"): {"exchange", "facet_points", "numbering", "pose", "section", "system", "term"},
     ("output", "contact"): {"tools"},  # their shapes, to draw them
     ("output", "kernels"): {"rigid_profiles", "rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},

@@ -165,10 +165,10 @@ def pressed(points, friction, shift):
 )
 def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
     system, contact = pressed(points, friction, shift)
-    state, start, travel = system.state, system.state.u.x.array.copy(), system.state.travel.copy()
+    state, start, travel = system.state, system.state.u.x.array.copy(), system.state.q.copy()
 
     def residual():
-        out, on_tool = np.zeros(len(start)), np.zeros((1, 3))
+        out, on_tool = np.zeros(len(start)), np.zeros((1, 6))
         contact.add_residual(state, out, on_tool)
         return np.concatenate([out, on_tool.ravel()])
 
@@ -181,7 +181,7 @@ def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
     closed = contact.statuses() > 0
     assert closed.any() and (contact.statuses()[closed] == status).all()
     rng = np.random.default_rng(2)
-    way.array[:], dq = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, 3)
+    way.array[:], dq = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, 6)
     slope = np.concatenate([
         (system.matrix * way).array + dq @ system.border.columns,
         system.border.rows @ way.array + system.border.corner @ dq,
@@ -193,14 +193,14 @@ def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
 
     pairs = pairs_now().copy()
     for step in 1e-5 / 2.0 ** np.arange(4):
-        state.u.x.array[:], state.travel[0] = start + step * way.array, travel[0] + step * dq
+        state.u.x.array[:], state.q[0] = start + step * way.array, travel[0] + step * dq
         remainders.append(np.linalg.norm(residual() - at_start - step * slope))
         assert ((contact.statuses() > 0) == closed).all() and (pairs_now() == pairs).all()
     orders = np.log2(np.array(remainders[:-1]) / remainders[1:])
     # nodes on flat facets that neither turn nor slip give a linear residual: nothing is left but rounding
     assert orders.min() > 1.98 or max(remainders) < 1e-12 * np.linalg.norm(at_start)
     # the tool's force balances the body's
-    assert np.abs(at_start[:-3].reshape(-1, 3).sum(axis=0) + at_start[-3:]).max() < 1e-11 * np.abs(at_start).max()
+    assert np.abs(at_start[:-6].reshape(-1, 3).sum(axis=0) + at_start[-6:-3]).max() < 1e-11 * np.abs(at_start).max()
 
 
 # ---- friction and drives

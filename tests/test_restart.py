@@ -21,6 +21,7 @@ from fenics_contact import (
     Body,
     Displacement,
     Load,
+    Motion,
     Scene,
     SceneError,
     Travel,
@@ -88,7 +89,20 @@ def draw_tetrahedra(size=0.7):
     gmsh.model.mesh.generate(3)
 
 
+def turning_ball():
+    """A rough ball that a force presses, a moment twists and a drive carries along, free to turn about all axes."""
+    scene = Scene(
+        Body(read_gmsh(box.build, size=(6.0, 6.0, 3.0), cells=(4, 4, 2), origin=(-3.0, -3.0, -3.0)), "box", RUBBER)
+    )
+    scene.fix("zmin")
+    ball = rigid_sphere(5.0, (0.1, 0.2, 5.0), name="ball")
+    scene.contact("zmax", ball, 0.4, name="c")
+    loads = {"force": lambda t: (0, 0, -0.3 * min(2 * t, 1.0)), "moment": lambda t: (0, 0, 0.03 * t), "free": "rx ry"}
+    return scene, {"move": {ball: Motion(x=lambda t: 0.3 * t, **loads)}, "stabilise": True}
+
+
 SCENES = {
+    "ball that turns": turning_ball,
     "punch": pushed_punch,
     "punch of degree 2": lambda: pushed_punch(2),
     "punch, mixed element": lambda: pushed_punch(1, "mixed"),

@@ -15,6 +15,7 @@ from fenics_contact import (
     rigid_torus,
     rigid_union,
 )
+from fenics_contact.assembly.pose import Pose, rotation
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import Tool
 from fenics_contact.kernels.rigid_element import distances
@@ -23,7 +24,9 @@ from meshes import box
 
 pytestmark = pytest.mark.serial
 SIZE = 12.0
-TRAVEL = np.array([0.3, -0.2, 1.5])
+TRAVEL, TURN = np.array([0.3, -0.2, 1.5]), rotation(np.array([0.4, -1.1, 0.7]))
+ABOUT = np.array([-1.0, 2.0, 0.5])
+POSE = Pose(ABOUT, TRAVEL, TURN, np.eye(3), 1.0)
 OBLIQUE = (0.3, -0.5, 0.8)
 PLACE = (1.0, 2.0, 3.0)
 
@@ -56,14 +59,14 @@ HOLLOW = ("hollow ball", "bore", "torus", "groove", "gland", "gland in a bore", 
 
 def gaps(tool, points):
     out = np.empty(len(points))
-    distances(np.ascontiguousarray(points), (tool.kind, tool.shape, tool.origin, tool.axes, TRAVEL), out)
+    distances(np.ascontiguousarray(POSE.before(points)), (tool.kind, tool.shape, tool.origin, tool.axes, np.zeros(3)), out)
     return out
 
 
 @pytest.mark.parametrize("name", TOOLS)
 def test_an_analytic_tool(name):
     tool = TOOLS[name]
-    points, facets = tool_surface(tool, SIZE, about=(4.0, 4.0, 4.0), travel=TRAVEL)
+    points, facets = tool_surface(tool, SIZE, about=(4.0, 4.0, 4.0), pose=POSE)
     assert points.shape[1:] == (3,) and facets.shape[1:] == (4,) and facets.dtype == np.int64
     assert np.array_equal(np.unique(facets), np.arange(len(points))) or name in (
         "sharp cone",
@@ -92,7 +95,7 @@ def test_endless_tools_lie_before_the_bodies():
     for name, beyond in (("plane", 0.0), ("cylinder", 5.0)):
         points, _ = tool_surface(TOOLS[name], SIZE, about)
         nearest = np.linalg.norm(points - about, axis=1).min()
-        away = gaps(TOOLS[name], about[None] + TRAVEL)[0]
+        away = gaps(TOOLS[name], POSE.placed(about[None]))[0]
         assert away <= nearest < away + SIZE / 8 + 0.1 * beyond
         extent = np.ptp(points @ TOOLS[name].axes, axis=0)
         np.testing.assert_allclose(extent, (SIZE, SIZE, 0.0) if name == "plane" else (10.0, 10.0, SIZE), atol=1e-10)
@@ -102,8 +105,8 @@ def test_endless_tools_lie_before_the_bodies():
 
 def test_a_meshed_tool_is_its_own_surface():
     tool = rigid_surface(box.build, group="zmax", size=(1.0, 2.0, 3.0), cells=(1, 2, 3))
-    points, facets = tool_surface(tool, SIZE, travel=TRAVEL)
-    np.testing.assert_array_equal(points, tool.X + TRAVEL)
+    points, facets = tool_surface(tool, SIZE, pose=POSE)
+    np.testing.assert_allclose(points, ABOUT + (tool.X - ABOUT) @ TURN.T + TRAVEL, atol=1e-13)
     np.testing.assert_array_equal(facets, tool.nodes)
 
 

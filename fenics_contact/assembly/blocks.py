@@ -7,14 +7,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.cell_forms import CellForm
+from fenics_contact.assembly.pose import Pose, skew
 from fenics_contact.kernels.scatter import scatter_border
 from fenics_contact.types import Array, Floats, Ints64, Mat
 
 
 @dataclass(frozen=True)
-class TravelBlocks:
-    """Couplings with the travel of the tool with a number `index`: columns (n, 3, 3), the rate of the force on each of the
-    local nodes (n,) with the travel; rows (n, 3, 3), that of the tool's force with the motion of the node; corner (3, 3)."""
+class ToolBlocks:
+    """Couplings with the coordinates of the tool with a number `index`: columns (n, 3, 6), the rate of the force on each of
+    the local nodes (n,) with them; rows (n, 6, 3), that of the tool's wrench with the motion of the node; corner (6, 6)."""
 
     index: int
     nodes: Array
@@ -27,25 +28,25 @@ class TravelBlocks:
 class Blocks:
     """forms: bilinear forms, which know the fast way into the matrix; cells: local nodes (n, k) and matrices (n, 3k, 3k) of
     elements; pairs: rows (m,), rising, columns (m,) and blocks (m, 3, 3) of pairs of nodes, local ones or, with `whole`,
-    numbers of the System's blocks; travel: with a tool; free: diagonal (3 tools,) on the travel of tools, counted once; at:
+    numbers of the System's blocks; tool: with one; free: diagonal (6 tools,) on the coordinates of tools, counted once; at:
     where a contact's points were, for what it foresees from this tangent."""
 
     forms: tuple[CellForm, ...] = ()
     cells: tuple[Array, Floats] | None = None
     pairs: tuple[Array, Array, Floats] | None = None
     whole: bool = True
-    travel: TravelBlocks | None = None
+    tool: ToolBlocks | None = None
     free: Floats | None = None
     at: Any = None
 
 
 class Border:
-    """Couplings with the tools' travel: columns, rows (3 tools, local dofs) and corner (3 tools, 3 tools)."""
+    """Couplings with the tools' coordinates: columns, rows (6 tools, local dofs) and corner (6 tools, 6 tools)."""
 
     def __init__(self, tools: int, dofs: int) -> None:
-        self.columns = np.zeros((3 * tools, dofs))
-        self.rows = np.zeros((3 * tools, dofs))
-        self.corner = np.zeros((3 * tools, 3 * tools))
+        self.columns = np.zeros((6 * tools, dofs))
+        self.rows = np.zeros((6 * tools, dofs))
+        self.corner = np.zeros((6 * tools, 6 * tools))
 
     def clear(self) -> None:
         for part in (self.columns, self.rows, self.corner):
@@ -63,8 +64,8 @@ def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:
         _insert_pairs(*blocks.pairs, blocks.whole, matrix)
     if border is None:
         return
-    if blocks.travel is not None:
-        _insert_travel(blocks.travel, border)
+    if blocks.tool is not None:
+        _insert_tool(blocks.tool, border)
     if blocks.free is not None:
         border.corner += np.diag(blocks.free)
 
@@ -76,7 +77,29 @@ def _insert_pairs(rows: Ints64, columns: Ints64, values: Floats, whole: bool, ma
     add(offsets, columns.astype(np.int32), values, addv=True, rowmap=rows)
 
 
-def _insert_travel(travel: TravelBlocks, border: Border) -> None:
-    mine = slice(3 * travel.index, 3 * travel.index + 3)
-    scatter_border(travel.nodes, travel.columns, travel.rows, border.columns[mine], border.rows[mine])
-    border.corner[mine, mine] += travel.corner
+def _insert_tool(tool: ToolBlocks, border: Border) -> None:
+    mine = slice(6 * tool.index, 6 * tool.index + 6)
+    scatter_border(tool.nodes, tool.columns, tool.rows, border.columns[mine], border.rows[mine])
+    border.corner[mine, mine] += tool.corner
+
+
+def tool_blocks(index: int, pose: Pose, nodes: Array, at: tuple[Floats, Floats], rates: tuple[Floats, Floats]) -> ToolBlocks:
+    """Couplings of slave nodes with the rigid tool that they meet, from those of the nodes with one another.
+
+    at: (places x (n, 3) of the nodes, forces f (n, 3) on them); rates: (K B (n, 3, 6), B^T K (n, 6, 3)) of the rates K of
+    the forces with the nodes and the nodes' motions B = Pose.motions(x). All of it may be one process' part of sums.
+
+    A motion of nodes and tool as one body turns the forces and changes them in no other way. So a tool that moves alone is
+    such a motion of both and the nodes' way back: df = w x f - K B (d, w). The wrench on the tool is -B^T f.
+    """
+    (x, forces), (by_motion, of_wrench) = at, rates
+    motions, turned = pose.motions(x), skew(forces)
+    columns = -by_motion
+    columns[..., 3:] -= turned
+    rows = -of_wrench
+    rows[..., 3:, :] += turned
+    corner = -np.einsum("nca,ncb->ab", motions, columns)
+    corner[3:, :3] -= turned.sum(axis=0)  # torques are about a point that travels too
+    rows[..., 3:, :] /= pose.lever
+    corner[3:] /= pose.lever
+    return ToolBlocks(index, nodes, pose.by_coordinates(columns), np.ascontiguousarray(rows), pose.by_coordinates(corner))

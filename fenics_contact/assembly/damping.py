@@ -14,4 +14,4 @@ class Damping(SpringTerm):
         self.most = {"jumps": 0.0, "work": 0.0, "work_share": 0.0}
 
     def commit(self, state: State) -> None:
-        self.begin(state.u.x.array, state.travel)
+        self.begin(state.u.x.array, state.q)

@@ -70,7 +70,7 @@ class Grounding(SpringTerm):
         """Let the far ends go to where the state is, with softer springs where these pulled as before."""
         if self._before is not None and self._pull is not None and self._pull > 0.5 * self._before:
             self.share = max(SOFTER * self.share, self._softest)
-        self.begin(state.u.x.array, state.travel)
+        self.begin(state.u.x.array, state.q)
 
     def ahead(self, state: State) -> float:
         """Solves that it takes at the rate of the last one until they pull no more, or until bodies and tools have gone FAR,
@@ -78,14 +78,14 @@ class Grounding(SpringTerm):
         if self._before is None or self._pull is None or self.share > self._softest:
             return 0.0
         fading = np.log(self._pull) / np.log(self._before / self._pull) if self._before > self._pull else np.inf
-        gone, way = self._way(state, *self._system.committed), self._way(state, self._reference.x.array, self._travel)
+        gone, way = self._way(state, *self._system.committed), self._way(state, self._reference.x.array, self._q)
         left = FAR * self._system.extent - gone
         return min(fading, left / way if left > 0.0 < way else np.inf)
 
-    def _way(self, state: State, u: Floats, travel: Floats) -> float:
-        """Largest motion [length] of a body or a tool from a displacement (local array) and a travel. Collective."""
+    def _way(self, state: State, u: Floats, q: Floats) -> float:
+        """Largest motion [length] of a body or a tool from u (local array) and q. Collective."""
         way = max(self._system.comm.allgather(np.abs(state.u.x.array - u).max(initial=0.0)))
-        return max(way, np.abs(state.travel - travel).max(initial=0.0))
+        return max(way, np.abs(state.q - q).max(initial=0.0))
 
     def stiffen(self) -> bool:
         """Take stiffer springs, and no softer ones within this step; False where they are as stiff as at first."""
@@ -102,7 +102,7 @@ class Grounding(SpringTerm):
         energy, share = max(energy, self.most["energy"]), max(share, self.most["energy_share"])
         self.most = {"steps": self.most["steps"] + 1.0, "energy": energy, "energy_share": share}
         self._pull, self.share, self._softest = None, SHARE, LEAST * SHARE
-        self.begin(state.u.x.array, state.travel)
+        self.begin(state.u.x.array, state.q)
 
     def trouble(self, state: State) -> Finding | None:
         if self._left * ALLOWED > 0.1:

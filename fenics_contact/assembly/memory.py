@@ -14,8 +14,8 @@ Arrays = dict[str, Any] | None  # what `collect` gave, on rank 0 alone
 
 
 class Memory:
-    """Collects and restores the committed state of a System: displacement, travel, the terms' history, scales, and the
-    states accepted before it, through which the next step is extrapolated.
+    """Collects and restores the committed state of a System: displacement, poses of tools, the terms' history, scales, and
+    the states accepted before it, through which the next step is extrapolated.
 
     Terms with a history offer key (ne,), a number per element that no partition changes, history() -> {name: (ne, ...)}
     and restore({name: (ne, ...)}, state). fields(): further {name: local array like u} to keep, e.g. a predictor's.
@@ -39,9 +39,10 @@ class Memory:
         for i, term in enumerate(system.terms):
             for name, values in term.history().items():
                 _put(out, f"term/{i}/{name}", gather(comm, term.key, values))
-        out |= {"travel": system.state.travel, "t": system.state.t}
+        out |= {"q": system.state.q, "t": system.state.t}
+        out |= {"counted": system.state.poses.counted, "turns": system.state.poses.turns}
         out |= {
-            "before/travel": np.array([travel for _, travel, _ in before]),
+            "before/q": np.array([q for _, q, _ in before]),
             "before/t": np.array([t for _, _, t in before]),
         }
         out |= {"force_scale": system.force_scale, "stiffness": system.stiffness}
@@ -64,12 +65,14 @@ class Memory:
             {name: self._rows(arrays, f"term/{i}/{name}", term.key) for name in term.history()}
             for i, term in enumerate(system.terms)
         ]
-        names = ("travel", "t", "force_scale", "stiffness", "before/travel", "before/t")
-        travel, t, system.force_scale, system.stiffness, *before = comm.bcast(arrays and [arrays[name] for name in names])
+        names = ("counted", "turns", "q", "t", "force_scale", "stiffness", "before/q", "before/t")
+        counted, turns, *rest = comm.bcast(arrays and [arrays[name] for name in names])
+        system.state.poses.resume(counted, turns)
+        q, t, system.force_scale, system.stiffness, *before = rest
         for term in system.springs:
             term.recall(comm.bcast(arrays and arrays[f"most/{term.name}"].tolist()))
         places = [self._nodal(arrays, f"before/{i}/u").ravel() for i in range(len(before[1]))]
-        system.resume(travel, float(t), kept, list(zip(places, *before, strict=True)))
+        system.resume(q, float(t), kept, list(zip(places, *before, strict=True)))
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 

@@ -18,8 +18,8 @@ class SpringTerm(FormTerm):
     """Forces kappa (u - u_0) per reference volume, and alike on free tools.
 
     constant: kappa over E/L^2 of a body as a Constant in the forms; reference: Function u_0; forms: (residual, tangent),
-    compiled when first needed; on_tools [force/length]: stiffness at share 1 of free (tools, 3) components of the tools'
-    travel.
+    compiled when first needed; on_tools [force/length]: stiffness at share 1 of free (tools, 6) components of the tools'
+    coordinates.
     """
 
     most: dict[str, float]  # the largest values of all accepted steps
@@ -35,7 +35,7 @@ class SpringTerm(FormTerm):
     ) -> None:
         super().__init__(name, None, None)
         self._constant, self._reference, self._forms = constant, reference, forms
-        self._on_tools, self._free, self._travel = on_tools, free, np.zeros(free.shape)
+        self._on_tools, self._free, self._q = on_tools, free, np.zeros(free.shape)
 
     def recall(self, most: list[float]) -> None:
         """Go on from the values of `most`, in its order, that a checkpoint held."""
@@ -53,17 +53,17 @@ class SpringTerm(FormTerm):
             self._residuals, self._tangents = [compat.compile_form(residual)], [CellForm(tangent)]
         self._constant.value = value
 
-    def begin(self, u: Floats, travel: Floats) -> None:
-        """Pull towards a displacement (local array) and a travel (tools, 3)."""
+    def begin(self, u: Floats, q: Floats) -> None:
+        """Pull towards a displacement (local array) and tools' coordinates (tools, 6)."""
         self._reference.x.array[:] = u
-        self._travel = travel.copy()
+        self._q = q.copy()
 
     @property
     def _first_rank(self) -> bool:
         return self._reference.function_space.mesh.comm.rank == 0
 
     def _tool_pull(self, state: State) -> Floats:
-        return np.where(self._free, self.share * self._on_tools * (state.travel - self._travel), 0.0)
+        return np.where(self._free, self.share * self._on_tools * (state.q - self._q), 0.0)
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
         if self.share > 0.0:
@@ -80,7 +80,7 @@ class SpringTerm(FormTerm):
     def spent(self, state: State) -> tuple[float, float]:
         """(sum of the forces' sizes [force], their work on the way from u_0 at these forces [force length]). Collective."""
         local, moved = np.zeros_like(state.u.x.array), state.u.x.array - self._reference.x.array
-        FormTerm.add_residual(self, state, local, np.zeros_like(self._travel))
+        FormTerm.add_residual(self, state, local, np.zeros_like(self._q))
         tools, comm = self._tool_pull(state), state.u.function_space.mesh.comm
         force, work = comm.allreduce(np.array([np.abs(local).sum(), local @ moved]))
-        return force + np.abs(tools).sum(), work + float((tools * (state.travel - self._travel)).sum())
+        return force + np.abs(tools).sum(), work + float((tools * (state.q - self._q)).sum())

@@ -1,4 +1,4 @@
-"""Prescribed dofs and prescribed or pushed tools as functions of the load parameter t."""
+"""Prescribed dofs and moved or pushed tools as functions of the load parameter t."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Protocol
@@ -6,10 +6,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.pose import Poses
 from fenics_contact.assembly.turned import ONE, Turned
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mat, Space
 
-Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (3,)
+Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (6,)
 
 
 class Prescribed(Protocol):
@@ -194,27 +195,36 @@ def _joined(parts: Sequence[Array], kind: type) -> Array:
 
 
 class ToolMotion:
-    """Rigid tools' travel: prescribed components follow a path, free ones balance a force.
+    """Rigid tools' motion: prescribed components follow a path, free ones balance a load.
 
-    paths: one function t -> (3,) [length] per tool; forces: one function t -> (3,) [force]; free (tools, 3) bool; names.
+    paths: one function t -> (6,) per tool, travel [length] and rotation vector [radians]; loads: one function t -> (6,),
+    force and moment [force, force x length]; points (tools, 3): where the reference points start [length]; free (tools, 6)
+    bool; names; lever [length]: by which rotations are made lengths, and moments forces.
     """
 
-    def __init__(self, paths: Paths, forces: Paths, free: Bools | Sequence[Bools], names: Sequence[str] = ()) -> None:
-        self.names = tuple(names) or tuple(str(i) for i in range(len(paths)))
-        self._paths, self._forces = paths, forces
-        self.free = np.asarray(free, dtype=bool).reshape(len(paths), 3)
+    def __init__(
+        self, paths: Paths, loads: Paths, points: Sequence[Floats], free: Sequence[Bools], names: Sequence[str], lever: float
+    ) -> None:
+        self.names, self._paths, self._loads = tuple(names), paths, loads
+        self.free = np.asarray(free, dtype=bool).reshape(len(paths), 6)
+        self.points = np.asarray(points, dtype=float).reshape(len(paths), 3)
+        self.lever, self._scale = lever, np.repeat([1.0, lever], 3)
 
     def __len__(self) -> int:
         return len(self._paths)
 
     def prescribed(self, t: float) -> Floats:
-        """Prescribed travel (tools, 3) at t; zero where the component is free."""
-        return np.where(self.free, 0.0, _stack(self._paths, t))
+        """Prescribed coordinates (tools, 6) at t [length]; zero where the component is free."""
+        return np.where(self.free, 0.0, _stack(self._paths, t) * self._scale)
 
     def forces(self, t: float) -> Floats:
-        """External forces (tools, 3) at t."""
-        return _stack(self._forces, t)
+        """External forces, and moments over the lever, (tools, 6) at t [force]."""
+        return _stack(self._loads, t) / self._scale
+
+    def poses(self) -> Poses:
+        """Of the tools at the start."""
+        return Poses(self.points, self.lever, self.free[:, 3:].all(axis=1))
 
 
 def _stack(functions: Paths, t: float) -> Floats:
-    return np.array([f(t) for f in functions], dtype=float).reshape(len(functions), 3)
+    return np.array([f(t) for f in functions], dtype=float).reshape(len(functions), 6)

@@ -1,4 +1,4 @@
-"""The nonlinear system R(u, travel, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
+"""The nonlinear system R(u, q, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -25,7 +25,7 @@ TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced
 ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
 
 Terms = tuple[FormTerm, *tuple[Term, ...]]  # the solid first
-Accepted = tuple[Floats, Floats, float]  # displacement (local array) and travel (tools, 3) [length], t
+Accepted = tuple[Floats, Floats, float]  # displacement (local array) and tools' coordinates (tools, 6) [length], t
 
 
 class System:
@@ -72,7 +72,7 @@ class System:
         self.vector = compat.petsc_vector(state.u)
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
-        self.tool_residual: Floats = np.zeros((len(tools), 3))
+        self.tool_residual: Floats = np.zeros((len(tools), 6))
         self.forces = 0.0  # largest norm of a single term, reactions included, at the state assembled last
         self.force_scale = 0.0  # largest force norm seen in an accepted state
         self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
@@ -81,7 +81,7 @@ class System:
         self.reach = max(self.extent, reach)
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self._committed = self._snapshot()
-        self.accepted = [self._committed]  # (u local array, travel, t) of the last three accepted states
+        self.accepted = [self._committed]  # (u local array, q, t) of the last three accepted states
         self._foreseeing = [contact for contact in contacts if contact.foresees]
         self._linearised: dict[Term, Any] = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
@@ -99,18 +99,19 @@ class System:
 
     # -- steps ----------------------------------------------------------------------------------------------------
     def _snapshot(self) -> Accepted:
-        return self.state.u.x.array.copy(), self.state.travel.copy(), self.state.t
+        return self.state.u.x.array.copy(), self.state.q.copy(), self.state.t
 
     def begin_step(self, t: float) -> tuple[Floats, Floats]:
         """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
         self.state.t = t
         self.set_loads(t)
         owed = self.supports.values(t) - self.supports.held(self.state.u.x.array)
-        return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.travel)
+        return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.q)
 
     def commit(self) -> None:
         for term in self.terms:
             term.commit(self.state)
+        self.state.poses.accept(self.state.q)
         self.force_scale = max(self.force_scale, self.forces)
         self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
         self.accepted = [*self.accepted[-2:], self._committed]
@@ -121,18 +122,16 @@ class System:
         for term in self.terms:
             term.rollback()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
-        u, travel, t = self._committed
+        u, q, t = self._committed
         self.state.u.x.array[:] = u
-        self.state.travel[:] = travel
+        self.state.q[:] = q
         self.state.t = t
         self.set_loads(t)
 
-    def resume(
-        self, travel: Floats, t: float, histories: Sequence[dict[str, Array]], before: Sequence[Accepted] = ()
-    ) -> None:
-        """Declare the displacement in the state, with this travel and t, the committed one, after those of `before`, like
-        `accepted`; histories: of each term, what its `history` gave there."""
-        self.state.travel[:] = travel
+    def resume(self, q: Floats, t: float, histories: Sequence[dict[str, Array]], before: Sequence[Accepted] = ()) -> None:
+        """Declare the displacement in the state, with these tools' coordinates and t, the committed one, after those of
+        `before`, like `accepted`; histories: of each term, what its `history` gave there."""
+        self.state.q[:] = q
         self.state.t = t
         self.set_loads(t)
         for term, values in zip(self.terms, histories, strict=True):
@@ -205,7 +204,7 @@ class System:
 
     @property
     def committed(self) -> tuple[Floats, Floats]:
-        """Displacement (local array) and travel (tools, 3) of the last accepted state."""
+        """Displacement (local array) and tools' coordinates (tools, 6) of the last accepted state."""
         return self._committed[:2]
 
     @property
@@ -234,13 +233,13 @@ class System:
         return max(self.forces, self.force_scale, 1e-4 * self.stiffness * moved, self.noise / TOLERANCE)
 
     def update(self, du: Vec, dq: Floats, share: float = 1.0) -> None:
-        """Add a PETSc increment (owned part) and a travel increment to the state.
+        """Add a PETSc increment (owned part) and one of the tools' coordinates to the state.
 
         share: how much of the last tangent solve's increment the state then holds.
         """
         self.vector.axpy(1.0, du)
         copy_to_ghosts(self.vector)
-        self.state.travel += dq
+        self.state.q += dq
         self.state.share = share
 
     def objection(self) -> Finding | None:

@@ -10,20 +10,43 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.pose import Pose, Poses
 from fenics_contact.types import Array, Bools, Floats, Form, Function, Ints64
 
 
 @dataclass
 class State:
-    """Displacement u (Function, [length]), travel of the tools (tools, 3) [length] and load parameter t.
+    """Displacement u (Function, [length]), coordinates q of the tools (tools, 6) [length] and load parameter t.
 
-    share: how much of the last tangent solve's increment is in u; terms with unknowns of their own follow by it.
+    q: travel of the tools' reference points, then their rotations, as `poses` counts them; share: how much of the last
+    tangent solve's increment is in u; terms with unknowns of their own follow by it.
     """
 
     u: Function
-    travel: Floats
+    q: Floats
+    poses: Poses
     t: float = 0.0
     share: float = 1.0
+
+    @property
+    def travel(self) -> Floats:
+        """Travel of the tools' reference points (tools, 3) [length], a view of q."""
+        return self.q[:, :3]
+
+    @property
+    def angles(self) -> Floats:
+        """Rotation vectors of the tools (tools, 3) [radians]: of those that turn freely about all axes the sum of the
+        accepted steps' ones."""
+        return self.q[:, 3:] / self.poses.lever
+
+    @property
+    def tools(self) -> list[Pose]:
+        """Where all tools are."""
+        return [self.pose(i) for i in range(len(self.q))]
+
+    def pose(self, tool: int) -> Pose:
+        """Where a tool is."""
+        return self.poses.at(tool, self.q[tool])
 
 
 class Term(Protocol):

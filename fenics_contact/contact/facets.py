@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -34,11 +35,12 @@ MARGIN = 0.5
 
 class Placed(NamedTuple):
     """Positions coords (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
-    they say in which direction a slave node looks, else the points."""
+    they say in which direction a slave node looks, else the points; pose: of a tool."""
 
     coords: Floats
     points: Floats
     normals: Floats
+    pose: Pose | None
 
 
 class FacetFeet(NamedTuple):
@@ -50,6 +52,10 @@ class FacetFeet(NamedTuple):
     @property
     def coords(self) -> Floats:
         return self.placed.coords
+
+    @property
+    def pose(self) -> Pose | None:
+        return self.placed.pose
 
 
 class OnFacets:
@@ -70,7 +76,7 @@ class OnFacets:
         raise NotImplementedError
 
     def point(self, state: State) -> Floats | None:
-        """A tool's own point (3,) at a state [length]; None for a body."""
+        """A tool's reference point (3,) at a state [length]; None for a body."""
         return self.master.point(state)
 
     def gives(self, held: Array) -> bool:
@@ -157,7 +163,8 @@ class FacetPartner(OnFacets):
         coords = np.concatenate([self._X[self._local] + u.reshape(-1, 3)[self._local], self.master.positions(state)])
         points = np.empty((s.area.size, 3))
         slave_points(coords, self._nodes, s.a.reshape(-1, s.a.shape[2]), points)
-        return Placed(coords, points, points if s.gradients is not None else self._point_normals(u))
+        normals = points if s.gradients is not None else self._point_normals(u)
+        return Placed(coords, points, normals, self.master.pose(state))
 
     def _point_normals(self, u: Floats) -> Floats:
         """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""
@@ -181,7 +188,7 @@ class FacetPartner(OnFacets):
         moved, feet = self._watch.moved(state), self._feet
         if moved or feet is None:
             with self.timers("projection"):
-                coords, points, normals = placed = self._placed(state)
+                coords, points, normals, _ = placed = self._placed(state)
                 feet = self._feet = FacetFeet(placed, self._pairing.project(points, normals, coords, self.timers))
         return feet
 
@@ -195,7 +202,7 @@ class FacetPartner(OnFacets):
         return self._far(feet.placed, search)
 
     def _far(self, placed: Placed, search: float) -> Projection:
-        coords, points, normals = placed
+        coords, points, normals, _ = placed
         return self._pairing.far(points, normals, coords, search)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
@@ -220,11 +227,10 @@ class FacetPartner(OnFacets):
             traction.reshape(ne, nq, 3), gap.reshape(points), status.reshape(points), excess.reshape(points), cover, forces
         )
 
-    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
+    def add_forces(self, feet: FacetFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
-        first = len(self._local)
-        residual.reshape(-1, 3)[self._local] += response.forces[:first]
-        self.master.add_forces(response.forces[first:], residual, tool_residual)
+        residual.reshape(-1, 3)[self._local] += response.forces[: len(self._local)]
+        self.master.react(feet, response.forces, residual, tool_residual)
 
     def on_slave(self, feet: FacetFeet, response: Response) -> tuple[Floats, Floats]:
         """Places and forces (n, 3) at this rank's slave nodes."""
@@ -247,7 +253,7 @@ class FacetPartner(OnFacets):
 
         Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
         """
-        coords, points, _ = feet.placed
+        coords, points, *_ = feet.placed
         facet, kind, gap, anchor_nodes = feet.projection[0], feet.projection[1], feet.projection[4], trial.history.anchors[0]
         gaps = trial.judged if len(trial.judged) else gap + trial.history.shift.reshape(-1)
         now = (gaps <= 2.0 * trial.law.touch) & (kind != NONE), facet, anchor_nodes

@@ -1,15 +1,28 @@
 """Master surfaces, of a deformable body or a meshed tool: facets and current node positions, in full on every rank."""
 
+from typing import Protocol
+
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.types import Floats, Ints, Ints64, Space
+
+
+class Meeting(Protocol):
+    """Where slave and master are: coords (nx, 3) of the slave's nodes, then the master's [length]; of a tool its pose."""
+
+    @property
+    def coords(self) -> Floats: ...
+
+    @property
+    def pose(self) -> Pose | None: ...
 
 
 def oriented_facets(space: Space, facets: Ints) -> tuple[Ints64, Ints64, Ints64]:
@@ -120,10 +133,20 @@ class MasterSurface(_Surface):
         u = self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
         return self.X + (u if self.section is None else np.tile(u, (2, 1)))
 
+    def each(self, x: Floats, forces: Floats) -> tuple[Floats, Floats]:
+        """Of all nodes (nx, 3) their places and forces, of those of strips each once, in the plane and of all the depth."""
+        if self.section is None:
+            return x, forces
+        (near, far), (front, back) = np.split(x, 2), np.split(forces, 2)
+        return 0.5 * (near + far), front + back
+
+    def pose(self, state: State) -> None:
+        """None: a body is no tool."""
+
     def point(self, state: State) -> None:
         """None: a body has no point of its own."""
 
-    def add_forces(self, forces: Floats, residual: Floats, tool_residual: Floats) -> None:
+    def add_forces(self, forces: Floats, residual: Floats) -> None:
         """Add nodal forces (nm, 3), summed over all ranks, to the owned dofs of a local array. Collective."""
         total = np.empty_like(forces)
         self.comm.Allreduce(forces, total, op=MPI.SUM)
@@ -132,28 +155,39 @@ class MasterSurface(_Surface):
             total = near + far
         residual.reshape(-1, 3)[self.owned] += total[self.mine]
 
+    def react(self, feet: "Meeting", forces: Floats, residual: Floats, tool_residual: Floats) -> None:
+        """Add what acts on this surface of the forces (nx, 3) at the `coords` of feet: the last ones. Collective."""
+        self.add_forces(forces[len(forces) - len(self.X) :], residual)
+
 
 class ToolSurface(_Surface):
-    """The meshed surface of a rigid tool, the same on every rank: it travels as a whole and has no dofs.
+    """The meshed surface of a rigid tool, the same on every rank: it moves as a whole and has no dofs.
 
-    tool: MeshedTool; index: its row in the state's travel.
+    tool: MeshedTool; index: its row in the state's q.
     """
 
     def __init__(self, tool: MeshedTool, index: int) -> None:
         super().__init__((tool.nodes, tool.size), tool.X)
-        self.index, self._point = index, tool.point
+        self.index = index
         self.blocks = np.full(len(tool.X), -1, dtype=np.int64)  # no node of the System
         self.keys = np.arange(len(tool.X))
         self.owned = np.empty(0, dtype=np.int64)
 
     def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length]."""
-        return self.X + state.travel[self.index]
+        return self.pose(state).placed(self.X)
+
+    def pose(self, state: State) -> Pose:
+        """Where the tool is."""
+        return state.pose(self.index)
 
     def point(self, state: State) -> Floats:
-        """The tool's own point (3,) [length]."""
-        return self._point + state.travel[self.index]
+        """The tool's reference point (3,) [length]."""
+        return self.pose(state).place
 
-    def add_forces(self, forces: Floats, residual: Floats, tool_residual: Floats) -> None:
-        """Add nodal forces (nm, 3) of this rank's slave points to the force on the tool."""
-        tool_residual[self.index] += forces.sum(axis=0)
+    def react(self, feet: "Meeting", forces: Floats, residual: Floats, tool_residual: Floats) -> None:
+        """Take the opposite of the forces on the slave's nodes, the first ones of (nx, 3) at the `coords` of feet: what acts
+        on slave and tool together is in balance."""
+        slave = len(forces) - len(self.X)
+        if feet.pose is not None:
+            tool_residual[self.index] -= feet.pose.wrench(feet.coords[:slave], forces[:slave])

@@ -1,9 +1,12 @@
-"""A meshed rigid tool as a contact's master: facets that travel as one and have no dofs; met by points or by averages."""
+"""A meshed rigid tool as a contact's master: facets that move as one and have no dofs; met by points or by averages."""
+
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.blocks import Blocks, tool_blocks
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FacetFeet, FacetPartner, unit
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
@@ -13,6 +16,7 @@ from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.scatter import motions_of_pairs
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Ints64, Space
 
@@ -27,7 +31,7 @@ SLID_OFF = (
 
 
 class MeshedToolPartner(FacetPartner):
-    """Slave points against a meshed tool: its forces, rows and columns are summed to those of its travel."""
+    """Slave points against a meshed tool: its forces act on its six coordinates."""
 
     grounded = True
     slid_off = SLID_OFF
@@ -45,7 +49,7 @@ class MeshedToolPartner(FacetPartner):
         self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
 
     def _new_pattern(self, space: Space) -> PairPattern:
-        # the tool's nodes travel as one: behind this rank's slave nodes they are one node of the pattern
+        # what the tool's nodes are coupled by follows from the slave's: behind this rank's slave nodes they are one node
         tool = len(self._local)
         blocks = np.concatenate([np.arange(tool), np.full(len(self.master.X), tool)])
         pattern = PairPattern(self._nodes, self._facets[0], blocks, tool + 1)
@@ -55,17 +59,12 @@ class MeshedToolPartner(FacetPartner):
 
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         rows, columns, values = self._tangent(feet, trial)
-        tool = len(self._local)
-        inside, by_travel, on_tool = (rows < tool) & (columns < tool), columns == tool, rows == tool
-        at, along = (self._local[part[inside]] for part in (rows, columns))
-        forces, pull = by_travel & ~on_tool, on_tool & ~by_travel
-        nodes = self._local[np.concatenate([rows[forces], columns[pull]])]
-        zeros = np.zeros((len(nodes), 3, 3))
-        moved, pulled = zeros.copy(), zeros
-        moved[: forces.sum()], pulled[forces.sum() :] = values[forces], values[pull]
-        corner = values[on_tool & by_travel].sum(axis=0)
-        travel = TravelBlocks(self.index, nodes, moved, pulled, corner)
-        return Blocks(pairs=(at, along, values[inside]), whole=False, travel=travel, at=feet)
+        slave, pose = len(self._local), _pose(feet)
+        inside = (rows < slave) & (columns < slave)
+        pairs = rows[inside], columns[inside], values[inside]
+        at = feet.coords[:slave], self.response(feet, trial).forces[:slave]
+        tool = tool_blocks(self.index, pose, self._local, at, _by_motions(pairs, pose.motions(at[0])))
+        return Blocks(pairs=(*(self._local[part] for part in pairs[:2]), pairs[2]), whole=False, tool=tool, at=feet)
 
     def couplings(self, feet: FacetFeet, trial: Trial) -> None:
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
@@ -76,7 +75,7 @@ class MeshedToolPartner(FacetPartner):
 
     def back_share(self, state: State) -> float:
         """Share of the slave points that see the nearest facet of the tool from behind. Collective."""
-        coords, points, normals = self._placed(state)
+        coords, points, normals, _ = self._placed(state)
         s = self.surface
         if s.gradients is not None:  # nodal normals are means of facets of degree 1
             x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
@@ -96,7 +95,7 @@ class MeshedToolAverages(MortarPartner):
         self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
 
     def _new_pattern(self) -> NodePattern:
-        # the tool's nodes travel as one: behind all blocks of the System they are one more
+        # what the tool's nodes are coupled by follows from the slave's: behind all blocks of the System they are one more
         tool = self.skin.size
         blocks = np.concatenate([self.skin.blocks, np.full(len(self.master.X), tool)]).astype(np.int64)
         return NodePattern(self.samples, self._facets[0], blocks, tool + 1)
@@ -112,17 +111,18 @@ class MeshedToolAverages(MortarPartner):
 
     def tangent(self, feet: MortarFeet, trial: Trial) -> Blocks:
         """Collective: what moves with the tool may belong to other ranks."""
-        rows, columns, values, at = self._tangent(feet, trial)
-        tool = self.skin.size
-        inside, by_travel, on_tool = (rows < tool) & (columns < tool), columns == tool, rows == tool
-        border = np.zeros((2, len(self.skin.moving), 3, 3))
-        for part, here, nodes in ((border[0], by_travel & ~on_tool, rows), (border[1], on_tool & ~by_travel, columns)):
-            part[np.searchsorted(self.skin.moving, nodes[here])] = values[here]
+        rows, columns, values, linearised = self._tangent(feet, trial)
+        slave, pose, nodes = len(self.skin.X), _pose(feet), self.skin.size
+        inside = (rows < nodes) & (columns < nodes)
+        pairs = rows[inside], columns[inside], values[inside]
+        numbered = *(np.searchsorted(self.skin.moving, part) for part in pairs[:2]), pairs[2]
+        at = self.skin.each(feet.coords[:slave], self.response(feet, trial).forces[:slave])
+        tool = tool_blocks(self.index, pose, self.skin.owned, at, _by_motions(numbered, pose.motions(at[0])))
+        border = np.stack([tool.columns, tool.rows.transpose(0, 2, 1)])
         self._comm.Allreduce(MPI.IN_PLACE, border)
-        moved, pulled = border[:, self.skin.mine]
-        corner = values[on_tool & by_travel].sum(axis=0)
-        travel = TravelBlocks(self.index, self.skin.owned, np.ascontiguousarray(moved), np.ascontiguousarray(pulled), corner)
-        return Blocks(pairs=(rows[inside], columns[inside], values[inside]), travel=travel, at=at)
+        columns_here, rows_here = border[:, self.skin.mine]
+        tool = replace(tool, columns=columns_here, rows=np.ascontiguousarray(rows_here.transpose(0, 2, 1)))
+        return Blocks(pairs=pairs, tool=tool, at=linearised)
 
     def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not: a tool is held."""
@@ -133,6 +133,20 @@ class MeshedToolAverages(MortarPartner):
         feet = self.feet(state)
         normals, corners = -feet.projection[5], feet.coords[self._facets[0]]
         return _seen_from_behind(self._comm, feet.points, normals, corners, self.surface.cell_height)
+
+
+def _pose(feet: FacetFeet | MortarFeet) -> Pose:
+    """The tool's, which feet on one have."""
+    if feet.pose is None:
+        raise ValueError("these feet are on no tool")
+    return feet.pose
+
+
+def _by_motions(pairs: tuple[Array, Array, Floats], motions: Floats) -> tuple[Floats, Floats]:
+    """K B (n, 3, 6) and B^T K (n, 6, 3) of rates K as rows, columns and blocks of pairs of nodes, B (n, 3, 6)."""
+    by_motion, of_wrench = np.zeros((len(motions), 3, 6)), np.zeros((len(motions), 6, 3))
+    motions_of_pairs(*pairs, motions, by_motion, of_wrench)
+    return by_motion, of_wrench
 
 
 def _seen_from_behind(comm: MPI.Comm, points: Floats, normals: Floats, corners: Floats, near: float) -> float:

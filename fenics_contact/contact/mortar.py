@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, OnFacets, deepest_lost, own, unit
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
@@ -30,13 +31,14 @@ FLAT = 1e-12  # of the tangential directions: what normals may differ by and cou
 
 class MortarFeet(NamedTuple):
     """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
-    their mean normals and turns (ns, 3, 3) of kernels/normals.py; what these normals meet."""
+    their mean normals and turns (ns, 3, 3) of kernels/normals.py; what these normals meet; pose: of a tool."""
 
     coords: Floats
     points: Floats
     lengths: Floats
     turns: Floats
     met: kernel.Met
+    pose: Pose | None
 
     @property
     def projection(self) -> Projection:
@@ -95,9 +97,8 @@ class MortarPartner(OnFacets):
         n = self.samples.count
         points, directions, lengths = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         kernel.sample_places(coords, self.samples.slaves, normals, points, directions, lengths)
-        return MortarFeet(
-            coords, points, lengths, turns, self._covered(points, coords, project(points, -directions, coords))
-        )
+        met = self._covered(points, coords, project(points, -directions, coords))
+        return MortarFeet(coords, points, lengths, turns, met, self.master.pose(state))
 
     def _covered(self, points: Floats, coords: Floats, projection: Projection) -> kernel.Met:
         """The projection without what lies off the master, and how much of each sample lies over it."""
@@ -168,10 +169,10 @@ class MortarPartner(OnFacets):
         kernel.softening(self._law(trial), averaged, part)
         return part
 
-    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
+    def add_forces(self, feet: MortarFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
-        self.skin.add_forces(response.forces[: self._first], residual, tool_residual)
-        self.master.add_forces(response.forces[self._first :], residual, tool_residual)
+        self.skin.add_forces(response.forces[: self._first], residual)
+        self.master.react(feet, response.forces, residual, tool_residual)
 
     def on_slave(self, feet: MortarFeet, response: Response) -> tuple[Floats, Floats]:
         """Places of all slave nodes and this rank's forces (n, 3) at them."""

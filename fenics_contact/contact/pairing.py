@@ -29,11 +29,11 @@ class Watch:
 
     def __init__(self, comm: MPI.Comm, watched: Ints64) -> None:
         self._comm, self._watched = comm, watched
-        self._seen: tuple[Floats, Floats] | None = None
+        self._seen: tuple[Floats, ...] | None = None
 
     def moved(self, state: State) -> bool:
         """Collective."""
-        now = state.u.x.array.reshape(-1, 3)[self._watched], state.travel.copy()
+        now = state.u.x.array.reshape(-1, 3)[self._watched], state.q.copy(), state.poses.turns.copy()
         same = self._seen is not None and all(np.array_equal(a, b) for a, b in zip(now, self._seen, strict=True))
         moved = np.array([not same], dtype=np.int32)
         self._comm.Allreduce(MPI.IN_PLACE, moved)

@@ -34,7 +34,7 @@ class Partner(Protocol):
     slid_off: str
 
     def point(self, state: State) -> Floats | None:
-        """Where moments are taken about (3,) [length]: the tool's own point; None: there is no tool."""
+        """Where moments are taken about (3,) [length]: the tool's reference point; None: there is no tool."""
         ...
 
     def feet(self, state: State) -> Any: ...
@@ -43,7 +43,7 @@ class Partner(Protocol):
 
     def response(self, feet: Any, trial: Trial) -> Response: ...
 
-    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None: ...
+    def add_forces(self, feet: Any, response: Response, residual: Floats, tool_residual: Floats) -> None: ...
 
     def on_slave(self, feet: Any, response: Response) -> tuple[Floats, Floats]:
         """Places and forces (n, 3) at the slave's nodes, which all ranks' together are what acts on the slave body, as

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.blocks import Blocks, tool_blocks
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
@@ -25,16 +26,16 @@ from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 
 class RigidFeet(NamedTuple):
-    """Positions x (ne, k, 3) of the slave nodes and travel (3,) of the tool [length]."""
+    """Positions x (ne, k, 3) of the slave nodes [length], and the Pose of the tool."""
 
     x: Floats
-    travel: Floats
+    pose: Pose
 
 
 class RigidPartner:
     """Slave points against an analytic tool, whose signed distance holds them.
 
-    surface: SlaveSurface; tool: RigidTool; index: its row in the state's travel. Anchors are ((ne, nq, 3),), places in the
+    surface: SlaveSurface; tool: RigidTool; index: its row in the state's q. Anchors are ((ne, nq, 3),), places in the
     tool's frame.
     """
 
@@ -55,15 +56,15 @@ class RigidPartner:
         self._beside: tuple[Ints64, Floats] | None = None
 
     def point(self, state: State) -> Floats:
-        """The tool's own point (3,) at a state [length]."""
-        return self.tool.point + state.travel[self.index]
+        """The tool's reference point (3,) at a state [length]."""
+        return state.pose(self.index).place
 
     # -- where the points are -------------------------------------------------------------------------------------
     def feet(self, state: State) -> RigidFeet:
         """The places at a state; the same object while these do not change."""
         s, feet = self.surface, self._feet
-        now = RigidFeet(s.X + state.u.x.array.reshape(-1, 3)[s.nodes], state.travel[self.index].copy())
-        if feet is None or not all(np.array_equal(a, b) for a, b in zip(now, feet, strict=True)):
+        now = RigidFeet(s.X + state.u.x.array.reshape(-1, 3)[s.nodes], state.pose(self.index))
+        if feet is None or not np.array_equal(now.x, feet.x) or not now.pose.same(feet.pose):
             feet = self._feet = now
         return feet
 
@@ -72,11 +73,15 @@ class RigidPartner:
     def _at(self, feet: RigidFeet, area: Floats | None = None) -> tuple[Points, ToolPose]:
         """Points and tool as kernels/rigid_element.py takes them."""
         s = self.surface
-        return (feet.x, s.a, s.area if area is None else area, s.spacing), self._placed_tool(feet.travel)
+        return (feet.x, s.a, s.area if area is None else area, s.spacing), self._placed_tool(feet.pose)
 
-    def _placed_tool(self, travel: Floats) -> ToolPose:
+    def _placed_tool(self, pose: Pose) -> ToolPose:
         tool = self.tool
-        return tool.kind, tool.shape, tool.origin, tool.axes, travel
+        return tool.kind, tool.shape, pose.turned(tool.origin), self._axes(pose), pose.travel
+
+    def _axes(self, pose: Pose) -> Floats:
+        """The tool's axes (3, 3), columns, where it is."""
+        return np.ascontiguousarray(pose.turn @ self.tool.axes)
 
     def _law(self, law: Law, touch: float | None = None) -> ElementLaws:
         friction = law.friction
@@ -99,11 +104,12 @@ class RigidPartner:
     def response(self, feet: RigidFeet, trial: Trial) -> Response:
         return self._evaluate(feet, trial, False)[0]
 
-    def add_forces(self, response: Response, residual: Floats, tool_residual: Floats) -> None:
+    def add_forces(self, feet: RigidFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the tool's, (14)."""
         active = np.flatnonzero((response.status != OPEN).any(axis=1))
         scatter_forces(active, self.surface.nodes, response.forces, residual)
-        tool_residual[self.index] -= response.forces[active].sum(axis=(0, 1))
+        x, forces = (of_nodes[active].reshape(-1, 3) for of_nodes in (feet.x, response.forces))
+        tool_residual[self.index] -= feet.pose.wrench(x, forces)
 
     def on_slave(self, feet: RigidFeet, response: Response) -> tuple[Floats, Floats]:
         """Places and forces (n, 3) of the slave nodes, a node's in parts."""
@@ -112,11 +118,12 @@ class RigidPartner:
     def tangent(self, feet: RigidFeet, trial: Trial) -> Blocks:
         response, tangent, arm = self._evaluate(feet, trial, True)
         active = np.flatnonzero((response.status != OPEN).any(axis=1))
-        nodes, arm = self.surface.nodes[active], arm[active]
-        travel = TravelBlocks(
-            self.index, nodes.ravel(), -arm.reshape(-1, 3, 3), -arm.reshape(-1, 3, 3), arm.sum(axis=(0, 1))
-        )
-        return Blocks(cells=(nodes, tangent[active]), travel=travel, at=feet)
+        nodes, K, (ne, k) = self.surface.nodes[active], tangent[active], (len(active), feet.x.shape[1])
+        x, forces = (of_nodes[active].reshape(-1, 3) for of_nodes in (feet.x, response.forces))
+        motions = feet.pose.motions(x).reshape(ne, 3 * k, 6)
+        rates = (K @ motions).reshape(-1, 3, 6), (K.transpose(0, 2, 1) @ motions).reshape(-1, 3, 6).transpose(0, 2, 1)
+        tool = tool_blocks(self.index, feet.pose, nodes.ravel(), (x, forces), rates)
+        return Blocks(cells=(nodes, K), tool=tool, at=feet)
 
     def couplings(self, feet: RigidFeet, trial: Trial) -> None:
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
@@ -151,7 +158,7 @@ class RigidPartner:
 
     def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
         """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""
-        moved, normal = self.places(feet, trial)[0] - rests[0], self.normals(feet) @ self.tool.axes
+        moved, normal = self.places(feet, trial)[0] - rests[0], self.normals(feet) @ self._axes(feet.pose)
         along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
         return np.where(np.broadcast_to(which, moved.shape[:2])[..., None], moved - along, 0.0)
 
@@ -217,7 +224,7 @@ class RigidPartner:
     def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
         """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
         gap = np.empty(len(X))
-        distances(X, self._placed_tool(state.travel[self.index]), gap)
+        distances(X, self._placed_tool(state.pose(self.index)), gap)
         here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
         at_surface, behind = np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
         return float(at_surface), float(behind)
@@ -225,7 +232,7 @@ class RigidPartner:
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
         gap = np.empty(len(nodes))
-        distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state.travel[self.index]), gap)
+        distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state.pose(self.index)), gap)
         return gap
 
     def beside(self, state: State) -> tuple[Ints64, Floats]:

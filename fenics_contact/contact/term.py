@@ -99,9 +99,9 @@ class Contact:
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Trial | None = None) -> None:
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
-        response = self.response(state, trial)
+        feet, response = self.partner.feet(state), self.response(state, trial)
         with self.timers("insertion"):
-            self.partner.add_forces(response, residual, tool_residual)
+            self.partner.add_forces(feet, response, residual, tool_residual)
 
     def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         """The residual: there are no condensed unknowns."""

@@ -16,12 +16,27 @@ def scatter_forces(elements: Array, nodes: Array, force: Floats, out: Floats) ->
 
 @njit(cache=True)
 def scatter_border(nodes: Array, columns: Floats, rows: Floats, column: Floats, row: Floats) -> None:
-    """Couplings of nodes (n,) with a tool's travel: column[d, dof] += dR_dof/dq_d, row[c, dof] += dR_c/du_dof, (3, dofs).
+    """Couplings of nodes (n,) with a tool: column[d, dof] += dR_dof/dq_d, row[d, dof] += dR_d/du_dof, (6, dofs).
 
-    columns (n, 3, 3): rates of the nodes' forces with the travel; rows (n, 3, 3): of the tool's force with the nodes.
+    columns (n, 3, 6): rates of the nodes' forces with its coordinates; rows (n, 6, 3): of its wrench with the nodes.
     """
     for i in range(len(nodes)):
         for c in range(3):
-            for d in range(3):
+            for d in range(6):
                 column[d, 3 * nodes[i] + c] += columns[i, c, d]
-                row[c, 3 * nodes[i] + d] += rows[i, c, d]
+                row[d, 3 * nodes[i] + c] += rows[i, d, c]
+
+
+@njit(cache=True)
+def motions_of_pairs(rows: Array, columns: Array, K: Floats, motions: Floats, by_motion: Floats, of_wrench: Floats) -> None:
+    """by_motion (nodes, 3, 6) += K B and of_wrench (nodes, 6, 3) += B^T K of pairs of nodes with blocks K (n, 3, 3).
+
+    motions B (nodes, 3, 6): of the nodes when the body that they are part of moves.
+    """
+    for pair in range(len(rows)):
+        i, j = rows[pair], columns[pair]
+        for c in range(3):
+            for d in range(3):
+                for m in range(6):
+                    by_motion[i, c, m] += K[pair, c, d] * motions[j, d, m]
+                    of_wrench[j, m, d] += motions[i, c, m] * K[pair, c, d]

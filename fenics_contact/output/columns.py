@@ -33,7 +33,7 @@ class Report(Protocol):
 
 @dataclass(frozen=True)
 class Columns:
-    """Names of the history's columns. tools, groups of supports by name; contacts: {name: has it friction}.
+    """Names of the history's columns. tools, groups of supports, tools that turn by name; contacts: {name: has it friction}.
 
     Names carry units; what is no letter, digit or _ in a name of the scene's becomes _. section: of a plane mesh, of which
     components out of its plane are left out, and resultants that cancel all the way round.
@@ -44,6 +44,7 @@ class Columns:
     groups: Sequence[str]
     units: Units
     section: Section | None = None
+    turning: Sequence[str] = ()
 
     def all(self) -> list[str]:
         """The names of all columns a run may have but the user's own."""
@@ -55,13 +56,19 @@ class Columns:
             dict.fromkeys(self.contacts, contact),
             dict.fromkeys(self.groups, reaction),
             dict.fromkeys(self.tools, nothing),
+            dict.fromkeys(self.tools, nothing),
             Energies(friction={name: 0.0 for name, rough in self.contacts.items() if rough}),
         )
         return [*self.row(0, 0.0, report, 0.0, 0.0, result), *SOME, damping_column(self.units)]
 
     def clash(self) -> str | None:
         """A column that two tools, contacts or groups would share, or None."""
-        names = [*(f"{name}_travel" for name in self.tools), *self.contacts, *(f"{name}_reaction" for name in self.groups)]
+        names = [
+            *(f"{name}_travel" for name in self.tools),
+            *(f"{name}_angle" for name in self.turning),
+            *self.contacts,
+            *(f"{name}_reaction" for name in self.groups),
+        ]
         names = [plain_name(name) for name in names]
         return next((name for i, name in enumerate(names) if name in names[:i]), None)
 
@@ -71,6 +78,8 @@ class Columns:
         row |= {"seconds": seconds, "smallest_J": smallest_J} | self._energies(result.energies)
         for tool, travel in result.travel.items():
             row |= self._place(f"{tool}_travel", travel)
+        for tool in self.turning:
+            row |= _vector(f"{tool}_angle", result.angles[tool], "rad", self.section.resultants[1] if self.section else AXES)
         for name, contact in result.contacts.items():
             row |= self._contact(name, contact, self.contacts[name])
         for group, reaction in result.reactions.items():

@@ -60,11 +60,11 @@ class _Rubbing:
 
 @dataclass(frozen=True)
 class _Forces:
-    """At an accepted state: displacement (local array) and travel (tools, 3); outer forces on the owned dofs and on the
-    tools; by contact its Rubbing."""
+    """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs
+    and, such that their product with these is work, on the tools; by contact its Rubbing."""
 
     u: Floats
-    travel: Floats
+    q: Floats
     on_dofs: Floats
     on_tools: Floats
     rubbing: dict[str, _Rubbing]
@@ -92,9 +92,9 @@ class EnergyBalance:
         rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
         stored = [contact.measures(system.state)["stored"] for contact in system.contacts]
         sums = system.comm.allreduce(np.array([work, *rubbed.values(), *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
-        work = sums[0] + float(0.5 * ((last.on_tools + here.on_tools) * (here.travel - last.travel)).sum())
+        work = sums[0] + float(0.5 * ((last.on_tools + here.on_tools) * (here.q - last.q)).sum())
         friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:-3], strict=True)}
-        balance = float(np.linalg.norm((sums[-3:] + here.on_tools.sum(axis=0))[self._adds_up]))
+        balance = float(np.linalg.norm((sums[-3:] + here.on_tools[:, :3].sum(axis=0))[self._adds_up]))
         self._last, self.now = here, Energies(
             self.now.external_work + work, system.strain_energy(), float(sum(stored)), friction,
             self.now.damping + damping, balance,
@@ -115,8 +115,13 @@ class EnergyBalance:
         forces += reactions
         return _Forces(
             state.u.x.array.copy(),
-            state.travel.copy(),
+            state.q.copy(),
             forces,
-            system.tool_residual + system.tools.forces(state.t),
+            np.array(
+                [
+                    pose.lever * pose.by_coordinates(np.append(wrench[:3] / pose.lever, wrench[3:]))
+                    for pose, wrench in zip(state.tools, system.tool_residual + system.tools.forces(state.t), strict=True)
+                ]
+            ).reshape(-1, 6),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
         )

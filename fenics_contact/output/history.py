@@ -63,7 +63,8 @@ def penalty_summary(error: dict[str, Any] | None, tools: Sequence[str], units: U
             else e["peak_change"],
         }
     travel = {f"{tool}_{units.length}": list(change) for tool, change in zip(tools, error["travel_change"], strict=True)}
-    return {"contacts": out, "travel_change": travel}
+    angles = {f"{tool}_rad": list(change) for tool, change in zip(tools, error["angle_change"], strict=True) if change.any()}
+    return {"contacts": out, "travel_change": travel, "angle_change": angles}
 
 
 def penalty_lines(summary: Summary, units: Units) -> list[str]:

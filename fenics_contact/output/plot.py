@@ -46,7 +46,7 @@ def drawing(
         return None
     tint = colours(seen.label, seen.kind, seen.on_contact, body.values)
     low, high = _neighbourhood(body.x.reshape(-1, 3), planes, slice_axis(body))
-    tiles = tool_tiles(scene, system.state.travel, low, high)
+    tiles = tool_tiles(scene, system.state.tools, low, high)
     body, tiles = mirrored(body, tiles, {axis: planes[axis] for axis in sorted(map(AXES.index, mirror))})
     # bodies whose own surfaces carry nothing of a contact field would hide those that do
     carries = np.bincount(body.body[body.slave], minlength=len(scene.bodies)) > 0

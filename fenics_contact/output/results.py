@@ -17,11 +17,11 @@ from fenics_contact.types import Floats
 class ContactResult:
     """A contact at one step; forces act on the slave body.
 
-    force (3,), its part from friction (3,), moment (3,) about point (3,): the tool's own, or the slave surface's present
-    centroid; load: pressure integrated over the surface; peak_pressure of a node, at peak_at (3,), its present place; area:
-    current one in contact; width (3,): its extents along x, y, z; slip, mean_slip: greatest way slid, and its mean over what
-    has been in contact; friction_work since the start; active, sticking: how many of the slave points; penetration: of the
-    deepest. [force, length, pressure and their products]
+    force (3,), its part from friction (3,), moment (3,) about point (3,): the tool's reference point, or the slave surface's
+    present centroid; load: pressure integrated over the surface; peak_pressure of a node, at peak_at (3,), its present
+    place; area: current one in contact; width (3,): its extents along x, y, z; slip, mean_slip: greatest way slid, and its
+    mean over what has been in contact; friction_work since the start; active, sticking: how many of the slave points;
+    penetration: of the deepest. [force, length, pressure and their products]
     """
 
     force: Floats
@@ -44,11 +44,13 @@ class ContactResult:
 
 @dataclass(frozen=True)
 class StepResult:
-    """contacts, reactions, travel (3,) of the tools: by name; energies."""
+    """contacts, reactions, travel (3,) [length] and angles, rotation vectors (3,) [radians], of the tools: by name;
+    energies."""
 
     contacts: dict[str, ContactResult]
     reactions: dict[str, Reaction]
     travel: dict[str, Floats]
+    angles: dict[str, Floats]
     energies: Energies
 
 
@@ -70,8 +72,10 @@ class Results:
         """Of the state just accepted; damping: the work it took in this step. Call once per step. Collective."""
         energies, state = self._balance.advance(damping), self.system.state
         contacts = {surface.contact.name: self._contact(surface, energies) for surface in self.surfaces}
-        travel = {name: state.travel[i].copy() for i, name in enumerate(self.system.tools.names)}
-        return StepResult(contacts, self.reactions.at_state(), travel, energies)
+        travel, angles = (
+            dict(zip(self.system.tools.names, of_tools.copy(), strict=True)) for of_tools in (state.travel, state.angles)
+        )
+        return StepResult(contacts, self.reactions.at_state(), travel, angles, energies)
 
     def _contact(self, surface: SlaveNodes, energies: Energies) -> ContactResult:
         m, zone = surface.contact.measures(self.system.state), surface.zone(surface.at_state())

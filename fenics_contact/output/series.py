@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.files import FIELDS, STEPS, TOOLS, StepFiles, complete, writing
 from fenics_contact.output.grid import Grid, per_cell
 from fenics_contact.output.solved import Solved
@@ -39,11 +40,11 @@ class FieldFiles:
                 for series in (self._bodies, *self._tools):
                     series.take_up(last)
 
-    def write(self, step: int, functions: Mapping[str, Function], travel: Floats, t: float, stamp: float) -> None:
+    def write(self, step: int, functions: Mapping[str, Function], poses: Sequence[Pose], t: float, stamp: float) -> None:
         """Write accepted step number `step`, 0 for the start, as of time `stamp`, which must grow. Collective.
 
         functions: {name: Function of degree 1, of the displacement's degree or constant per cell}, the displacement first;
-        travel (tools, 3) [length]; t: load parameter.
+        poses: of the tools; t: load parameter.
         """
         values = {name: self._grid.values(function) for name, function in functions.items()}
         in_cells = [name for name, function in functions.items() if per_cell(function)]
@@ -53,17 +54,17 @@ class FieldFiles:
                 points = {name: _plain(array) for name, array in values.items() if array is not None}
                 cells = {"body": body} | {name: points.pop(name) for name in in_cells}
                 displacement: Floats = next(iter(points.values()))
-                self._write_tools(step, self._grid.points + displacement, travel, stamp)
+                self._write_tools(step, self._grid.points + displacement, poses, stamp)
                 whole = _times(stamp) | {"t": np.array([t])}
                 whole |= {f"body_{b.group}": np.array([i], dtype=np.int32) for i, b in enumerate(self._scene.bodies)}
                 self._bodies.add(step, stamp, partial(file.write, points=points, cells=cells, whole=whole))
 
-    def _write_tools(self, step: int, placed: Floats, travel: Floats, stamp: float) -> None:
+    def _write_tools(self, step: int, placed: Floats, poses: Sequence[Pose], stamp: float) -> None:
         """placed (n, 3): where the bodies' nodes are, beside which endless tools are drawn."""
         about = (placed.min(axis=0) + placed.max(axis=0)) / 2
-        for tool, series, gone in zip(self._scene.tools, self._tools, travel, strict=True):
-            file = facets_file(*tool_surface(tool, self._size, about, gone))
-            whole = _times(stamp) | {f"travel_{self._scene.units.length}": gone[None]}
+        for tool, series, pose in zip(self._scene.tools, self._tools, poses, strict=True):
+            file = facets_file(*tool_surface(tool, self._size, about, pose))
+            whole = _times(stamp) | {f"travel_{self._scene.units.length}": pose.travel[None]}
             series.add(step, stamp, partial(file.write, points={}, cells={}, whole=whole))
 
 

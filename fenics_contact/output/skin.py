@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.tool_surfaces import tool_surface
@@ -186,15 +187,15 @@ def _bodies(scene: Solved) -> Ints64:
 
 
 # -- tools --------------------------------------------------------------------------------------------------------------
-def tool_tiles(scene: Solved, travel: Floats, low: Floats, high: Floats) -> list[Floats]:
+def tool_tiles(scene: Solved, poses: Sequence[Pose], low: Floats, high: Floats) -> list[Floats]:
     """Of each tool the tiles (n, 4, 3) of its surface between the corners low, high (3,) of a box [length].
 
-    travel (tools, 3). What leaves the box ends on its faces; tiles are small against the box, for painting by distance.
+    poses: of the tools. What leaves the box ends on its faces; tiles are small against the box, for painting by distance.
     """
     size, about = 2.0 * float(np.linalg.norm(high - low)), 0.5 * (low + high)
     found = []
-    for tool, moved in zip(scene.tools, travel, strict=True):
-        points, facets = tool_surface(tool, size, about, moved, SAG)
+    for tool, pose in zip(scene.tools, poses, strict=True):
+        points, facets = tool_surface(tool, size, about, pose, SAG)
         tiles = points[facets]
         for _ in range(FINEST):
             tiles = tiles[_meets(tiles, low, high)]

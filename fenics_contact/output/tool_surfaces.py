@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, parts_of
 from fenics_contact.kernels import rigid_profiles, rigid_shapes
 from fenics_contact.types import Floats, Ints64
@@ -13,28 +14,31 @@ FLAT = 8  # facets along a straight line: pictures sort them by their distance f
 Facets = tuple[Floats, Ints64]
 
 
-def tool_surface(
-    tool: Tool, size: float, about: Floats | None = None, travel: Floats | None = None, sag: float = SAG
-) -> Facets:
-    """Points (n, 3) [length] of a tool's surface, where it is after its travel, and facets (m, 4), rows of points.
+def tool_surface(tool: Tool, size: float, about: Floats | None = None, pose: Pose | None = None, sag: float = SAG) -> Facets:
+    """Points (n, 3) [length] of a tool's surface, where it is, and facets (m, 4), rows of points.
 
     Facets are counter-clockwise seen from outside the tool; a triangle repeats its third point. Every point lies on the
     tool; facets cut below its round parts by `sag` of `size` at most, as far as MOST of them do. size: of
     the bodies [length]: side of the square that stands for a plane, length of a cylinder, and of a cone's side; about (3,):
-    the place nearest to which an endless plane or cylinder is cut out after its travel, by default the tool's own; travel
-    (3,) [length].
+    the place nearest to which an endless plane or cylinder is cut out where it is, by default the tool's own; pose: by
+    default that of the start.
     """
-    moved = np.zeros(3) if travel is None else np.asarray(travel, dtype=np.float64)
     if isinstance(tool, MeshedTool):
-        return tool.X + moved, tool.nodes
-    if not isinstance(tool, RigidTool):
+        points, facets = tool.X, tool.nodes
+    elif isinstance(tool, RigidTool):
+        near = None if about is None else np.asarray(about, dtype=np.float64)
+        near = near if near is None or pose is None else pose.before(near)
+        points, facets = _joined([_part(part, size, near, sag) for part in parts_of(tool)])
+    else:
         raise TypeError(f"no surface is known of a {type(tool).__name__}")
-    surfaces = []
-    for part in parts_of(tool):
-        centre = np.zeros(3) if about is None else part.axes.T @ (np.asarray(about, dtype=np.float64) - part.origin - moved)
-        points, facets = _in_frame(part, size, centre, sag * size)
-        surfaces.append((points @ part.axes.T + part.origin + moved, facets))
-    return _joined(surfaces)
+    return points if pose is None else pose.placed(points), facets
+
+
+def _part(tool: RigidTool, size: float, near: Floats | None, sag: float) -> Facets:
+    """Surface of one shape where it starts; near (3,): the place about which an endless one is cut out."""
+    centre = np.zeros(3) if near is None else (near - tool.origin) @ tool.axes
+    points, facets = _in_frame(tool, size, centre, sag * size)
+    return points @ tool.axes.T + tool.origin, facets
 
 
 def _joined(surfaces: list[Facets]) -> Facets:

@@ -35,7 +35,8 @@ class Sample:
 class View:
     """A run at the step just accepted, for functions of `record=`, which all ranks call alike.
 
-    u: displacement Function; t; travel (tools, 3) [length]; energies: Energies.
+    u: displacement Function; t; travel (tools, 3) [length] and angles (tools, 3) [radians] of the tools; energies:
+    Energies.
     """
 
     def __init__(self, scene: Solved, system: System) -> None:
@@ -60,6 +61,10 @@ class View:
     @property
     def travel(self) -> Floats:
         return self._system.state.travel
+
+    @property
+    def angles(self) -> Floats:
+        return self._system.state.angles
 
     @property
     def energies(self) -> Energies:

@@ -40,7 +40,7 @@ class Writer:
         state = self.system.state
         functions = {self.fields.displacement.name: state.u}  # at all nodes, in the place of that at the corners
         functions |= {field.name: field for field in self.fields.all if field is not self.fields.displacement}
-        self._files.write(step, functions, state.travel, state.t, self._clock())
+        self._files.write(step, functions, state.tools, state.t, self._clock())
 
     def write_row(self, row: HistoryRow) -> None:
         """Append a row to history.csv. Collective."""

@@ -16,6 +16,7 @@ from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
@@ -39,7 +40,7 @@ from fenics_contact.scene.checks import (
     refuse_loose,
     unmet_notes,
 )
-from fenics_contact.scene.drives import motion_of, supports_of
+from fenics_contact.scene.drives import Moves, motion_of, supports_of
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.statements import ContactStatement, Load
 from fenics_contact.solid import virtual_power as vp
@@ -67,21 +68,21 @@ class Built:
 
 def build(
     scene: "Scene",
-    move: Mapping[Tool, Drive] | None = None,
+    move: Moves | None = None,
     push: Mapping[Tool, Drive] | None = None,
     timers: Timers | None = None,
     stabilise: bool = False,
     damping: bool = False,
 ) -> Built:
-    """What a Scene states, Built. move: {tool: (3,) travel at t = 1 or function of t}; push: {tool: (3,) force at t = 1 or
-    function of t}; a pushed tool is free to travel along the axes in which its force acts. SceneError on all ranks for what
-    cannot be. Collective."""
+    """What a Scene states, Built. move: {tool: (3,) travel at t = 1 or function of t, or a Motion}; push: {tool: (3,) force
+    at t = 1 or function of t}; a pushed tool is free to travel along the axes in which its force acts. SceneError on all
+    ranks for what cannot be. Collective."""
     comm, domain, timers = scene.mesh.comm, scene.mesh.domain, timers or Timers()
     collect_together(comm)
     refuse_doubled(scene)
-    motion = motion_of(comm, scene.tools, move or {}, push or {}, scene.section)
+    motion = motion_of(comm, scene.tools, move or {}, push or {}, bodies_size(scene.space), scene.section)
     u = compat.Function(scene.space, name="displacement")
-    state = State(u, np.zeros((len(scene.tools), 3)))
+    state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     loads = [(compat.Constant(domain, np.zeros(3)), load) for load in scene.loads]
     pressures = [(compat.Constant(domain, 0.0), load) for load in scene.pressures]
     supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section)

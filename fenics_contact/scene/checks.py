@@ -326,10 +326,11 @@ def refuse_jumps(scene: "Scene", system: System) -> list[str]:
                 f"prescribed displacement of {name} is {size:.3g} at t = 0, where all is at rest; let its function start "
                 "from 0, e.g. multiply it by t"
             )
-    for tool, travel in zip(scene.tools, system.tools.prescribed(0.0), strict=True):
-        if np.abs(travel).max() > still:
+    for tool, q in zip(scene.tools, system.tools.prescribed(0.0), strict=True):
+        if np.abs(q).max() > still:
+            way = q[:3] if np.abs(q[:3]).max() > still else q[3:] / system.tools.lever
             raise SceneError(
-                f"move of '{tool.name}' is {travel} at t = 0, where all is at rest; let its function start from 0, and "
+                f"move of '{tool.name}' is {way} at t = 0, where all is at rest; let its function start from 0, and "
                 "state the tool in the place where it starts"
             )
     loads = [

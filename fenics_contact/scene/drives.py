@@ -1,6 +1,6 @@
 """What drives a scene: supports, and tools that are moved or pushed, from what the user stated of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -11,10 +11,13 @@ from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.functions import AtPoints, Drive, ramp
+from fenics_contact.scene.functions import AtPoints, Drive, Path, ramp
+from fenics_contact.scene.motion import Driven, Motion, driven
 from fenics_contact.scene.statements import Support
-from fenics_contact.types import Floats, Space
+from fenics_contact.types import Space
 from fenics_contact.values import SceneError, shown
+
+Moves = Mapping[Tool, Drive | Motion]
 
 
 def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support], section: Section | None = None) -> Supports:
@@ -45,37 +48,62 @@ def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support], se
 def motion_of(
     comm: MPI.Comm,
     tools: Sequence[Tool],
-    move: Mapping[Tool, Drive],
+    move: Moves,
     push: Mapping[Tool, Drive],
+    lever: float,
     section: Section | None = None,
 ) -> ToolMotion:
-    """ToolMotion of tools, each at rest, moved by {tool: way} or pushed by {tool: force}, see `build`; of a Section within
-    its plane, and along its axis. Collective."""
+    """ToolMotion of tools, each at rest, moved by {tool: way or Motion} or pushed by {tool: force}, see `build`; lever:
+    ToolMotion's; of a Section within its plane, or along its axis. Collective."""
     for what, drive in (("move", move), ("push", push)):
         if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):
             raise SceneError(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key")
     for tool in [*move, *push]:
         if tool not in tools:
             raise SceneError(f"tool '{tool.name}' is moved or pushed but is in no contact")
-    paths, forces, free = [], [], []
-    for tool in tools:
         if tool in move and tool in push:
-            raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one")
-        paths.append(ramp(comm, move.get(tool, (0.0, 0.0, 0.0)), f"move of '{tool.name}'"))
-        forces.append(ramp(comm, push.get(tool, (0.0, 0.0, 0.0)), f"push of '{tool.name}'"))
-        free.append(np.any([forces[-1](t) != 0.0 for t in (0.5, 1.0)], axis=0) if tool in push else np.zeros(3, bool))
-        if tool in push and not free[-1].any():
+            raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one, or state both in one Motion")
+    drives = [_driven(comm, tool, move, push) for tool in tools]
+    if section is not None:
+        for tool, one in zip(tools, drives, strict=True):
+            _refuse_out_of_plane(tool.name, one, section)
+    paths, loads = [drive.path for drive in drives], [drive.load for drive in drives]
+    points, free = [drive.point for drive in drives], [drive.free for drive in drives]
+    return ToolMotion(paths, loads, points, free, [tool.name for tool in tools], lever)
+
+
+def _driven(comm: MPI.Comm, tool: Tool, move: Moves, push: Mapping[Tool, Drive]) -> Driven:
+    """What drives a tool. Collective."""
+    way, force = move.get(tool, (0.0, 0.0, 0.0)), push.get(tool, (0.0, 0.0, 0.0))
+    if isinstance(force, Motion):
+        raise SceneError(f"push of '{tool.name}': a Motion says itself what is moved and pushed; give it in move=")
+    if isinstance(way, Motion):
+        return driven(comm, tool.name, way, tool.point)
+    path, load = ramp(comm, way, f"move of '{tool.name}'"), ramp(comm, force, f"push of '{tool.name}'")
+    free = np.zeros(6, dtype=bool)
+    if tool in push:
+        free[:3] = np.any([load(t) != 0.0 for t in (0.5, 1.0)], axis=0)
+        if not free.any():
             raise SceneError(f"push of '{tool.name}' has no force in any direction")
-        if section is not None:
-            _refuse_out_of_plane(tool, (paths[-1], forces[-1]), section)
-    return ToolMotion(paths, forces, free, [tool.name for tool in tools])
+    return Driven(_unturned(path), _unturned(load), free, tool.point)
 
 
-def _refuse_out_of_plane(tool: Tool, drives: Sequence[Callable[[float], Floats]], section: Section) -> None:
-    """Nothing may move or push a tool out of a plane mesh, nor away from an axis of turning."""
-    for drive, word in zip(drives, ("moves", "pushes"), strict=True):
-        largest = np.max([np.abs(drive(t)) for t in (0.25, 0.5, 1.0)], axis=0)
-        for axis in (0, 2) if section.axisymmetric else (2,):
-            if largest[axis] > 0.0:
-                why = "the mesh lies in the plane z = 0" if axis == 2 else "all the way round there is no such direction"
-                raise SceneError(f"tool '{tool.name}' {word} along {'xyz'[axis]}: {why}; leave that component zero")
+def _unturned(part: Path) -> Path:
+    """Three components, and none of a rotation."""
+    return lambda t: np.append(part(t), np.zeros(3))
+
+
+def turning(move: object) -> list[str]:
+    """Names of the tools that turn by what is stated of their motion."""
+    stated = move.items() if isinstance(move, Mapping) else ()
+    return [tool.name for tool, motion in stated if isinstance(motion, Motion) and motion.turns]
+
+
+def _refuse_out_of_plane(name: str, drive: Driven, section: Section) -> None:
+    """Nothing may move, push or free a tool out of a plane mesh, nor, all the way round, anything but along its axis."""
+    allowed = np.isin(np.arange(6), [1] if section.axisymmetric else [0, 1, 5])
+    driven = drive.free | np.any([(drive.path(t) != 0.0) | (drive.load(t) != 0.0) for t in (0.25, 0.5, 1.0)], axis=0)
+    for i in np.flatnonzero(driven & ~allowed):
+        way = f"along {'xyz'[i]}" if i < 3 else f"about {'xyz'[i - 3]}"
+        why = "all the way round there is no such motion" if section.axisymmetric else "the mesh lies in the plane z = 0"
+        raise SceneError(f"tool '{name}' is driven {way}: {why}; leave that component out")

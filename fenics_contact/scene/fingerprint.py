@@ -55,7 +55,8 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
         out[f"move of '{tool.name}'"] = sampled(row_of(system.tools.prescribed, i))
         out[f"push of '{tool.name}'"] = sampled(row_of(system.tools.forces, i))
-        out[f"free axes of '{tool.name}'"] = plain(system.tools.free[i])
+        out[f"free components of '{tool.name}'"] = plain(system.tools.free[i])
+        out[f"reference point of '{tool.name}'"] = plain(system.tools.points[i])
     for stated, term in zip(scene.contacts, system.contacts, strict=True):
         parts = vars(stated) | {f"penalty {key}": value for key, value in vars(stated.penalty).items()}
         del parts["penalty"]

@@ -15,9 +15,10 @@ FEW = 8  # nodes at which a function of points is sampled
 
 # reached at t = 1, or a function of t
 Drive = float | Sequence[float] | Floats | Callable[[float], Any]
+Path = Callable[[float], Floats]
 
 
-def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,)) -> Callable[[float], Floats]:
+def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,)) -> Path:
     """Value reached at t = 1, or a function of t, as a function of t, which all ranks call."""
     if callable(value):
         function(value, what, "value(t)")
@@ -28,7 +29,7 @@ def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,))
     return lambda t: t * end
 
 
-def row_of(path: Callable[[float], Floats], i: int) -> Callable[[float], Floats]:
+def row_of(path: Path, i: int) -> Path:
     """Row i of a function of t."""
     return lambda t: path(t)[i]
 

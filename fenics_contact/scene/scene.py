@@ -25,6 +25,7 @@ from fenics_contact.scene.checks import (
     sides,
 )
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
+from fenics_contact.scene.drives import Moves
 from fenics_contact.scene.functions import Drive, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
 from fenics_contact.solid import virtual_power as vp
@@ -224,7 +225,7 @@ class Scene:
     # -- construction ---------------------------------------------------------------------------------------------
     def system(
         self,
-        move: Mapping[Tool, Drive] | None = None,
+        move: Moves | None = None,
         push: Mapping[Tool, Drive] | None = None,
         timers: Timers | None = None,
         stabilise: bool = False,

@@ -9,6 +9,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.checks import AXES
 from fenics_contact.scene.functions import number_of
+from fenics_contact.scene.motion import COMPONENTS
 from fenics_contact.scene.scene import Scene
 from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, shown
 
@@ -52,23 +53,26 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Travel:
-    """A tool's travel along an axis reaches `value` [length]."""
+    """A tool's travel along an axis reaches `value` [length], or its rotation about one, "rx", "ry" or "rz" [radians]."""
 
     tool: Tool
     axis: str
     value: float
 
     def __str__(self) -> str:
-        return f"travel of '{self.tool.name}' along {self.axis} = {self.value:g}"
+        what, along = ("rotation", "about") if self.axis in COMPONENTS[3:] else ("travel", "along")
+        return f"{what} of '{self.tool.name}' {along} {self.axis[-1]} = {self.value:g}"
 
     def distance(self, scene: Scene, system: System) -> Callable[[], float]:
         if not isinstance(self.tool, Tool):
             raise SceneError(f"Travel: {shown(self.tool)} is no tool; give the tool itself")
-        axis_letters(self.axis, f"Travel of '{self.tool.name}'", most=1)
+        if self.axis not in COMPONENTS:
+            raise SceneError(f"Travel of '{self.tool.name}': axis {shown(self.axis)} is not one of {', '.join(COMPONENTS)}")
         if self.tool not in scene.tools:
             raise SceneError(f"{self}: that tool is in no contact of the scene")
-        index = scene.tools.index(self.tool), AXES[self.axis]
-        return lambda: system.state.travel[index] - self.value
+        i, component = scene.tools.index(self.tool), COMPONENTS.index(self.axis)
+        unit = 1.0 if component < 3 else system.tools.lever
+        return lambda: system.state.q[i, component] / unit - self.value
 
 
 def distances(until: object, scene: Scene, system: System) -> dict[str, Callable[[], float]]:

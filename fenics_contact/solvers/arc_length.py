@@ -1,6 +1,6 @@
 """One step of arc length: the load parameter t is an unknown too, so that a path can pass its limit points.
 
-The step keeps a length ds of the increment (du, dq, dt) of displacements, tools' travel and load fixed:
+The step keeps a length ds of the increment (du, dq, dt) of displacements, tools' coordinates and load fixed:
 
     ds^2 = |du|^2 / nodes + |dq|^2 + (L dt)^2
 
@@ -36,7 +36,7 @@ class ArcReport(StepReport):
 
 @dataclass
 class Increment:
-    """Part of a path: du (PETSc Vec, owned part) and dq (tools, 3) [length], dt."""
+    """Part of a path: du (PETSc Vec, owned part) and dq (tools, 6) [length], dt."""
 
     du: Vec
     dq: Floats
@@ -81,9 +81,9 @@ class ArcLength:
         return float(np.sqrt(self.dot(a, a)))
 
     def extent(self, system: System) -> float:
-        """Distance [length] of a state from the start in displacement and travel."""
+        """Distance [length] of a state from the start in displacement and tools' coordinates."""
         u = system.vector
-        return float(np.sqrt(u.dot(u) / (u.getSize() / 3) + np.sum(system.state.travel**2)))
+        return float(np.sqrt(u.dot(u) / (u.getSize() / 3) + np.sum(system.state.q**2)))
 
     def weigh(self, moved: float, load: float) -> None:
         """Give load and displacement the same extent: `moved` [length] stands for a change of the load by `load`."""
@@ -155,10 +155,10 @@ class ArcLength:
 
     def made(self, system: System) -> Increment:
         """Increment from the last accepted state to the present one."""
-        u, travel = system.committed
+        u, q = system.committed
         du = system.new_vector()
         du.array[:] = (system.state.u.x.array - u)[: du.getLocalSize()]
-        return Increment(du, system.state.travel - travel, system.state.t - system.committed_t)
+        return Increment(du, system.state.q - q, system.state.t - system.committed_t)
 
     def rate_along(self, system: System) -> Increment:
         """Unit rate of the path at a converged state, pointing the way it was reached."""

@@ -77,14 +77,14 @@ def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
 
 
 def _move(system: System) -> tuple[Floats, Floats]:
-    """Motion (local dofs, free tools' travel) [length] of STEP of a cell, the same on any number of ranks."""
+    """Motion (local dofs, free tools' coordinates) [length] of STEP of a cell, the same on any number of ranks."""
     X = system.space.tabulate_dof_coordinates()
     mesh = system.space.mesh
     size = STEP * system.extent / max(compat.cell_map(mesh).size_global, 1) ** (1 / mesh.topology.dim)
     keys = node_keys(system.space).astype(float)
     waves = np.sin(np.outer(keys + 1.0, [12.9898, 78.233, 37.719])) * 43758.5453  # a hash: neighbours differ
     du = 2.0 * (waves - np.floor(waves)) - 1.0
-    dq = np.cos(np.arange(system.state.travel.size)).reshape(-1, 3)
+    dq = np.cos(np.arange(system.state.q.size)).reshape(-1, 6)
     return size * du[: len(X)].ravel(), size * np.where(system.tools.free, dq, 0.0)
 
 
@@ -115,7 +115,7 @@ def _displace(system: System, move: tuple[Floats, Floats], share: float) -> None
     """The accepted state moved by share of a motion."""
     system.rollback()
     system.state.u.x.array[:] += share * move[0]
-    system.state.travel[:] += share * move[1]
+    system.state.q[:] += share * move[1]
 
 
 def _taylor(system: System, term: Term, name: str, points: int, move: tuple[Floats, Floats], trial: Any = None) -> Block:
@@ -142,7 +142,7 @@ def _norm(vector: Vec, tools: Floats) -> float:
 
 
 def _forces(system: System, term: Term, trial: Any) -> tuple[Vec, Floats]:
-    """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 3), at the state. Collective."""
+    """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 6), at the state. Collective."""
     vector, tools = system.new_vector(), np.zeros_like(system.tool_residual)
     with vector.localForm() as local:
         local.set(0.0)
@@ -163,7 +163,7 @@ def _rate(system: System, term: Term, trial: Any, du: Floats, dq: Floats) -> tup
         return rate, np.zeros_like(dq)
     rate.axpy(1.0, system.border_vector(dq.ravel() @ system.border.columns))
     tools = system.comm.allreduce(system.border.rows @ du) + system.border.corner @ dq.ravel()
-    return rate, tools.reshape(-1, 3)
+    return rate, tools.reshape(-1, 6)
 
 
 def _order(sizes: Sequence[float]) -> float | None:

@@ -91,14 +91,14 @@ class _Place:
     """A state within a step that is in balance, its multipliers and what it leaves of the error."""
 
     def __init__(self, system: System, report: StepReport) -> None:
-        self.t, self.u, self.travel = system.state.t, system.state.u.x.array.copy(), system.state.travel.copy()
+        self.t, self.u, self.q = system.state.t, system.state.u.x.array.copy(), system.state.q.copy()
         self.multipliers = [(contact, contact.trial) for contact in system.augmented]
         self.misfit, self.residual = report.misfits[-1], report.residuals[-1]
 
     def take(self, system: System) -> None:
         system.release()
         system.begin_step(self.t)
-        system.state.u.x.array[:], system.state.travel[:] = self.u, self.travel
+        system.state.u.x.array[:], system.state.q[:] = self.u, self.q
         for contact, trial in self.multipliers:
             contact.take(trial)
 

@@ -140,7 +140,7 @@ class Path:
             du, (dq, dt) = self.system.new_vector(), numbers.pop(name)
             du.array[:] = values[: len(du.array_r)]
             copy_to_ghosts(du)
-            setattr(self, name, Increment(du, np.array(dq).reshape(-1, 3), dt))
+            setattr(self, name, Increment(du, np.array(dq).reshape(-1, 6), dt))
         vars(self).update(numbers)
         self.length = min(self.length, self.steps.largest)
         known = [name in leg for name, leg in zip(self.reached, self.legs, strict=False)]

@@ -17,7 +17,7 @@ EASY = 6  # tangents up to which it was easy
 MOTIONS = 60  # at most
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
 
-# displacement, travel, t, force scale and the terms' histories of an accepted state
+# displacement, q, t, force scale and the terms' histories of an accepted state
 Kept = tuple[Floats, Floats, float, float, list[dict[str, Array]]]
 
 
@@ -32,7 +32,7 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
     """
     kept = _keep(system)
     system.rollback()
-    _damping(system).begin(system.state.u.x.array, system.state.travel)
+    _damping(system).begin(system.state.u.x.array, system.state.q)
     report, newton, share, work = StepReport(), Newton(LinearSolver(system)), FIRST, 0.0
     before, scale = system.accepted[-1], system.force_scale
     for _ in range(MOTIONS):
@@ -80,10 +80,10 @@ def _at_rest(system: System, stepper: Stepper, goal: float) -> StepReport | None
 
 def _conclude(system: System, report: StepReport, work: float, before: Accepted, scale: float) -> None:
     """What the jump took, in the report; steps go on from its end alone."""
-    u, travel, _ = before
+    u, q, _ = before
     energy = system.strain_energy()
     way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
-    way = max(way, np.abs(system.state.travel - travel).max(initial=0.0))
+    way = max(way, np.abs(system.state.q - q).max(initial=0.0))
     share, most = work / max(work + energy, 1e-300), _damping(system).most
     _damping(system).most = {
         "jumps": most["jumps"] + 1,
@@ -107,13 +107,13 @@ def _damping(system: System) -> Damping:
 
 
 def _keep(system: System) -> Kept:
-    u, travel, t = system.accepted[-1]
-    return u.copy(), travel.copy(), t, system.force_scale, [term.history() for term in system.terms]
+    u, q, t = system.accepted[-1]
+    return u.copy(), q.copy(), t, system.force_scale, [term.history() for term in system.terms]
 
 
 def _restore(system: System, kept: Kept) -> None:
-    u, travel, t, scale, histories = kept
+    u, q, t, scale, histories = kept
     _damping(system).share = 0.0
     system.state.u.x.array[:] = u
-    system.resume(travel, t, histories)
+    system.resume(q, t, histories)
     system.force_scale = scale

@@ -40,14 +40,14 @@ class Following:
 
     def _solved(self, system: System, t: float) -> StepReport:
         """The report of balance with the springs' far ends where the state is: with stiffer ones if soft ones fail."""
-        springs, place = _springs(system), (system.state.u.x.array.copy(), system.state.travel.copy())
+        springs, place = _springs(system), (system.state.u.x.array.copy(), system.state.q.copy())
         try:
             return self.stepper.settle(system, t)
         except StepFailed as failure:
             if failure.finding.kind in NO_HELP or not springs.stiffen():
                 raise
         system.release()
-        system.state.u.x.array[:], system.state.travel[:] = place
+        system.state.u.x.array[:], system.state.q[:] = place
         return self.stepper.settle(system, t)
 
 

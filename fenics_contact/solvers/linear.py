@@ -19,8 +19,8 @@ OUT_OF_MEMORY = 55  # PETSc's error code
 # the frictional punch, 20x20x5 and 40x40x10; one sweep, or five, cost up to half as many iterations again.
 SWEEPS, DAMPING = 2, 0.9
 
-Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, du on the supports' dofs, dq, forces on tools (tools, 3)
-Solution = tuple[Vec, Floats]  # du and dq (tools, 3) [length]
+Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, tools' one (tools, 6), du on the supports' dofs, dq
+Solution = tuple[Vec, Floats]  # du and dq (tools, 6) [length]
 
 
 class LinearFailure(RuntimeError):
@@ -72,9 +72,9 @@ class LinearSolver:
         return self._solver.builds
 
     def solve(self, du_supports: Floats, dq: Floats, tolerance: float = TIGHTEST, again: bool = False) -> Solution:
-        """Increment (du Vec, dq (tools, 3)) of the assembled tangent and residual.
+        """Increment (du Vec, dq (tools, 6)) of the assembled tangent and residual.
 
-        du_supports: increments of the supports' local dofs; dq (tools, 3): increments of prescribed tools, zero where free.
+        du_supports: increments of the supports' local dofs; dq (tools, 6): increments of prescribed tools, zero where free.
         tolerance: relative residual at which an iterative solve may stop; a new factorisation does not look at it.
         again: keep the tangent and factorisation of the last solve; supports and tools then stay where they are.
         Raises LinearFailure, on all ranks, if the solver fails.
@@ -85,7 +85,7 @@ class LinearSolver:
     def solve_sides(self, sides: list[Side], tolerance: float = TIGHTEST, again: bool = False) -> list[Solution]:
         """Increments (du, dq) for several sides with one factorisation and one set of the tools' responses.
 
-        sides: (residual Vec, tool residual (tools, 3), du_supports, dq) each. Raises LinearFailure as `solve` does.
+        sides: (residual Vec, tool residual (tools, 6), du_supports, dq) each. Raises LinearFailure as `solve` does.
         """
         self._tolerance = tolerance
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
@@ -93,7 +93,7 @@ class LinearSolver:
         for residual, _, _, dq in sides:
             rhs = residual.copy()
             rhs.scale(-1.0)
-            self._add_prescribed_travel(rhs, dq)
+            self._add_prescribed_motion(rhs, dq)
             rights.append(rhs)
         self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides], again)
         increments = [self._solve(rhs) for rhs in rights]
@@ -110,33 +110,33 @@ class LinearSolver:
         for i, row in enumerate(rows):
             schur[i] += [row.dot(column) for column in columns]
         return [
-            self._with_free_travel(
+            self._with_free_tools(
                 du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, schur, rows, columns
             )
             for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
         ]
 
-    def _with_free_travel(
+    def _with_free_tools(
         self, du: Vec, dq: Floats, right: Floats, free: Array, schur: Floats, rows: list[Vec], columns: list[Vec]
     ) -> Solution:
         """The pushed tools' share of an increment: the border's Schur complement."""
         right = right - [row.dot(du) for row in rows]
         try:
-            travel = np.linalg.solve(schur, right)
+            moved = np.linalg.solve(schur, right)
         except np.linalg.LinAlgError:
             remedy = "bring it into contact before the force acts, or solve(..., stabilise=True)"
             raise LinearFailure("it meets no resistance", RIGID_MOTION, self._tools(free), remedy) from None
-        for amount, column in zip(travel, columns, strict=True):
+        for amount, column in zip(moved, columns, strict=True):
             du.axpy(amount, column)
         total = dq.ravel().copy()
-        total[free] += travel
-        return du, total.reshape(-1, 3)
+        total[free] += moved
+        return du, total.reshape(-1, 6)
 
     def _tools(self, free: Array) -> str:
         """Names of the tools with free components."""
-        return ", ".join(f"tool '{name}'" for name in dict.fromkeys(self.system.tools.names[c // 3] for c in free))
+        return ", ".join(f"tool '{name}'" for name in dict.fromkeys(self.system.tools.names[c // 6] for c in free))
 
-    def _add_prescribed_travel(self, rhs: Vec, dq: Floats) -> None:
+    def _add_prescribed_motion(self, rhs: Vec, dq: Floats) -> None:
         if self.system.border is None:
             return
         for c in np.flatnonzero(dq.ravel()):
@@ -162,7 +162,7 @@ class LinearSolver:
             self._matrix = system.supports.eliminated(system.matrix, self._pivot, system.patterns)
 
     def _response(self, forces: Floats) -> Vec:
-        """du/dq of one free travel component: K^-1 (-C), from its column -C as a local array."""
+        """du/dq of one free component of a tool: K^-1 (-C), from its column -C as a local array."""
         column = self.system.border_vector(forces)
         with column.localForm() as local:
             self.system.supports.put(local.array_w, 0.0)

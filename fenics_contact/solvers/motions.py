@@ -15,7 +15,7 @@ ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent b
 
 
 class Motion(NamedTuple):
-    """du: PETSc Vec (owned part, zero on supports) and dq (tools, 3), zero where a tool is not free [lengths alike]."""
+    """du: PETSc Vec (owned part, zero on supports) and dq (tools, 6), zero where a tool is not free [lengths alike]."""
 
     du: Vec
     dq: Floats
@@ -35,7 +35,7 @@ def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
         for c in np.flatnonzero(system.tools.free.ravel()):
             force.axpy(flat[c], system.border_vector(border.columns[c]))
             tools.flat[c] = system.border_vector(border.rows[c]).dot(motion.du)
-        tools += (border.corner @ flat).reshape(-1, 3)
+        tools += (border.corner @ flat).reshape(-1, 6)
     return Motion(force, np.where(system.tools.free, tools, 0.0))
 
 
@@ -73,10 +73,10 @@ def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
     """(owner, Motion, words): six rigid motions of every group of bonded bodies, then the free ones of the tools."""
     found = []
     for name, nodes in system.bodies:
-        still = np.zeros_like(system.state.travel)
+        still = np.zeros_like(system.state.q)
         found += [(name, Motion(du, still), how) for du, how in zip(_of_body(system, nodes), MOVES, strict=True)]
     for i, axis in zip(*np.nonzero(system.tools.free), strict=True):
-        dq = np.zeros_like(system.state.travel)
+        dq = np.zeros_like(system.state.q)
         dq[i, axis] = 1.0
         still = system.new_vector()
         still.set(0.0)

@@ -19,7 +19,8 @@ LINEAR = 1e-4  # relative residual of an iterative solve: the extrapolation itse
 
 
 def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None:
-    """Changes as all penalties grow without bound: {"contacts": {name: {...}}, "travel": (tools, 3)}; None if not to be had.
+    """Changes as all penalties grow without bound: {"contacts": {name: {...}}, "travel_change", "angle_change": (tools, 3)};
+    None if not to be had.
 
     With s the logarithm of all penalties, K du/ds = -dR_C/ds and dF/ds is the change of F that is left, to first order in
     1/penalty. Contacts say what other penalties would make of them, see `Penalties.stiffened`: multipliers stay, and what
@@ -32,10 +33,10 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
     if not terms or not (rates := _rates(system, terms, linear)):
         return None
     du, dq = rates
-    u, travel = system.state.u.x.array.copy(), system.state.travel.copy()
+    u, q = system.state.u.x.array.copy(), system.state.q.copy()
     values = {}
     for side in (1.0, 0.0, -1.0):
-        nudged = u + side * NUDGE * du, travel + side * NUDGE * dq
+        nudged = u + side * NUDGE * du, q + side * NUDGE * dq
         values[side] = _at(system, terms, 1.0 + side * NUDGE, *nudged)
     system.assemble_residual()  # the state itself is what the terms remember
     found = {}
@@ -48,7 +49,7 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
         found[term.name] = {"force_change": to_force, "load": load, "load_change": to_load, "peak": peak}
         found[term.name]["peak_at"] = list(place)
         found[term.name]["peak_change"] = change if abs(change) <= UNSETTLED * peak else None
-    return {"contacts": found, "travel_change": dq}
+    return {"contacts": found, "travel_change": dq[:, :3], "angle_change": dq[:, 3:] / system.state.poses.lever}
 
 
 def _highest(pressure: Floats, spots: Floats) -> tuple[float, tuple[float, ...]]:
@@ -57,15 +58,13 @@ def _highest(pressure: Floats, spots: Floats) -> tuple[float, tuple[float, ...]]
     return (float(pressure[point]), tuple(spots[point])) if point >= 0 else (0.0, ())
 
 
-def _at(
-    system: System, terms: Sequence[ContactTerm], factor: float, u: Floats, travel: Floats
-) -> list[tuple[Floats, Floats]]:
-    """Resultants of the terms with penalties greater by `factor` at a displacement and a travel. Collective."""
-    state, place = system.state, (system.state.u.x.array.copy(), system.state.travel.copy())
+def _at(system: System, terms: Sequence[ContactTerm], factor: float, u: Floats, q: Floats) -> list[tuple[Floats, Floats]]:
+    """Resultants of the terms with penalties greater by `factor` at a displacement and tools' coordinates. Collective."""
+    state, place = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
     trials = [term.penalties.stiffened(state, factor) for term in terms]
-    state.u.x.array[:], state.travel[:] = u, travel
+    state.u.x.array[:], state.q[:] = u, q
     found = [term.resultants(state, trial) for term, trial in zip(terms, trials, strict=True)]
-    state.u.x.array[:], state.travel[:] = place
+    state.u.x.array[:], state.q[:] = place
     return found
 
 
@@ -82,7 +81,7 @@ def _contact_force(system: System, terms: Sequence[ContactTerm], factor: float) 
 
 
 def _rates(system: System, terms: Sequence[ContactTerm], linear: LinearSolver) -> tuple[Floats, Floats] | None:
-    """du/ds, a local array, and dq/ds of the tools' travel; None where the tangent is singular."""
+    """du/ds, a local array, and dq/ds of the tools' coordinates; None where the tangent is singular."""
     (ahead, tools_ahead), (behind, tools_behind) = (_contact_force(system, terms, 1.0 + side) for side in (NUDGE, -NUDGE))
     system.assemble_residual()
     system.assemble_tangent(trials={term: term.penalties.stiffened(system.state, 1.0) for term in terms})
@@ -93,7 +92,7 @@ def _rates(system: System, terms: Sequence[ContactTerm], linear: LinearSolver) -
     ahead.copy(system.residual_vector)
     system.tool_residual = np.divide(tools_ahead - tools_behind, 2.0 * NUDGE)
     try:
-        du, dq = linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.travel), LINEAR)
+        du, dq = linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.q), LINEAR)
     except LinearFailure:
         return None
     finally:

@@ -14,7 +14,7 @@ FAR, WANDERING = 0.1, 6  # of the force; after so many solves that leave more of
 HALVINGS = 6  # of the step, to see whether it is the path or the step that goes so far
 MOST = 0.5  # of the step's way: a sixty-fourth of the step that has more of it is a jump
 
-Place = tuple[Floats, Floats]  # displacement (local array) and travel (tools, 3) [length]
+Place = tuple[Floats, Floats]  # displacement (local array) and tools' coordinates (tools, 6) [length]
 
 
 def wandered(system: System, report: StepReport) -> bool:
@@ -26,10 +26,10 @@ def wandered(system: System, report: StepReport) -> bool:
         return False
     if len(system.accepted) < 2:
         return True
-    (old, old_travel, before), (u, travel, t) = system.accepted[-2:]
+    (old, old_q, before), (u, q, t) = system.accepted[-2:]
     ratio = (system.state.t - t) / (t - before)
-    start, end = _place(system, u, travel), _place(system)
-    foreseen = _place(system, u + ratio * (u - old), travel + ratio * (travel - old_travel))
+    start, end = _place(system, u, q), _place(system)
+    foreseen = _place(system, u + ratio * (u - old), q + ratio * (q - old_q))
     return _distance(system, end, foreseen) > (1.0 - MOST) * _distance(system, end, start)
 
 
@@ -39,8 +39,8 @@ def snapped(system: System, goal: float) -> str | None:
     Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where none of them
     is solved it must be a fold that the path's rate foresees. The system is left at the accepted state.
     """
-    u, travel, t = system.accepted[-1]
-    newton, start = Newton(LinearSolver(system)), _place(system, u, travel)
+    u, q, t = system.accepted[-1]
+    newton, start = Newton(LinearSolver(system)), _place(system, u, q)
     low, high, before, blocked = (t, start), (goal, _place(system)), (t, start), False
     total = _distance(system, start, high[1])
     for _ in range(HALVINGS):
@@ -83,15 +83,15 @@ def _folds(system: System, newton: Newton, before: tuple[float, Place], low: tup
     return fold_ahead(system, [(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
 
 
-def _place(system: System, u: Floats | None = None, travel: Floats | None = None) -> Place:
-    """Displacement of owned nodes and travel, of the state by default."""
+def _place(system: System, u: Floats | None = None, q: Floats | None = None) -> Place:
+    """Displacement of owned nodes and tools' coordinates, of the state by default."""
     u = system.state.u.x.array if u is None else u
-    travel = system.state.travel if travel is None else travel
-    return u[: system.vector.getLocalSize()].copy(), travel.copy()
+    q = system.state.q if q is None else q
+    return u[: system.vector.getLocalSize()].copy(), q.copy()
 
 
 def _distance(system: System, one: Place, other: Place) -> float:
     """Root of the mean square over the nodes, tools on top [length]. Collective."""
-    (u, travel), (v, other_travel) = one, other
+    (u, q), (v, other_q) = one, other
     square = system.comm.allreduce(float(np.sum((u - v) ** 2))) / (system.vector.getSize() / 3)
-    return float(np.sqrt(square + np.sum((travel - other_travel) ** 2)))
+    return float(np.sqrt(square + np.sum((q - other_q) ** 2)))

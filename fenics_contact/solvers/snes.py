@@ -1,4 +1,4 @@
-"""PETSc SNES on a System: its vector holds the displacement and the tools' travel, its tangent is the bordered one."""
+"""PETSc SNES on a System: its vector holds the displacement and the tools' coordinates, its tangent is the bordered one."""
 
 from typing import Any
 
@@ -49,7 +49,7 @@ class Snes:
 
 
 class _Problem:
-    """SNES callbacks. The travel of the tools rides on the last rank behind its displacements."""
+    """SNES callbacks. The coordinates of the tools ride on the last rank behind its displacements."""
 
     def __init__(self, system: System, linear: LinearSolver, du: Floats, dq: Floats) -> None:
         self.system, self.linear, self.du, self.dq = system, linear, du, dq
@@ -85,7 +85,7 @@ class _Problem:
     def start(self) -> Vec:
         x = self._vector()
         x.array[: self.owned] = self.system.vector.array_r
-        x.array[self.owned :] = self.system.state.travel.ravel()[self.free][: self.tail]
+        x.array[self.owned :] = self.system.state.q.ravel()[self.free][: self.tail]
         return x
 
     def put(self, x: Vec) -> None:
@@ -93,10 +93,10 @@ class _Problem:
         system = self.system
         du = system.new_vector()
         du.array[:] = x.array_r[: self.owned] - system.vector.array_r
-        travel = system.comm.bcast(x.array_r[self.owned :].copy(), root=self.root)
-        dq = np.zeros(system.state.travel.size)
-        dq[self.free] = travel - system.state.travel.ravel()[self.free]
-        system.update(du, dq.reshape(-1, 3))
+        moved = system.comm.bcast(x.array_r[self.owned :].copy(), root=self.root)
+        dq = np.zeros(system.state.q.size)
+        dq[self.free] = moved - system.state.q.ravel()[self.free]
+        system.update(du, dq.reshape(-1, 6))
 
     def _function(self, snes: Any, x: Vec, f: Vec) -> None:
         self.put(x)

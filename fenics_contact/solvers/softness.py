@@ -211,12 +211,12 @@ def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
     Before a fold at t_f displacements are u_f - a sqrt(t_f - t). So the rate du/dt over the mean rate of a last step of
     length h is q = (1 + sqrt((d + h) / d)) / 2, d = t_f - t: endless where the rate does not grow from step to step, zero
     where the tangent is singular. A first step, which has none before it, may have any fold ahead: zero. states: (u,
-    travel, t) of the last two, by default the accepted ones.
+    q, t) of the last two, by default the accepted ones.
     """
     states = states or system.accepted
     if len(states) < 2:
         return 0.0
-    (u, travel, t), (u_now, travel_now, t_now) = states[-2:]
+    (u, tools, t), (u_now, tools_now, t_now) = states[-2:]
     step = system.new_vector()
     step.array[:] = (u_now - u)[: step.getLocalSize()]
     arc = ArcLength(LinearSolver(system, "direct", afresh=True))
@@ -224,7 +224,7 @@ def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
         arc.start(system)
     except StepFailed:
         return 0.0
-    moved = np.sqrt(step.dot(step) / (step.getSize() / 3) + np.sum((travel_now - travel) ** 2))
+    moved = np.sqrt(step.dot(step) / (step.getSize() / 3) + np.sum((tools_now - tools) ** 2))
     q = (arc.per_load or 0.0) * (t_now - t) / moved if moved > 0.0 else np.inf
     return (t_now - t) / (4.0 * q * (q - 1.0)) if q > 1.0 else np.inf
 

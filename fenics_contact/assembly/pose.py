@@ -1,0 +1,112 @@
+"""Where rigid bodies are: the place of a reference point and a rotation, by the six coordinates that solvers move."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_contact.types import Bools, Floats
+
+SMALL = 0.1  # radians below which the rates of a rotation come from series, exact to the last place
+
+
+class Pose(NamedTuple):
+    """Place of one rigid body: start (3,), where its reference point began, and travel (3,) of that [length]; turn (3, 3):
+    rotation since then; rate (3, 3): spin per change of the three coordinates of the rotation [1/length]; lever [length]:
+    of which these coordinates are the angle's multiple."""
+
+    start: Floats
+    travel: Floats
+    turn: Floats
+    rate: Floats
+    lever: float
+
+    @property
+    def place(self) -> Floats:
+        """The reference point (3,) [length]."""
+        return self.start + self.travel
+
+    def same(self, other: "Pose") -> bool:
+        """Whether the other is no other place."""
+        return np.array_equal(self.travel, other.travel) and np.array_equal(self.turn, other.turn)
+
+    def placed(self, X: Floats) -> Floats:
+        """Where points X (..., 3) of the body have gone [length]."""
+        return self.turned(X) + self.travel
+
+    def turned(self, X: Floats) -> Floats:
+        """Where points X (..., 3) would be by the rotation alone, about where the reference point began [length]."""
+        return X + (X - self.start) @ (self.turn - np.eye(3)).T
+
+    def before(self, x: Floats) -> Floats:
+        """Where points of the body that are at x (..., 3) were at the start [length]."""
+        return (x - self.place) @ self.turn + self.start
+
+    def motions(self, x: Floats) -> Floats:
+        """Velocities (n, 3, 6) of points at x (n, 3) of the body, per unit of its travel and of its spin."""
+        return np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)), -skew(x - self.place)], axis=2)
+
+    def by_coordinates(self, rates: Floats) -> Floats:
+        """Rates (..., 6) with travel and spin as rates with the six coordinates."""
+        return np.concatenate([rates[..., :3], rates[..., 3:] @ self.rate], axis=-1)
+
+    def wrench(self, x: Floats, forces: Floats) -> Floats:
+        """Resultant (6,) of forces (n, 3) at x (n, 3): force; torque about the reference point, over the lever [force]."""
+        torque = np.cross(x - self.place, forces).sum(axis=0)
+        return np.concatenate([forces.sum(axis=0), torque / self.lever])
+
+
+class Poses:
+    """From the coordinates q (tools, 6) of rigid bodies to their poses.
+
+    q are the travel of the reference point and a rotation vector times the lever, so that all of them are lengths and what
+    works on them are forces. starts (tools, 3): reference points at the start [length]; spherical (tools,): all rotations
+    free. There the rotation vector is counted from the last accepted pose, R = exp((q - q_last)/lever) R_last, for a vector
+    is no coordinate from a whole turn on; elsewhere from the start: a path of the user's, or the angle about one axis.
+    """
+
+    def __init__(self, starts: Floats, lever: float, spherical: Bools) -> None:
+        self.starts, self.lever, self._spherical = starts, lever, spherical
+        self.counted = np.zeros_like(starts)  # q[:, 3:] of the pose from which rotations are counted,
+        self.turns = np.tile(np.eye(3), (len(starts), 1, 1))  # and the rotation there
+
+    def at(self, i: int, q: Floats) -> Pose:
+        """The Pose of body i; q (6,): its coordinates."""
+        vector = (q[3:] - self.counted[i]) / self.lever
+        turn = rotation(vector) @ self.turns[i]
+        return Pose(self.starts[i], q[:3].copy(), turn, spin_rate(vector) / self.lever, self.lever)
+
+    def accept(self, q: Floats) -> None:
+        """Count from the poses of q (tools, 6) on, where all rotations are free."""
+        for i in np.flatnonzero(self._spherical):
+            left, _, right = np.linalg.svd(self.at(i, q[i]).turn)  # products of many rotations stay one
+            self.turns[i], self.counted[i] = left @ right, q[i, 3:]
+
+    def resume(self, counted: Floats, turns: Floats) -> None:
+        """Count from where a run that is resumed did."""
+        self.counted[:], self.turns[:] = counted, turns
+
+
+def skew(vectors: Floats) -> Floats:
+    """Matrices (..., 3, 3) that give v x a for vectors v (..., 3)."""
+    out = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., k, j], out[..., j, k] = vectors[..., i], -vectors[..., i]
+    return out
+
+
+def rotation(vector: Floats) -> Floats:
+    """exp of a rotation vector (3,) [radians]: Rodrigues' formula; (3, 3)."""
+    angle, S = float(np.linalg.norm(vector)), skew(vector)
+    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * S @ S
+
+
+def spin_rate(vector: Floats) -> Floats:
+    """Spin (3, 3) per rate of a rotation vector (3,): d exp(v) = (T dv) x exp(v) (Cardona & Geradin 1988,
+    doi:10.1002/nme.1620261105)."""
+    angle, S = float(np.linalg.norm(vector)), skew(vector)
+    square = angle * angle
+    if angle < SMALL:
+        third = 1 / 6 - square / 120 + square**2 / 5040 - square**3 / 362880
+    else:
+        third = (angle - np.sin(angle)) / (square * angle)
+    return np.eye(3) + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * S + third * S @ S

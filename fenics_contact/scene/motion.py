@@ -1,0 +1,98 @@
+"""How a rigid tool moves: each of its six components moved along a path, pushed by a load, or free, in one statement."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.scene.functions import Drive, Path, ramp
+from fenics_contact.types import Bools, Floats
+from fenics_contact.values import SceneError, finite, shown
+
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Displacement of a reference point of a tool along x, y, z [length] and rotation about it: what is not named stays.
+
+    about (3,): the point at the start, about which moments are taken too; by default the tool's own [length]. rx, ry, rz:
+    components of the rotation vector in space, whose direction is the axis and whose length the angle [radians]. Each is a
+    number reached at t = 1 or a function of t. force, moment (3,): loads on the tool, of fixed direction, at t = 1 or
+    functions of t [force, force x length]; where they have a component the tool is free to move, and so it is along and
+    about the axes named in free="x rz". Of rotations, all three may be free, or one while the others stay.
+    """
+
+    about: Sequence[float] | Floats | None = None
+    x: Drive | None = None
+    y: Drive | None = None
+    z: Drive | None = None
+    rx: Drive | None = None
+    ry: Drive | None = None
+    rz: Drive | None = None
+    force: Drive | None = None
+    moment: Drive | None = None
+    free: str = ""
+
+    @property
+    def moved(self) -> list[Drive | None]:
+        """The six paths."""
+        return [self.x, self.y, self.z, self.rx, self.ry, self.rz]
+
+    @property
+    def turns(self) -> bool:
+        """Whether the tool may turn."""
+        return self.moment is not None or "r" in str(self.free) or any(path is not None for path in self.moved[3:])
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A Motion, checked: path, load: t -> (6,); free (6,); point (3,) [length]."""
+
+    path: Path
+    load: Path
+    free: Bools
+    point: Floats
+
+
+def driven(comm: MPI.Comm, name: str, motion: Motion, point: Floats) -> Driven:
+    """What a Motion of the tool `name` states; point (3,): the tool's own. SceneError on all ranks. Collective."""
+    what = f"motion of '{name}'"
+    if not isinstance(motion.free, str) or (unknown := set(motion.free.split()) - set(COMPONENTS)):
+        wrong = shown(motion.free) if not isinstance(motion.free, str) else f"'{sorted(unknown)[0]}'"
+        known = ", ".join(COMPONENTS)
+        raise SceneError(f'{what}: free = {wrong} is not known; name components, as in free="x rz", of {known}')
+    stated = zip(COMPONENTS, motion.moved, strict=True)
+    paths = [None if way is None else ramp(comm, way, f"{what}: {key}", ()) for key, way in stated]
+    loads = [
+        ramp(comm, (0.0, 0.0, 0.0) if load is None else load, f"{what}: {key}")
+        for key, load in (("force", motion.force), ("moment", motion.moment))
+    ]
+
+    def path(t: float) -> Floats:
+        return np.array([0.0 if way is None else float(way(t)) for way in paths])
+
+    def load(t: float) -> Floats:
+        return np.concatenate([part(t) for part in loads])
+
+    pushed = np.any([load(t) != 0.0 for t in (0.5, 1.0)], axis=0)
+    free = pushed | np.isin(COMPONENTS, motion.free.split())
+    _refuse(what, [key for key, way in zip(COMPONENTS, paths, strict=True) if way is not None], pushed, free)
+    about = point if motion.about is None else finite(motion.about, f"{what}: about", (3,))
+    return Driven(path, load, free, about)
+
+
+def _refuse(what: str, moved: list[str], pushed: Bools, free: Bools) -> None:
+    """A component has one drive, and rotations are coordinates only where all, one or none of them are free."""
+    for key, load, loose in zip(COMPONENTS, pushed, free, strict=True):
+        if key in moved and loose:
+            how = "pushed" if load else "free"
+            raise SceneError(f"{what}: {key} is both moved and {how}; choose one")
+    turning, loose = [key for key in moved if key in COMPONENTS[3:]], int(free[3:].sum())
+    if loose == 2 or (loose == 1 and turning):
+        raise SceneError(
+            f"{what}: of its rotations {' and '.join(np.array(COMPONENTS)[3:][free[3:]])} may move freely while others are "
+            "held or moved: rotations about several axes depend on their order; let all three be free, or one alone while "
+            "the others stay"
+        )

@@ -1,0 +1,367 @@
+"""Rigid bodies with six degrees of freedom: tools that turn, exact tangents, torques, work, free rolling, bad input."""
+
+import gmsh
+import numpy as np
+import pytest
+from refusals import refused
+
+from fenics_contact import (
+    Body,
+    Motion,
+    Scene,
+    Travel,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_cone,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    rigid_surface,
+    solve,
+)
+from fenics_contact.assembly.blocks import insert
+from fenics_contact.assembly.pose import Pose, Poses, rotation, skew, spin_rate
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from meshes import box, tool_surfaces
+
+STRAIGHT, OBLIQUE = np.eye(3), rotation(np.array([0.5, -0.8, 1.3]))
+
+
+def turned_box(turn=STRAIGHT, **parameters):
+    """A block as in meshes/box.py, turned about the origin."""
+
+    def build():
+        box.build(**parameters)
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        for tag, place in zip(tags, places.reshape(-1, 3) @ turn.T, strict=True):
+            gmsh.model.mesh.setNode(tag, place, [])
+
+    return read_gmsh(build)
+
+
+def rubber(tool, friction, size=(6.0, 6.0, 3.0), cells=(5, 5, 2), turn=STRAIGHT, **contact):
+    """A block with its top at z = 0 and its bottom fixed, under a tool."""
+    mesh = turned_box(turn, size=size, cells=cells, origin=(-size[0] / 2, -size[1] / 2, -size[2]))
+    scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)))
+    scene.fix("zmin")
+    scene.contact("zmax", tool, friction, name="c", **contact)
+    return scene
+
+
+# ---- rotations
+
+
+def test_rates_of_rotations():
+    rng = np.random.default_rng(1)
+    for size in (0.0, 1e-3, 0.09, 0.11, 2.0, 6.0, 40.0):
+        vector, way = size * rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)
+        turn, h = rotation(vector), 1e-5
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-14)
+        rate = (rotation(vector + h * way) - rotation(vector - h * way)) / (2 * h)
+        # central differences: h^2 and round-off of 1e-16 / h
+        np.testing.assert_allclose(rate, skew(spin_rate(vector) @ way) @ turn, atol=1e-9)
+    for angle in (0.05, 0.0999999, 0.1000001):  # series and formula meet
+        assert abs(spin_rate(np.array([0.0, 0.0, angle]))[0, 0] - np.sin(angle) / angle) < 1e-14
+
+
+def test_free_rotations_know_no_whole_turn():
+    """Spins of 50 degrees about changing axes, taken up one by one, against their product; and the chart's round-off."""
+    poses, q, turn = Poses(np.zeros((1, 3)), 2.0, np.array([True])), np.zeros((1, 6)), np.eye(3)
+    for i in range(500):
+        way = 0.9 * np.array([np.cos(i), np.sin(2 * i), 1.0]) / 1.5
+        q[0, 3:] += 2.0 * way
+        turn = rotation(way) @ turn
+        np.testing.assert_allclose(poses.at(0, q[0]).turn, turn, atol=1e-12)
+        poses.accept(q)
+    pose = Pose(np.ones(3), np.array([1.0, 2.0, 3.0]), turn, np.eye(3), 1.0)
+    X = np.arange(12.0).reshape(4, 3)
+    np.testing.assert_allclose(pose.before(pose.placed(X)), X, atol=1e-13)
+
+
+# ---- tangent
+
+TOOLS = {
+    "plane": rigid_plane(normal=(0, 0, -1.0)),
+    "box": rigid_punch(2.5, 2.0, fillet=0.5),
+    "cylinder": rigid_cylinder(4.0, (0, 0, 4.0)),
+    "cone": rigid_cone(1.45, (0, 0, 0), tip=1.0),
+}
+
+
+def placed(name, points, friction, shift, spin):
+    """A System whose tool, all of whose components are free, is pressed 0.4 mm into a roughened block and turned,
+    committed, then moved on by `shift` [mm] and `spin` [rad]."""
+    tool = (
+        TOOLS[name] if name in TOOLS else rigid_surface(tool_surfaces.ball, "ball", radius=5.0, centre=(0, 0, 5.0), size=0.8)
+    )
+    motion = Motion(about=(0.5, -0.3, 1.0), force=(1.0, 1.0, -1.0), moment=(1.0, 1.0, 1.0))
+    system = rubber(tool, friction, points=points).system(move={tool: motion})
+    state, contact = system.state, system.contacts[0]
+    state.u.x.array[:] = 0.01 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
+    state.q[0] = np.append([0.0, 0.0, -0.4], system.tools.lever * np.array([0.01, -0.02, 0.7]))
+    contact.commit(state)
+    state.q[0] += np.append(shift, system.tools.lever * np.asarray(spin))
+    return system, contact
+
+
+def taylor_orders(system, residual, rate):
+    """Orders of what the tangent leaves of the residual, and the remainders over the residual."""
+    state, start, q = system.state, system.state.u.x.array.copy(), system.state.q.copy()
+    rng, at_start = np.random.default_rng(2), residual()
+    du, dq = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, q.shape)
+    slope, remainders = rate(du, dq), []
+    for step in 4e-5 / 2.0 ** np.arange(4):
+        state.u.x.array[:], state.q[:] = start + step * du, q + step * dq
+        remainders.append(np.linalg.norm(residual() - at_start - step * slope))
+    state.u.x.array[:], state.q[:] = start, q
+    return np.log2(np.array(remainders[:-1]) / remainders[1:]), remainders
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "name, points",
+    [(name, "nodes") for name in TOOLS] + [("cylinder", 2), ("ball", "nodes"), ("ball", 2), ("ball", "averages")],
+)
+@pytest.mark.parametrize(
+    "friction, shift, spin, status",
+    [
+        (0.0, (0.1, 0.05, -0.02), (0.01, 0.02, 0.3), CLOSED),
+        (0.05, (0.6, 0.5, -0.02), (0.01, 0.02, 0.3), SLIP),
+        (9.0, (0.01, 0.01, -0.02), (0.002, 0.001, 0.01), STICK),
+    ],
+)
+def test_tangent_and_border_of_a_turning_tool(name, points, friction, shift, spin, status):
+    system, contact = placed(name, points, friction, shift, spin)
+    state = system.state
+
+    def residual():
+        out, on_tool = np.zeros(len(state.u.x.array)), np.zeros((1, 6))
+        contact.add_residual(state, out, on_tool)
+        return np.concatenate([out, on_tool.ravel()])
+
+    def rate(du, dq):
+        system.assemble_tangent()
+        system.matrix.zeroEntries()
+        system.border.clear()
+        insert(contact.tangent(state), system.matrix, system.border)
+        system.matrix.assemble()
+        way, border = system.new_vector(), system.border
+        way.array[:] = du
+        on_nodes = (system.matrix * way).array + dq.ravel() @ border.columns
+        return np.concatenate([on_nodes, border.rows @ du + border.corner @ dq.ravel()])
+
+    at_start = residual()
+    assert (contact.statuses() == status).sum() > 3 and (contact.statuses() == OPEN).any() != (name == "plane")
+    branches = contact.branches(state).copy()
+    orders, remainders = taylor_orders(system, residual, rate)
+    assert np.array_equal(branches, contact.branches(state))
+    # a plane without friction gives a residual that is linear but for its turns
+    assert orders.min() > 1.97 or max(remainders) < 1e-12 * np.linalg.norm(at_start)
+    # forces and torques about the reference point: tool and body together are in balance
+    x = system.space.tabulate_dof_coordinates() + state.u.x.array.reshape(-1, 3)
+    wrench = state.pose(0).wrench(x, at_start[:-6].reshape(-1, 3))
+    np.testing.assert_allclose(wrench, -at_start[-6:], atol=1e-12 * np.abs(at_start).max())
+
+
+# ---- prescribed rotation
+
+
+def vectors(result, name, unit):
+    """(steps, 3) columns of a history."""
+    assert result.converged, result.verdict.reason
+    return np.column_stack([result.column(f"{name}_{axis}_{unit}") for axis in "xyz"])
+
+
+def rolled(turn, method="newton", steps=6):
+    """A cylinder pressed into a block, then rolled on with some slip, all of it turned about the origin."""
+    cylinder = rigid_cylinder(4.0, turn @ (0, 0, 4.0), turn @ (0, 1.0, 0))
+    ways = [lambda t, a=a: (turn @ (1.2 * max(t - 0.4, 0.0), 0, -0.6 * min(2.5 * t, 1.0)))[a] for a in range(3)]
+    spins = [lambda t, a=a: (turn @ (0, 0.9 * max(t - 0.4, 0.0), 0))[a] for a in range(3)]
+    motion = Motion(None, *ways, *spins)
+    scene = rubber(cylinder, 0.3, cells=(6, 3, 2), turn=turn, points=2)
+    return solve(scene, move={cylinder: motion}, method=method, steps=steps, progress=False)
+
+
+@pytest.mark.parallel
+def test_a_turned_scene_gives_turned_forces():
+    """Also: rotations about an oblique axis are those of their rotation vector."""
+    here, there = rolled(np.eye(3)), rolled(OBLIQUE)
+    for name, unit in (("c_force", "N"), ("c_friction", "N"), ("c_moment", "Nmm"), ("cylinder_angle", "rad")):
+        one, other = vectors(here, name, unit), vectors(there, name, unit)
+        # converged to 1e-8 of the forces, with a lever of some radii
+        np.testing.assert_allclose(other, one @ OBLIQUE.T, atol=1e-6 * np.abs(one).max())
+    assert here.column("c_sticking_points")[-1] < here.column("c_active_points")[-1]
+    np.testing.assert_allclose(here.column("cylinder_angle_y_rad")[-1], 0.54, atol=1e-12)
+
+
+@pytest.mark.parallel
+def test_a_stuck_block_turns_with_its_plates():
+    """By more than a whole turn about an axis off its middle: forces turn with it and are else as they were."""
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(1, 1, 1), origin=(-1.0, -1.0, 0.0))
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+    below, above = rigid_plane(name="below"), rigid_plane((0, 0, 1.0), (0, 0, -1.0), name="above")
+    scene.contact("zmin", below, 2.0)
+    scene.contact("zmax", above, 2.0)
+    turned = lambda t: 7.0 * max(t - 0.1, 0.0) / 0.9  # noqa: E731
+    move = {below: Motion(about=(0.5, 0, 0.5), ry=turned)}
+    move[above] = Motion(about=(0.5, 0, 0.5), z=lambda t: -0.1 * min(10 * t, 1.0) * np.cos(turned(t)), ry=turned,
+                         x=lambda t: -0.1 * min(10 * t, 1.0) * np.sin(turned(t)))  # fmt: skip
+    result = solve(scene, move=move, steps=[0.1, *(0.1 + 0.9 * np.arange(1, 13) / 12)], progress=False)
+    force = vectors(result, "zmax_on_above_force", "N")
+    angle = result.column("above_angle_y_rad")
+    turns = np.array([rotation(np.array([0.0, a, 0.0])) for a in angle])
+    assert angle[-1] > 2 * np.pi and abs(force[0, 2]) > 0.1
+    np.testing.assert_allclose(np.einsum("tji,tj->ti", turns, force), np.tile(force[0], (len(force), 1)), atol=1e-7)
+    assert (result.column("zmax_on_above_sticking_points") == 4).all()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("method", ["newton", "snes"])
+def test_torque_of_a_shaft_that_slides_on_a_pad(method):
+    """mu * integral p r dA, r being the distance of the rubbing points from the shaft's middle."""
+    shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
+    scene = rubber(shaft, 0.3, cells=(6, 2, 2))
+    motion = Motion(z=lambda t: -0.5 * min(2 * t, 1.0), ry=lambda t: 1.2 * max(2 * t - 1.0, 0.0))
+    result = solve(scene, move={shaft: motion}, method=method, steps=8, progress=False)
+    assert result.converged and result.column("c_sticking_points")[-1] == 0
+    contact, state = result.system.contacts[0], result.system.state
+    pressure, surface = contact.split_traction(state)[0], contact.surface
+    x = (surface.X + state.u.x.array.reshape(-1, 3)[surface.nodes])[:, 0]
+    r = np.linalg.norm((x - state.pose(0).place)[:, [0, 2]], axis=1)
+    torque = result.system.comm.allreduce(0.3 * float((pressure[:, 0] * r * surface.area[:, 0]).sum()))
+    # balance to 1e-8 of the forces, which are a hundred times the friction's
+    np.testing.assert_allclose(abs(result.column("c_moment_y_Nmm")[-1]), torque, rtol=1e-6)
+
+
+@pytest.mark.parallel
+def test_work_of_turning_tools_is_accounted_for():
+    """The energy left over is of second order in the steps, and what a tool's torque works is most of it."""
+    errors = []
+    for steps in (10, 20):
+        result = rolled(np.eye(3), steps=steps)
+        errors.append(abs(result.column("energy_error_Nmm")[-1]))
+    work = result.column("external_work_Nmm")[-1]
+    torque, angle = result.column("c_moment_y_Nmm"), result.column("cylinder_angle_y_rad")
+    spun = abs(np.sum(0.5 * (torque[1:] + torque[:-1]) * np.diff(angle)))
+    assert errors[1] < 0.4 * errors[0] and errors[1] < 0.02 * work < 0.2 * spun, (errors, work, spun)
+
+
+# ---- pushed and free
+
+
+@pytest.mark.parallel
+def test_a_roller_rolls_freely_without_torque():
+    """A roller pressed by a force, carried along by its hub and free to turn, on a pad that it sticks to: no torque, and,
+    as rubber gives all work back, no mean drag over a facet of the pad, along which the energy is periodic."""
+    roller = rigid_cylinder(6.0, (-2.0, 0, 6.0), name="roller")
+    scene = rubber(roller, 2.0, size=(20.0, 1.0, 3.0), cells=(40, 1, 4))
+    scene.fix("ymin", "y")
+    scene.fix("ymax", "y")
+    way = lambda t: 2.0 * max(t - 0.2, 0.0) / 0.8  # four facets [mm]  # noqa: E731
+    motion = Motion(x=way, force=lambda t: (0, 0, -0.5 * min(5 * t, 1.0)), free="ry")
+    result = solve(scene, move={roller: motion}, steps=[0.1, 0.2, *(0.2 + 0.05 * np.arange(1, 17))], progress=False)
+    force, moment = vectors(result, "c_force", "N"), vectors(result, "c_moment", "Nmm")
+    np.testing.assert_allclose(force[1:, 2], -0.5, rtol=1e-7)
+    assert np.abs(moment[:, 1]).max() < 1e-7 * 0.5 * 6.0  # out of balance by 1e-8 of the force, on the radius
+    # what is lost is rubbed off where points come into contact and leave it, 0.14 % of the force times the way
+    rubbed = np.diff(result.column("c_friction_work_Nmm")[[-9, -1]])[0]
+    assert np.abs(force[-8:, 0]).max() < 0.01 * 0.5 and abs(force[-8:, 0].mean()) < rubbed / 1.0 < 2e-3 * 0.5
+    angle = result.column("roller_angle_y_rad")
+    rate = (angle[-1] - angle[-9]) * 6.0 / 1.0  # over two facets, the last of four
+    assert abs(rate - 1.0) < 0.05  # it rolls on a surface that is stretched by some percent
+
+
+@pytest.mark.parallel
+def test_a_ball_pressed_and_twisted_sticks_in_the_middle():
+    """By a moment of half the full one: a ring slips around a core that sticks; at last torque = mu * integral p r dA."""
+    ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
+    scene = rubber(ball, 0.4, cells=(11, 11, 3))
+    press = lambda t: -0.5 * min(2 * t, 1.0)  # noqa: E731
+    result = solve(scene, move={ball: Motion(z=press, rz=lambda t: 0.12 * max(2 * t - 1, 0.0))}, steps=4, progress=False)
+    system = result.system
+    contact, state = system.contacts[0], system.state
+    status, surface = contact.response(state).status.ravel(), contact.surface
+    r = np.linalg.norm(contact.spots()[:, :2], axis=1)
+    r, status = (np.concatenate(system.comm.allgather(part)) for part in (r, status))
+    assert result.converged and (status == STICK).sum() >= 5 and (status == SLIP).sum() >= 5
+    assert r[status == STICK].max() < r[status == SLIP].min() + 1e-9
+    torque = abs(result.column("c_moment_z_Nmm")[-1])
+    pressure = contact.split_traction(state)[0].ravel()
+    x = (surface.X + state.u.x.array.reshape(-1, 3)[surface.nodes])[:, 0, :2]
+    most = system.comm.allreduce(0.4 * float((pressure * np.linalg.norm(x, axis=1) * surface.area.ravel()).sum()))
+    assert 0.2 * most < torque < 0.98 * most
+    # the same torque as a load gives the same angle, but for the steps in which the ring grows
+    pushed = Motion(z=press, moment=lambda t: (0, 0, torque * max(2 * t - 1, 0.0)))
+    again = solve(scene, move={ball: pushed}, steps=4, stabilise=True, progress=False)
+    np.testing.assert_allclose(vectors(again, "ball_angle", "rad")[-1], (0, 0, 0.12), atol=0.12 * 0.01)
+
+
+@pytest.mark.parallel
+def test_a_free_ball_turns_about_all_axes():
+    """Its wrench is what pushes it; a mirrored moment turns it the mirrored way."""
+    angles = []
+    for side in (1.0, -1.0):
+        ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
+        scene = rubber(ball, 0.5)
+        motion = Motion(
+            x=lambda t, side=side: 0.1 * side * t, about=(0, 0, 7.0), free="rx ry",
+            force=lambda t: (0, 0, -0.4 * min(2 * t, 1.0)), moment=lambda t, side=side: (0, 0.0, 0.02 * side * t),
+        )  # fmt: skip
+        result = solve(scene, move={ball: motion}, steps=4, stabilise=True, progress=False)
+        force, moment = vectors(result, "c_force", "N")[-1], vectors(result, "c_moment", "Nmm")[-1]
+        np.testing.assert_allclose(force[2], -0.4, rtol=1e-7)
+        np.testing.assert_allclose(moment, (0, 0, 0.02 * side), atol=1e-6)
+        angles.append(vectors(result, "ball_angle", "rad")[-1])
+    assert abs(angles[0][1]) > 0.01 and abs(angles[0][2]) > 1e-4
+    np.testing.assert_allclose(angles[0], angles[1] * (1, -1, -1), atol=1e-6)
+
+
+@pytest.mark.parallel
+def test_arc_length_turns_a_shaft():
+    """Up to an angle that it is asked for, at which load steps find the same, all points sliding."""
+    shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
+    scene, move = rubber(shaft, 0.1, cells=(6, 2, 2)), {shaft: Motion(ry=0.8, force=(0, 0, -2.0))}
+    until = Travel(shaft, "ry", 0.4)
+    along = solve(scene, move=move, method="arc_length", until=until, progress=False)
+    assert along.converged and str(until) == "rotation of 'shaft' about y = 0.4"
+    there = solve(scene, move=move, steps=list(along.column("t")), progress=False)
+    assert there.column("c_sticking_points")[-1] == along.column("c_sticking_points")[-1] == 0
+    np.testing.assert_allclose(along.column("shaft_angle_y_rad")[-1], 0.4, rtol=1e-6)
+    for name in ("c_moment_y_Nmm", "shaft_travel_z_mm", "c_force_z_N"):
+        np.testing.assert_allclose(along.column(name), there.column(name), rtol=1e-6)
+
+
+# ---- bad input
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(
+    "motion, words",
+    [
+        ({"z": -1.0, "force": (0, 0, -1.0)}, ("'shaft'", "z is both moved and pushed")),
+        ({"ry": 1.0, "moment": (0, 1.0, 0)}, ("ry is both moved and pushed",)),
+        ({"x": 1.0, "free": "x"}, ("x is both moved and free",)),
+        ({"free": "xy"}, ("free = 'xy'", "x, y, z, rx, ry, rz")),
+        ({"free": 3}, ("free = 3",)),
+        ({"ry": 1.0, "free": "rx"}, ("rx may move freely", "let all three be free")),
+        ({"free": "rx rz"}, ("rx and rz may move freely",)),
+        ({"about": (0, 1)}, ("about", "three finite numbers")),
+        ({"rz": (0, 1)}, ("rz", "one finite number")),
+        ({"moment": 1.0}, ("moment", "three finite numbers")),
+        ({"ry": lambda t: 1.0 + t}, ("'shaft'", "t = 0", "start from 0")),
+        ({"ry": lambda t: np.nan}, ("ry at t",)),
+    ],
+)
+def test_a_wrong_motion_is_refused(motion, words):
+    shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
+    refused(lambda: solve(rubber(shaft, 0.3), move={shaft: Motion(**motion)}, progress=False), *words)
+
+
+@pytest.mark.parallel
+def test_a_motion_is_stated_once():
+    shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
+    scene, motion = rubber(shaft, 0.3), Motion(z=-1.0)
+    refused(lambda: solve(scene, move={shaft: motion}, push={shaft: (1.0, 0, 0)}), "both moved and pushed", "one Motion")
+    refused(lambda: solve(scene, push={shaft: motion}), "push of 'shaft'", "move=")
