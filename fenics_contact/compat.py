@@ -232,7 +232,7 @@ def global_blocks(space: Space) -> Ints64:
 
 
 def locate_blocks(space: Space, entities: Array, dim: int | None = None) -> Ints:
-    """Local block dofs on facets, or on edges (1) or vertices (0), ghosts included on every rank that sees them."""
+    """Local block dofs on facets, or on other entities of a dimension, ghosts included on every rank that sees them."""
     topology = space.mesh.topology
     dim = topology.dim - 1 if dim is None else dim
     topology.create_connectivity(dim, topology.dim)
