@@ -72,16 +72,17 @@ class Result:
     def line(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Table:
         """A contact's nodal values along a line of its slave surface at the final state: arrays by name. Collective.
 
-        Columns: arc (way along the deformed line), reference and current positions, pressure and friction on the current
-        area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y", "z", or a function of the reference
-        positions X (n, 3) -> (n,), that orders the points; cut: {axis: value}, the plane of the undeformed body that cuts
-        the surface, e.g. {"z": 0.0}; by default all corners of its facets. KeyError lists the contacts.
+        Columns: arc (way along the deformed line), chain (number of its connected part), reference and current positions,
+        pressure and friction on the current area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y",
+        "z", or a function of the reference positions X (n, 3) -> (n,): the line starts at its end where that is least, and
+        runs from facet to facet; cut: {axis: value}, the plane of the undeformed body that cuts the surface, e.g.
+        {"z": 0.0}; of a surface one facet wide, as a slice's, its lower side by default. KeyError lists the contacts.
         """
         return line(self._surface(contact), along, cut, self.scene.units)
 
     def widths(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Floats:
         """Starts and ends (n, 2) [length] of the zones in contact along the arc of such a line. Collective."""
-        return zones(self.line(contact, along, cut), self.scene.units)
+        return zones(self.line(contact, along, cut), self.scene.units, self._surface(contact).least_pressure())
 
     def _surface(self, contact: str) -> SlaveNodes:
         names = [surface.contact.name for surface in self.measured.surfaces]
@@ -132,12 +133,19 @@ class Result:
         return self._figure(path, lambda: history_figure(table, self.scene.units))
 
     def plot_line(
-        self, contact: str, along: Along, path: Target = None, *, cut: Mapping[str, float] | None = None
+        self,
+        contact: str,
+        along: Along,
+        path: Target = None,
+        *,
+        cut: Mapping[str, float] | None = None,
+        whole: bool = False,
     ) -> Figure | None:
-        """Pressure and friction along a line of a contact, see `line`, and where its zones end. A Figure on rank 0, None on
-        the others. Collective."""
+        """Pressure and friction along a line of a contact, see `line`, and where its zones end, with what is near these or
+        the whole line. A Figure on rank 0, None on the others. Collective."""
         table, units = self.line(contact, along, cut), self.scene.units
-        return self._figure(path, lambda: line_figure(table, zones(table, units), units))
+        ends = zones(table, units, self._surface(contact).least_pressure())
+        return self._figure(path, lambda: line_figure(table, ends, units, whole))
 
     def _figure(self, path: Target, make: Callable[[], Figure]) -> Figure | None:
         """A figure that rank 0 makes and, given a path, saves; the others wait for it. Collective."""

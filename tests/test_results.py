@@ -22,6 +22,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
+from fenics_contact.output.chains import chains
 from fenics_contact.output.columns import Columns
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.lines import zones
@@ -293,7 +294,7 @@ def test_status_gap_and_pressure_of_two_tools_on_one_surface():
 def parabola(a, points):
     s = np.linspace(0.0, 4.0, points)
     p = np.sqrt(np.maximum(1.0 - ((s - 2.0) / a) ** 2, 0.0))
-    return {"arc_mm": s, "pressure_MPa": p}
+    return {"arc_mm": s, "chain": np.zeros(points, dtype=int), "pressure_MPa": p}
 
 
 @pytest.mark.parametrize("a", [0.77, 0.8, 1.03, 1.55])
@@ -322,8 +323,6 @@ def test_line_of_a_contact_and_its_pressure():
     ((start, end),) = result.widths("top", "x", {"y": 1.0})
     row = result.history[-1]
     assert row["top_width_x_mm"] == pytest.approx(end - start, abs=0.5)  # a cell
-    every = result.line("top", lambda X: X[:, 0] + 10.0 * X[:, 1])
-    assert len(every["arc_mm"]) == 13 * 4
     figure = result.plot_line("top", "x", cut={"y": 1.0})
     if COMM.rank == 0:
         axes = figure.axes[0]
@@ -336,8 +335,90 @@ def test_line_of_a_contact_and_its_pressure():
     for wrong, words in (({"y": 7.0}, "misses"), ({"q": 0.0}, "one axis")):
         with pytest.raises(SceneError, match=words):
             result.line("top", "x", wrong)
-    with pytest.raises(SceneError, match="along"):
-        result.line("top", "s")
+    for along, words in (("s", "along"), ("z", "same at all points"), ("y", "same at all points"),
+                         (lambda X: X, r"shape \(n,\).*\(13, 3\)"), (lambda X: X[:, 0] / 0.0, "NaN or inf")):  # fmt: skip
+        with np.errstate(all="ignore"), pytest.raises(SceneError, match=words):
+            result.line("top", along, {"y": 1.0})
+    for cut, words in ((None, r'more than one facet wide.*cut=\{"y": 1\}'), ({"z": 2.0}, "across it")):
+        with pytest.raises(SceneError, match=words):
+            result.line("top", "x", cut)
+
+
+def lip(lean):
+    """A leaning strip between x and z, one layer deep: sides of 6 cells, below half a circle of radius 1 and 12 cells."""
+
+    def draw():
+        geo, turn = gmsh.model.geo, np.array([[np.cos(lean), np.sin(lean)], [-np.sin(lean), np.cos(lean)]])
+        at = lambda x, z: geo.addPoint(*np.insert(np.array([x, z]) @ turn, 1, 0.0))  # noqa: E731
+        middle, (a, b, c, d) = at(0, 0), (at(np.cos(w), np.sin(w)) for w in np.radians([180, 225, 315, 360]))
+        left, right = at(-0.7, 3.0), at(0.7, 3.0)
+        arcs = [geo.addCircleArc(p, middle, q) for p, q in ((a, b), (b, c), (c, d))]
+        sides = [geo.addLine(left, a), *arcs, geo.addLine(d, right), geo.addLine(right, left)]
+        for curve, cells in zip(sides, (6, 3, 6, 3, 6, 6), strict=True):
+            geo.mesh.setTransfiniteCurve(curve, cells + 1)
+        face = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        geo.mesh.setTransfiniteSurface(face, cornerTags=[left, b, c, right])
+        geo.mesh.setRecombine(2, face)
+        whole, volume, *skin = geo.extrude([(2, face)], 0, 0.5, 0, [1], recombine=True)
+        geo.synchronize()
+        gmsh.model.mesh.generate(3)
+        groups = {"lip": (3, [volume[1]]), "ends": (2, [face, whole[1]]), "top": (2, [skin[-1][1]])}
+        for name, (dim, tags) in (groups | {"rim": (2, [tag for _, tag in skin[:-1]])}).items():
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
+
+    return draw
+
+
+@pytest.mark.parametrize("along", ["x", "z", lambda X: np.sin(9.0 * X[:, 0])], ids=["x", "z", "waves"])
+@pytest.mark.parametrize("cut", [{"y": 0.2}, {"y": 0.0}, None], ids=["inside", "side", "none"])
+def test_a_line_runs_from_facet_to_facet(along, cut):
+    """Along a lip of which no coordinate rises: its length is that of its arcs and sides, whatever says where it starts."""
+    scene = Scene(Body(read_gmsh(lip(0.6)), "lip", RUBBER), accept_locking=True)
+    scene.fix("ends", "y")
+    scene.fix("top")
+    floor = rigid_plane((0, 0, -1.2), name="floor")
+    scene.contact("rim", floor, 0.3, name="wipe")
+    result = solve(scene, move={floor: (0, 0, 0.21)}, steps=1, progress=False).require()
+    line = result.line("wipe", along, cut)
+    X = np.column_stack([line[f"{a}_reference_mm"] for a in "xyz"])
+    steps = np.linalg.norm(np.diff(X, axis=0), axis=1)
+    chords = 2 * np.hypot(0.3, 3.0) + 12 * 2 * np.sin(np.radians(7.5))
+    np.testing.assert_allclose(steps.sum(), chords, rtol=1e-9)
+    assert len(X) == 25 and set(line["chain"]) == {0}
+    np.testing.assert_allclose(line["y_reference_mm"], (cut or {"y": 0.0})["y"], atol=1e-12)
+    order = X[:, "xz".index(along) * 2] if isinstance(along, str) else along(X)
+    assert order[0] <= order[-1]
+    ((start, end),) = result.widths("wipe", along, cut)
+    assert 0.0 < end - start < 1.0
+
+
+def test_a_closed_line_ends_where_it_starts():
+    ring, order = np.array([[0, 3], [3, 1], [1, 2], [2, 0], [4, 5]]), np.array([0.5, 2.0, 3.0, 1.0, -1.0, 9.0])
+    assert [chain.tolist() for chain in chains(ring, order)] == [[4, 5], [0, 3, 1, 2, 0]]
+
+
+def test_parts_of_a_line_are_apart():
+    """Both ends of a block in one slave: a chain after the other, over which no zone reaches."""
+    mesh = read_gmsh(box.build, size=(6.0, 2.0, 2.0), cells=(6, 2, 2))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    walls = [rigid_plane((x, 0, 0), (n, 0, 0), name=f"wall{n}") for x, n in ((-0.1, 1), (6.1, -1))]
+    for wall in walls:
+        scene.contact(("xmin", "xmax"), wall, name=wall.name)
+    move = {wall: (0.2 * n, 0, 0) for wall, n in zip(walls, (1, -1), strict=True)}
+    result = solve(scene, move=move, steps=1, progress=False)
+    line = result.line("wall1", "z", {"y": 1.0})
+    np.testing.assert_array_equal(line["chain"], [0, 0, 0, 1, 1, 1])
+    np.testing.assert_allclose(line["z_reference_mm"], [0, 1, 2, 0, 1, 2], atol=1e-12)
+    way = np.diff(line["arc_mm"])
+    assert way[2] == 0.0 and np.all(way[[0, 1, 3, 4]] > 0.9)
+    ((_, end),) = result.widths("wall1", "z", {"y": 1.0})
+    assert end <= way[:2].sum()
+    figure = result.plot_line("wall1", "z", cut={"y": 1.0})
+    shown = result.plot_line("wall1", "z", cut={"y": 1.0}, whole=True)
+    if COMM.rank == 0:
+        (low, high), (least, most) = (f.axes[0].get_xlim() for f in (figure, shown))
+        assert least < 0.0 < low + 1.0 and high < most and most > way.sum()
 
 
 # -- what record= sees ------------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
 
 MARKS = 40  # points of a curve up to which each is marked
+AROUND = 0.25  # of the length from the first zone in contact to the last: what is shown beside them
 
 
 def words(column: str, units: Units) -> tuple[str, str]:
@@ -47,23 +48,34 @@ def history_figure(table: Mapping[str, Array], units: Units) -> Figure:
     return figure
 
 
-def line_figure(table: Mapping[str, Array], ends: Floats, units: Units) -> Figure:
+def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: bool = False) -> Figure:
     """Pressure, and the size of friction where there is some, over the way along a line of a contact, `line` of lines.py.
 
-    ends (n, 2): of the zones in contact, drawn as dashed lines [length].
+    ends (n, 2): of the zones in contact, drawn as dashed lines [length]; these and what is near them are shown, or the whole
+    line. Dotted lines lie between chains, which are no neighbours.
     """
     L, p = units.length, units.pressure
     friction = np.linalg.norm([table[f"friction_{axis}_{p}"] for axis in "xyz"], axis=0)
+    rubs = friction.max(initial=0.0) > 0.0
     figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    axes, place = figure.subplots(), table[f"arc_{L}"]
-    along_line(axes, place, table[f"pressure_{p}"], "pressure", marker="o" if len(place) <= MARKS else None, markersize=3)
-    if friction.max(initial=0.0) > 0.0:
-        axes.plot(place, friction, linewidth=1.2, label="friction")
+    axes, place, chain = figure.subplots(), table[f"arc_{L}"], table["chain"]
+    marks = {"marker": "o" if len(place) <= MARKS else None, "markersize": 3}
+    for number in np.unique(chain):
+        part, words = chain == number, ("pressure", "friction") if number == 0 else ("_", "_")  # named once
+        along_line(axes, place[part], table[f"pressure_{p}"][part], words[0], color="C0", **marks)
+        if rubs:
+            axes.plot(place[part], friction[part], linewidth=1.2, label=words[1], color="C1")
+        if number:
+            axes.axvline(place[part][0], color="0.4", linewidth=0.8, linestyle=":")
+    if rubs:
         axes.legend(fontsize=LETTERS)
     for end in ends.ravel():
         axes.axvline(end, color="0.4", linewidth=0.8, linestyle="--")
+    if len(ends) and not whole:
+        near = AROUND * float(ends.max() - ends.min())
+        axes.set_xlim(max(ends.min() - near, place.min()) - 0.1 * near, min(ends.max() + near, place.max()) + 0.1 * near)
     axes.set_xlabel(labelled("way along the line", L), fontsize=LETTERS)
-    axes.set_ylabel(f"[{p}]" if friction.max(initial=0.0) > 0.0 else labelled("pressure", p), fontsize=LETTERS)
+    axes.set_ylabel(f"[{p}]" if rubs else labelled("pressure", p), fontsize=LETTERS)
     axes.tick_params(labelsize=LETTERS)
     return figure
 

@@ -4,50 +4,94 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from fenics_contact.output.chains import chains, cut_facets, together
 from fenics_contact.output.columns import AXES
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, SlaveNodes
 from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
-from fenics_contact.values import SceneError
+from fenics_contact.values import SceneError, finite, shown
 
 ON_PLANE = 1e-9  # of the surface's size: nodes so near to the plane lie on it
-APART = 1.234567e-7  # of that size: points nearer to one another are one
 
 Along = str | Callable[[Floats], Floats]
 Table = dict[str, Array]
 
 
 def line(surface: SlaveNodes, along: Along, cut: Mapping[str, float] | None, units: Units) -> Table:
-    """Columns of the slave surface's points in rising order, on all ranks. Collective.
+    """Columns of the points where a plane cuts the slave surface's facets, on all ranks. Collective.
 
-    along: "x", "y" or "z", or a function of the reference positions X (n, 3) -> (n,), that orders them; cut: {axis: value},
-    the plane of the undeformed body whose cut with the surface's facets is taken; None: all corners of its facets.
-    SceneError, on all ranks, for another axis, and where the plane misses the surface.
+    Neighbours are those of one facet; where the cut is in parts these come one after the other, each a `chain`, and arc, the
+    way along the deformed line, leaves out the jumps. along: "x", "y" or "z", or a function of the reference positions X
+    (n, 3) -> (n,): a chain starts where that is least; cut: {axis: value}, the plane of the undeformed body; None, for
+    surfaces one facet wide: their lower side. SceneError, on all ranks, for another axis, a plane that misses the surface,
+    and for a surface that is no line.
     """
-    values = _values(surface)
-    local = values[np.unique(surface.skin.corners)] if cut is None else _cut(surface, values, cut)
-    rows = np.concatenate(surface.comm.allgather(local))
-    if not len(rows):
-        raise SceneError(f"cut = {cut} misses the slave surface of contact '{surface.contact.name}'")
-    size = np.ptp(rows[:, :3], axis=0).max()
-    _, first = np.unique(np.floor(rows[:, :3] / max(APART * size, 1e-300) + 0.3), axis=0, return_index=True)
-    rows = rows[first]
-    rows = rows[np.argsort(_order(rows[:, :3], along), kind="stable")]
-    steps = np.linalg.norm(np.diff(rows[:, 3:6], axis=0), axis=1)
+    axis, value, size = _plane(surface, cut)
+    values, corners = _values(surface), surface.skin.corners
+    away = values[:, axis] - value
+    away[np.abs(away) <= ON_PLANE * size] = 0.0
+    found = cut_facets(surface.keys()[corners], away[corners])
+    rows, joined = together(surface.comm, found, _between(surface, values, found.ends, found.share))
+    if not len(joined):
+        within, of = surface.comm.allreduce(found.flat), f"the slave surface of contact '{surface.contact.name}'"
+        where = f"holds facets of {of} and cuts none; take one across it" if within else f"misses {of}"
+        raise SceneError(f"cut = {cut}: the plane {where}")
+    parts = chains(joined, _order(rows[:, :3], along, size))
+    steps = [np.append(0.0, np.linalg.norm(np.diff(rows[part, 3:6], axis=0), axis=1)) for part in parts]
+    chain = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    rows = rows[np.concatenate(parts)]
     names = [f"{axis}_reference_{units.length}" for axis in AXES] + [f"{axis}_{units.length}" for axis in AXES]
     names += [f"pressure_{units.pressure}", *(f"friction_{axis}_{units.pressure}" for axis in AXES)]
     names += [f"gap_{units.length}", f"slip_{units.length}"]
     table = {name: rows[:, i] for i, name in enumerate(names)}
     table["status"] = STATUS_OF_RANK[rows[:, len(names)].astype(int)]
-    return {f"arc_{units.length}": np.concatenate([[0.0], np.cumsum(steps)])} | table
+    return {f"arc_{units.length}": np.cumsum(np.concatenate(steps)), "chain": chain} | table
 
 
-def _order(X: Floats, along: Along) -> Floats:
+def _plane(surface: SlaveNodes, cut: Mapping[str, float] | None) -> tuple[int, float, float]:
+    """Axis and place of the plane, and size of the slave surface [length]. Collective."""
+    comm, X = surface.comm, surface.reference()[surface.skin.corners]
+    low, high = (
+        choose(comm.allgather(choose(X, axis=(0, 1), initial=start)), axis=0)
+        for choose, start in ((np.min, np.inf), (np.max, -np.inf))
+    )
+    size = float(np.max(high - low))
+    if cut is not None:
+        if len(cut) != 1 or next(iter(cut)) not in list(AXES):
+            raise SceneError(f'cut = {cut} must be one axis and its value, like {{"z": 0.0}}')
+        ((letter, value),) = cut.items()
+        return AXES.index(letter), float(finite(value, f"cut: {letter}")), size
+    inside = np.minimum(X - low, high - X).max(axis=(0, 1), initial=0.0)
+    thinnest = (high - low - np.ptp(X, axis=1)).max(axis=0, initial=0.0)
+    wide = np.max(comm.allgather(np.maximum(inside, thinnest)), axis=0) > ON_PLANE * size
+    wide |= high - low <= ON_PLANE * size
+    if wide.all():
+        letter, middle = AXES[int(np.argmin(np.where(high > low, high - low, np.inf)))], 0.5 * (low + high)
+        raise SceneError(
+            f"contact '{surface.contact.name}': its slave surface is more than one facet wide, no line; give the plane that "
+            f'cuts it, cut={{"{letter}": {middle[AXES.index(letter)]:.6g}}} for instance'
+        )
+    axis = int(np.argmin(np.where(wide, np.inf, high - low)))
+    return axis, float(low[axis]), size
+
+
+def _order(X: Floats, along: Along, size: float) -> Floats:
+    """What orders the points at X (n, 3); SceneError where it does not."""
     if callable(along):
-        return np.asarray(along(X), dtype=float)
-    if along not in list(AXES):
-        raise SceneError(f"along = {along!r} must be 'x', 'y', 'z', or a function of the reference positions X (n, 3)")
-    return X[:, AXES.index(along)]
+        order = np.asarray(along(X.copy()), dtype=float)
+        if order.shape != (len(X),) or not np.isfinite(order).all():
+            raise SceneError(
+                f"along must be a function of positions X (n, 3) that gives one finite number for each, an array of shape "
+                f"(n,); for n = {len(X)} it gave shape {order.shape}{'' if np.isfinite(order).all() else ' and NaN or inf'}"
+            )
+        size = float(np.abs(order).max())
+    elif along not in list(AXES):
+        raise SceneError(f"along = {shown(along)} must be 'x', 'y', 'z', or a function of the reference positions X (n, 3)")
+    else:
+        order = X[:, AXES.index(along)]
+    if np.ptp(order) <= ON_PLANE * size:
+        raise SceneError(f"along = {shown(along)} is the same at all points of the line; give what tells its two ends apart")
+    return order
 
 
 def _values(surface: SlaveNodes) -> Floats:
@@ -57,33 +101,30 @@ def _values(surface: SlaveNodes) -> Floats:
     return np.column_stack(columns)
 
 
-def _cut(surface: SlaveNodes, values: Floats, cut: Mapping[str, float]) -> Floats:
-    """Values where the edges of this rank's facets meet the plane, and of the nodes on it."""
-    if len(cut) != 1 or next(iter(cut)) not in list(AXES):
-        raise SceneError(f'cut = {cut} must be one axis and its value, like {{"z": 0.0}}')
-    (axis, value), corners = next(iter(cut.items())), surface.skin.corners
-    away = values[:, AXES.index(axis)] - value
-    away[np.abs(away) <= ON_PLANE * np.ptp(values[:, :3], axis=0).max(initial=0.0)] = 0.0
-    nodes = np.unique(corners)
-    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-    crossing = away[starts] * away[ends] < 0.0
-    below, above = starts[crossing], ends[crossing]
-    share = (away[below] / (away[below] - away[above]))[:, None]
-    between = (1.0 - share) * values[below] + share * values[above]
-    between[:, -1] = np.maximum(values[below, -1], values[above, -1])
-    return np.concatenate([values[nodes[away[nodes] == 0.0]], between])
+def _between(surface: SlaveNodes, values: Floats, ends: Array, share: Floats) -> Floats:
+    """Values between the nodes with keys (n, 2), a share (n,) of the way from the first to the second."""
+    nodes = np.unique(surface.skin.corners)
+    keys = surface.keys()[nodes]
+    order = np.argsort(keys)
+    first, second = (values[nodes[order[np.searchsorted(keys[order], ends[:, i])]]] for i in (0, 1))
+    out = (1.0 - share)[:, None] * first + share[:, None] * second
+    out[:, -1] = np.maximum(first[:, -1], second[:, -1])
+    return out
 
 
-def zones(table: Table, units: Units) -> Floats:
-    """Starts and ends (n, 2) along the arc [length] of the parts of a line that are in contact.
+def zones(table: Table, units: Units, least: float = 0.0) -> Floats:
+    """Starts and ends (n, 2) along the arc [length] of the parts of a line that are in contact, chain by chain.
 
-    An end lies where the squares of the last two pressures point to zero, as sqrt(a^2 - x^2) does, no farther than the next
-    point; a part of one point ends midway.
+    least: pressures up to it are round-off. An end lies where the squares of the last two pressures point to zero, as
+    sqrt(a^2 - x^2) does, no farther than the next point; a part of one point ends midway.
     """
-    s, p = table[f"arc_{units.length}"], np.maximum(table[f"pressure_{units.pressure}"], 0.0)
-    closed = np.concatenate([[False], p > 0.0, [False]])
-    first, last = np.flatnonzero(closed[1:] & ~closed[:-1]), np.flatnonzero(closed[:-1] & ~closed[1:]) - 1
-    found = [(_end(s, p, a, b, -1), _end(s, p, b, a, 1)) for a, b in zip(first, last, strict=True)]
+    arc, pressure, chain = table[f"arc_{units.length}"], table[f"pressure_{units.pressure}"], table["chain"]
+    found: list[tuple[float, float]] = []
+    for part in (chain == number for number in np.unique(chain)):
+        s, p = arc[part], np.where(pressure[part] > least, pressure[part], 0.0)
+        closed = np.concatenate([[False], p > 0.0, [False]])
+        first, last = np.flatnonzero(closed[1:] & ~closed[:-1]), np.flatnonzero(closed[:-1] & ~closed[1:]) - 1
+        found += [(_end(s, p, a, b, -1), _end(s, p, b, a, 1)) for a, b in zip(first, last, strict=True)]
     return np.array(found).reshape(-1, 2)
 
 

@@ -8,10 +8,11 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.section import Section
+from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.types import Bools, Floats, Ints, Space
+from fenics_contact.types import Bools, Floats, Ints, Ints64, Space
 
 # How much a point is held, by its status code: the order in which a node's points of different status are averaged.
 RANK_OF_STATUS = np.empty(4)
@@ -63,6 +64,7 @@ class SlaveNodes:
         self._share = s.area[..., None] * _lumped(s.a, s.X)
         self._lumped = _lumped(self.skin.N, self.skin.X)
         self._owned = space.dofmap.index_map.size_local
+        self._keys: Ints64 | None = None
 
     def at_state(self) -> NodalContact:
         """The values at the system's state. Collective."""
@@ -92,6 +94,17 @@ class SlaveNodes:
     @property
     def comm(self) -> MPI.Comm:
         return self._system.comm
+
+    def keys(self) -> Ints64:
+        """Numbers (n,) of all local nodes, the same on any number of ranks. Collective when asked first."""
+        if self._keys is None:
+            self._keys = node_keys(self._system.space)
+        return self._keys
+
+    def least_pressure(self) -> float:
+        """Pressure up to which it is round-off [pressure]: of gaps that the coordinates do not resolve. Collective."""
+        law = self.contact.trial.law
+        return max(self.comm.allgather(float(law.eps_n.max(initial=0.0)))) * law.touch
 
     def reference(self) -> Floats:
         """Reference positions (n, 3) of all local nodes [length]."""
