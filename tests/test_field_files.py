@@ -182,6 +182,24 @@ def test_tools_are_where_they_have_travelled(folder):
 
 
 @pytest.mark.parallel
+def test_what_is_drawn_of_an_endless_tool_stays_on_it(folder):
+    """A body that slides along a wall at rest: the same part of the wall, until the body comes to its end."""
+    scene = scene_of("hexahedra", 1)
+    u = compat.Function(scene.space)
+    folder.mkdir(exist_ok=True)
+    files = FieldFiles(folder, scene)
+    for step, way in enumerate((0.0, 0.5, 0.9, 12.0)):
+        u.x.array.reshape(-1, 3)[:] = [0.0, way, -0.5 * way]
+        files.write(step, {"u": u}, np.array([[0.0, 0.0, -0.5], [0.0, way if step == 2 else 0.0, 0.0]]), 1.0, step)
+    COMM.Barrier()
+    wall = [read_vtu(folder / "tools" / f"wall_{step:06d}.vtu")["Points"]["Points"] for step in range(4)]
+    np.testing.assert_allclose(wall[1], wall[0], atol=ROUND)
+    np.testing.assert_allclose(wall[2], wall[0] + [0.0, 0.9, 0.0], atol=ROUND)  # it has travelled itself
+    np.testing.assert_allclose(wall[3].mean(axis=0), wall[0].mean(axis=0), atol=ROUND)
+    assert np.all(wall[3].min(axis=0)[1:] < (0.0, -6.0)) and np.all(wall[3].max(axis=0)[1:] > (14.0, 1.0))
+
+
+@pytest.mark.parallel
 @pytest.mark.parametrize(("kind", "degree", "element"), [("hexahedra", 1, "mixed"), ("hexahedra", 2, "displacement"),
                                                          ("hexahedra", 2, "mixed"), ("tetrahedra", 2, "mixed")])  # fmt: skip
 def test_a_run_writes_its_fields(folder, kind, degree, element):

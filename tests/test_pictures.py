@@ -360,3 +360,18 @@ def test_a_film_draws_the_steps_of_a_run(tmp_path):
         lids = [one.tools[0][..., 2].mean() for one in film.drawings]
         np.testing.assert_allclose(lids, [0.95, 0.9, 0.85, 0.8])  # each is of its own step
         assert film.drawings[0].title == "t = 0.25"
+
+
+def test_a_tool_at_rest_does_not_travel_in_a_film():
+    """A block is dragged over a floor: what is drawn of that grows ahead of the block, and does not follow it."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1)), "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.prescribe("zmax", "z", -0.05)
+    scene.fix("zmax", "y")
+    scene.prescribe("zmax", "x", lambda X, t: 3.0 * t)
+    scene.contact("zmin", rigid_plane(name="floor"), name="foot")
+    film = Film()
+    solve(scene, steps=3, progress=False, record={"frame": film}).require()
+    if ROOT:
+        ends = np.array([[one.tools[0].min(axis=(0, 1)), one.tools[0].max(axis=(0, 1))] for one in film.drawings])
+        np.testing.assert_allclose(ends[:, 0, 0], ends[0, 0, 0])
+        np.testing.assert_allclose(np.diff(ends[:, 1, 0]), 1.0, atol=0.05)

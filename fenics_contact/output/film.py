@@ -50,7 +50,8 @@ class Film:
         if self._fields is None or self._fields.system is not system:
             self._fields, self._comm = Fields(scene, system), system.comm
         self._fields.update()
-        found = drawing(scene, system, self.field, self.mirror, self.view, self._fields)
+        box = self.drawings[-1].box if self.drawings else None
+        found = drawing(scene, system, self.field, self.mirror, self.view, self._fields, box)
         self._taken += 1
         if found is not None:
             self.drawings.append(found)

@@ -24,6 +24,7 @@ SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a s
 MANY = 3000  # facets with a field beyond which each has one colour
 
 Box = tuple[Floats, Floats]  # least and largest places (2,)
+Neighbourhood = tuple[Floats, Floats]  # least and largest places (3,)
 Layer = tuple[Floats, Floats, Floats, Floats]  # corners (n, 4, 3), colours of faces and edges (n, 4), by which to sort (n,)
 
 
@@ -32,7 +33,7 @@ class Drawing:
     """A model at one state, ready to draw on any axes.
 
     body: facets with the field; tools: tiles (n, 4, 3) of each [length]; hidden (bodies,): seen through, for the field is
-    behind them; length: the unit's name.
+    behind them; length: the unit's name; box: in which tools are drawn.
     """
 
     body: Skin
@@ -42,6 +43,7 @@ class Drawing:
     hidden: Bools
     title: str
     length: str
+    box: Neighbourhood
 
     @property
     def is_slice(self) -> bool:

@@ -5,7 +5,7 @@ import numpy as np
 from fenics_contact.assembly.system import System
 from fenics_contact.output.colours import colours
 from fenics_contact.output.fields import Fields
-from fenics_contact.output.pictures import Drawing
+from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.skin import AXES, look, mirrored, skin, symmetry_planes, tool_tiles
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles, choose, slice_axis
@@ -28,12 +28,13 @@ def drawing(
     mirror: str = "",
     view: str | Angles | None = None,
     fields: Fields | None = None,
-    title: str | None = None,
+    box: Neighbourhood | None = None,
 ) -> Drawing | None:
     """The model at the system's state, on rank 0; None on the others. Collective.
 
-    field, mirror, view as for `Result.plot`; fields: those of the scene, up to date, where there are some. SceneError, on
-    all ranks, for an unknown field, one that the scene does not have, and a mirror where no symmetry is.
+    field, mirror, view as for `Result.plot`; fields: those of the scene, up to date, where there are some; box: in which
+    tools are drawn at least, on rank 0: that of the drawing before, in a film, whose tools then stay. SceneError, on all
+    ranks, for an unknown field, one that the scene does not have, and a mirror where no symmetry is.
     """
     planes = symmetry_planes(scene)
     _refuse(mirror, view, planes)
@@ -46,20 +47,21 @@ def drawing(
         return None
     tint = colours(seen.label, seen.kind, seen.on_contact, body.values)
     low, high = _neighbourhood(body.x.reshape(-1, 3), planes, slice_axis(body))
+    if box is not None:
+        low, high = np.minimum(low, box[0]), np.maximum(high, box[1])
     tiles = tool_tiles(scene, system.state.tools, low, high)
     body, tiles = mirrored(body, tiles, {axis: planes[axis] for axis in sorted(map(AXES.index, mirror))})
     # bodies whose own surfaces carry nothing of a contact field would hide those that do
     carries = np.bincount(body.body[body.slave], minlength=len(scene.bodies)) > 0
     hidden = ~carries if seen.on_contact else np.zeros(len(scene.bodies), dtype=bool)
     chosen = choose(body, ~hidden[body.body], view)
-    if title is None:
-        title = f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
-        nothing = seen.on_contact and seen.kind == "amount" and not np.any(np.nan_to_num(body.values) > 0.0)
-        title += ", nothing touches" if nothing else ""
-    return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length)
+    title = f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
+    nothing = seen.on_contact and seen.kind == "amount" and not np.any(np.nan_to_num(body.values) > 0.0)
+    title += ", nothing touches" if nothing else ""
+    return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
 
 
-def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None) -> tuple[Floats, Floats]:
+def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None) -> Neighbourhood:
     """Box about the bodies in which tools are drawn: up to planes of symmetry; all that crosses a slice."""
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.max(high - low))

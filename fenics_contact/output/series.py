@@ -11,11 +11,11 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.files import FIELDS, STEPS, TOOLS, StepFiles, complete, writing
 from fenics_contact.output.grid import Grid, per_cell
 from fenics_contact.output.solved import Solved
-from fenics_contact.output.tool_surfaces import tool_surface
+from fenics_contact.output.tool_surfaces import SAG, piece, tool_surface
 from fenics_contact.output.vtu import facets_file, read_collection, write_collection
 from fenics_contact.types import Array, Floats, Function
 
-BEYOND = 1.5  # of the diagonal of the bodies at rest: size of what is drawn of an endless tool, the same at every step
+BEYOND = 1.5  # of the diagonal of the bodies at rest: size of what is drawn of an endless tool at first
 LONGEST_NAME = 60  # characters of a tool's name in the names of its files, which may have 255 bytes
 
 
@@ -54,16 +54,17 @@ class FieldFiles:
                 points = {name: _plain(array) for name, array in values.items() if array is not None}
                 cells = {"body": body} | {name: points.pop(name) for name in in_cells}
                 displacement: Floats = next(iter(points.values()))
-                self._write_tools(step, self._grid.points + displacement, poses, stamp)
+                self._write_tools(step, self._grid.points, displacement, poses, stamp)
                 whole = _times(stamp) | {"t": np.array([t])}
                 whole |= {f"body_{b.group}": np.array([i], dtype=np.int32) for i, b in enumerate(self._scene.bodies)}
                 self._bodies.add(step, stamp, partial(file.write, points=points, cells=cells, whole=whole))
 
-    def _write_tools(self, step: int, placed: Floats, poses: Sequence[Pose], stamp: float) -> None:
-        """placed (n, 3): where the bodies' nodes are, beside which endless tools are drawn."""
-        about = (placed.min(axis=0) + placed.max(axis=0)) / 2
+    def _write_tools(self, step: int, X: Floats, u: Floats, poses: Sequence[Pose], stamp: float) -> None:
+        """X, u (n, 3): the bodies' nodes at rest and their displacement, beside which endless tools are drawn."""
+        rest, about = (0.5 * (x.min(axis=0) + x.max(axis=0)) for x in (X, X + u))
         for tool, series, pose in zip(self._scene.tools, self._tools, poses, strict=True):
-            file = facets_file(*tool_surface(tool, self._size, about, pose))
+            size, place = piece(tool, self._size, rest, about, pose)
+            file = facets_file(*tool_surface(tool, size, place, pose, SAG * self._size / size))
             whole = _times(stamp) | {f"travel_{self._scene.units.length}": pose.travel[None]}
             series.add(step, stamp, partial(file.write, points={}, cells={}, whole=whole))
 

@@ -11,6 +11,9 @@ SAG = 2e-3  # of `size`: how far a facet may cut below a round surface in a file
 FEWEST, MOST = 6, 48  # facets per quarter of a turn
 FLAT = 8  # facets along a straight line: pictures sort them by their distance from the eye
 
+# directions in its frame that a tool has no end along
+ENDLESS = {rigid_shapes.PLANE: [0, 1], rigid_shapes.CYLINDER: [2], rigid_shapes.EXTRUSION: [1]}
+
 Facets = tuple[Floats, Ints64]
 
 
@@ -45,6 +48,21 @@ def _joined(surfaces: list[Facets]) -> Facets:
     before = np.cumsum([0, *(len(points) for points, _ in surfaces)])
     facets = [facets + start for (_, facets), start in zip(surfaces, before, strict=False)]
     return np.concatenate([points for points, _ in surfaces]), np.concatenate(facets)
+
+
+def piece(tool: Tool, size: float, rest: Floats, about: Floats, pose: Pose) -> tuple[float, Floats]:
+    """Size and place (3,) of the part of an endless tool to draw in every state of a run: the same one of the tool, that
+    about the bodies at rest, twice as large, three times, ... where they have gone along it.
+
+    size: of the part at first, of which the bodies take two thirds; rest, about (3,): middle of the bodies at rest and now
+    [length].
+    """
+    gone, way = 0.0, pose.before(about) - rest  # as the tool sees it
+    for part in parts_of(tool) if isinstance(tool, RigidTool) else ():
+        along = part.axes.T @ way
+        gone = max(gone, float(np.abs(along[ENDLESS.get(part.kind, [])]).max(initial=0.0)))
+    times = np.ceil(max(gone - size / 6.0, 0.0) / (0.5 * size))
+    return size * (1.0 + times), pose.placed(rest)
 
 
 def _in_frame(tool: RigidTool, size: float, centre: Floats, sag: float) -> Facets:
