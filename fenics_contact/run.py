@@ -29,7 +29,7 @@ from fenics_contact.output.units import Units
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, results_folder
 from fenics_contact.result import Result
-from fenics_contact.scene.build import build
+from fenics_contact.scene.build import Built, build
 from fenics_contact.scene.drives import Moves, turning
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.functions import Drive
@@ -39,6 +39,7 @@ from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.control import run
+from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Incremental, Newton
@@ -125,7 +126,7 @@ def solve(
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
-    plain, stepper = _stepper(method, solver, tolerance, system)
+    plain, stepper = _stepper(method, solver, tolerance, built)
     path = None
     if isinstance(plain, ArcLength) and arcs:
         path = Path(system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system))
@@ -168,8 +169,9 @@ def _refuse_nan(system: System, times: Floats) -> None:
     system.set_loads(0.0)
 
 
-def _stepper(method: str, solver: LinearSolver, tolerance: float | None, system: System) -> tuple[ArcLength | Stepper, Any]:
+def _stepper(method: str, solver: LinearSolver, tolerance: float | None, built: Built) -> tuple[ArcLength | Stepper, Any]:
     """The method's stepper, and the same with all that corrects its states."""
+    system = built.system
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     plain = STEPPERS[method](solver, **options)
     steady = not isinstance(plain, ArcLength | Incremental)
@@ -182,8 +184,14 @@ def _stepper(method: str, solver: LinearSolver, tolerance: float | None, system:
         raise SceneError(
             f"damping= belongs to methods 'newton' and 'snes', not '{method}'; leave it out, or choose one of these"
         )
+    if built.fluids and not steady:
+        raise SceneError(
+            f"pressure with where=\"open\" needs steps that end in balance, method 'newton' or 'snes', not '{method}'; "
+            "choose one of these, or leave where= out"
+        )
     stepper = Softened(plain) if isinstance(plain, Newton) else plain
     stepper = Augmented(stepper) if system.augmented else stepper
+    stepper = Entering(stepper, built.fluids) if built.fluids else stepper
     springs = system.grounding if steady else None
     return plain, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
 

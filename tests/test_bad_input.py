@@ -345,13 +345,23 @@ WRONG_VALUES = {
     # loads
     "traction number": (lambda s: held(s.mesh).traction("zmax", 0.1), "traction", "'zmax'", "three finite numbers"),
     "traction text": (lambda s: held(s.mesh).traction("zmax", "down"), "traction", "'zmax'", "'down'"),
-    "traction of X": (lambda s: held(s.mesh).traction("zmax", lambda X, t: (0, 0, t)), "'zmax'", "value(t)", "(X, t)"),
+    "traction of three": (lambda s: held(s.mesh).traction("zmax", lambda X, t, n: t), "'zmax'", "value(t)", "(X, t, n)"),
+    "traction of X gives numbers": (lambda s: s.loaded("traction", lambda X, t: t * X[:, 0]), "'zmax'", "row of shape (3,)"),
     "traction group": (lambda s: held(s.mesh).traction(6, (0, 0, 1)), "6", "name of a surface group"),
     "traction gives number": (lambda s: s.loaded("traction", lambda t: t), "traction", "'zmax'", "three finite numbers"),
     "traction gives nothing": (lambda s: s.loaded("traction", lambda t: None), "'zmax'", "three finite numbers", "None"),
     "pressure vector": (lambda s: held(s.mesh).pressure("zmax", (0, 0, 1)), "pressure", "'zmax'", "one finite number"),
     "pressure text": (lambda s: held(s.mesh).pressure("zmax", "0.1"), "pressure", "'zmax'", "'0.1'"),
     "pressure gives text": (lambda s: s.loaded("pressure", lambda t: "0.1"), "pressure", "'zmax'", "one finite number"),
+    "pressure of X gives rows": (lambda s: s.loaded("pressure", lambda X, t: t * X), "pressure", "'zmax'", "one number per"),
+    "pressure of X gives nan": (lambda s: s.loaded("pressure", lambda X, t: NAN), "pressure", "'zmax'", "finite", "mend"),
+    "fluid where": (lambda s: held(s.mesh).pressure("zmax", 1.0, where="shut"), "'zmax'", "where = 'shut'", '"open"'),
+    "fluid from all": (lambda s: held(s.mesh).pressure("zmax", 1.0, from_="xmax"), "'zmax'", "from_=", 'where="open"'),
+    "fluid unknown": (lambda s: s.wet("lid"), "'lid'", "zmax"),
+    "fluid apart": (lambda s: s.wet("zmin"), "pressure on 'zmax'", "from_ = 'zmin'", "no node of that surface"),
+    "fluid no contact": (lambda s: s.wet("xmax", met=False), "pressure on 'zmax'", "asks for contact", "leave where= out"),
+    "fluid negative": (lambda s: s.wet("xmax", -1.0), "pressure on 'zmax'", "-0.5", "must not be negative"),
+    "fluid incremental": (lambda s: s.wet("xmax", method="incremental"), 'where="open"', "'newton' or 'snes'", "'incremen"),
     "body force number": (lambda s: held(s.mesh).body_force(-9.81), "body force", "three finite numbers"),
     "body force complex": (lambda s: held(s.mesh).body_force((0, 0, 1j)), "body force", "three finite numbers"),
     # contacts
@@ -438,6 +448,11 @@ class Start:
         scene = held(self.mesh)
         scene.prescribe("zmax", "z", value)
         return solved(scene, out=self.out)
+
+    def wet(self, source, value=1.0, met=True, **options):
+        scene = pressed(self.mesh)[0] if met else held(self.mesh)
+        scene.pressure("zmax", value, where="open", from_=source)
+        return solved(scene, out=self.out, steps=[0.5, 1.0], **options)
 
     def loaded(self, kind, value):
         scene = held(self.mesh)

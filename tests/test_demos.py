@@ -113,6 +113,13 @@ def partial_slip(results, said):
     assert 0 < friction[np.argmin(np.abs(x))] < 0.5 * 0.2 * pressure.max()  # the middle sticks
 
 
+def o_ring(results, said):
+    """It is pressed with less than the fluid has, and holds it: more by what the fluid adds."""
+    table = rows(results / "history.csv")
+    peak = [float(row["lid_peak_pressure_MPa"]) for row in table]
+    assert peak[len(peak) // 2 - 1] < 10.0 < 13.0 < peak[-1] < 15.0
+
+
 def speed(results, said):
     """The parity scene takes three iterations per step on any mesh, as in five other codes."""
     values = {row["what"]: float(row["value"]) for row in rows(results / "ratios.csv")}
@@ -131,6 +138,7 @@ DEMOS = {
     ironing: ("ironing.png", "summary.json"),
     capstan: ("capstan.png", "thickness_2/results.pvd"),
     partial_slip: ("partial_slip.png", "points_nodes/tractions.csv"),
+    o_ring: ("o_ring.png", "results.pvd"),
     speed: ("kernels.png", "kernels.csv"),
 }
 

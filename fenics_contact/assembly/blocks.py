@@ -29,7 +29,7 @@ class Blocks:
     """forms: bilinear forms, which know the fast way into the matrix; cells: local nodes (n, k) and matrices (n, 3k, 3k) of
     elements; pairs: rows (m,), rising, columns (m,) and blocks (m, 3, 3) of pairs of nodes, local ones or, with `whole`,
     numbers of the System's blocks; tool: with one; free: diagonal (6 tools,) on the coordinates of tools, counted once; at:
-    where a contact's points were, for what it foresees from this tangent."""
+    where a contact's points were, for what it foresees from this tangent; parts: more of the same."""
 
     forms: tuple[CellForm, ...] = ()
     cells: tuple[Array, Floats] | None = None
@@ -38,6 +38,7 @@ class Blocks:
     tool: ToolBlocks | None = None
     free: Floats | None = None
     at: Any = None
+    parts: tuple["Blocks", ...] = ()
 
 
 class Border:
@@ -55,6 +56,8 @@ class Border:
 
 def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:
     """Add a term's blocks to the matrix, to be assembled afterwards, and to the border where there are tools."""
+    for part in blocks.parts:
+        insert(part, matrix, border)
     for form in blocks.forms:
         form.add(matrix)
     if blocks.cells is not None and len(blocks.cells[0]):

@@ -21,6 +21,7 @@ from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.contact.facets import FacetPartner
+from fenics_contact.contact.fluid import Fluid
 from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolAverages, MeshedToolPartner
 from fenics_contact.contact.mortar import MortarPartner
@@ -41,8 +42,8 @@ from fenics_contact.scene.checks import (
     unmet_notes,
 )
 from fenics_contact.scene.drives import Moves, motion_of, supports_of
-from fenics_contact.scene.functions import Drive
-from fenics_contact.scene.statements import ContactStatement, Load
+from fenics_contact.scene.functions import Drive, whole
+from fenics_contact.scene.statements import ContactStatement, Entering, Load
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
 from fenics_contact.solid.materials import young
@@ -54,16 +55,17 @@ from fenics_contact.values import SceneError
 if TYPE_CHECKING:  # which asks for its System here
     from fenics_contact.scene.scene import Scene
 
-Loads = Sequence[tuple[Constant, Load]]  # a form's constant, and what it follows
+Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and what it follows
 
 
 @dataclass(frozen=True)
 class Built:
-    """A System, what is to be said of its start, and terms of the dead loads and pressures alone."""
+    """A System, what is to be said of its start, and terms of the dead loads and pressures alone, fluids too."""
 
     system: System
     notes: list[str]
     loads: list[FormTerm]
+    fluids: list[Fluid]
 
 
 def build(
@@ -77,14 +79,14 @@ def build(
     """What a Scene states, Built. move: {tool: (3,) travel at t = 1 or function of t, or a Motion}; push: {tool: (3,) force
     at t = 1 or function of t}; a pushed tool is free to travel along the axes in which its force acts. SceneError on all
     ranks for what cannot be. Collective."""
-    comm, domain, timers = scene.mesh.comm, scene.mesh.domain, timers or Timers()
+    comm, timers = scene.mesh.comm, timers or Timers()
     collect_together(comm)
     refuse_doubled(scene)
     motion = motion_of(comm, scene.tools, move or {}, push or {}, bodies_size(scene.space), scene.section)
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
-    loads = [(compat.Constant(domain, np.zeros(3)), load) for load in scene.loads]
-    pressures = [(compat.Constant(domain, 0.0), load) for load in scene.pressures]
+    loads = [(_coefficient(scene, load, 3), load) for load in scene.loads]
+    pressures = [(_coefficient(scene, load, 1), load) for load in scene.pressures]
     supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section)
     with timers("compile"):
         solid = _solid(scene, u, loads)
@@ -96,6 +98,7 @@ def build(
         contacts = [_contact(scene, stated, modulus, supports, state, timers) for stated in scene.contacts]
     if scene.section is not None:
         refuse_across(contacts, state)
+        fluids = [_fluid(scene, stated, contacts) for stated in scene.fluids]
     bodies = bonded_bodies(scene)
     holds = Holds(comm, bodies, supports, contacts)
     refuse_loose(holds, state, comm)
@@ -105,11 +108,13 @@ def build(
         grounding = Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise)
     if damping:
         damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), motion.free)
-    others: list[Term] = [*follower, *(term for term in (grounding, damped, *contacts) if term)]
+    others: list[Term] = [*follower, *fluids, *(term for term in (grounding, damped, *contacts) if term)]
 
     def set_loads(t: float) -> None:
-        for constant, load in [*loads, *pressures]:
-            constant.value[...] = load.path(t)
+        for coefficient, load in [*loads, *pressures]:
+            _set(coefficient, load, t)
+        for fluid in fluids:
+            fluid.set_time(t)
 
     system = System(
         state, (solid, *others), supports, motion, set_loads, check, timers=timers, contacts=contacts, holds=holds,
@@ -119,7 +124,7 @@ def build(
     refuse_behind(system)
     refuse_held(scene, system)
     notes = unmet_notes(scene) + refuse_deep_start(scene, system) + refuse_jumps(scene, system)
-    return Built(system, notes, [*dead, *follower])
+    return Built(system, notes, [*dead, *follower, *fluids], fluids)
 
 
 # -- solid ------------------------------------------------------------------------------------------------------------
@@ -142,9 +147,60 @@ def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports)
     on = [(-p, scene.ds(load.group or ())) for p, load in pressures]
     power = sum(vp.follower_pressure_power(p, u, v, domain, ds, scene.section) for p, ds in on)
     rate = sum(vp.follower_pressure_power_rate(p, u, du, v, domain, ds, scene.section) for p, ds in on)
-    for p, _ in pressures:
-        p.value = 1.0
+    for p, load in pressures:
+        _coefficient_of(p, load)[...] = 1.0
     return FormTerm("pressure", power, rate, is_symmetric(compat.compile_form(rate), u, supports))
+
+
+def _coefficient(scene: "Scene", load: Load, size: int) -> Constant | Function:
+    """What stands for a load in the forms: a constant, or a function of places, of one number or three."""
+    if load.nodes is None:
+        return compat.Constant(scene.mesh.domain, np.zeros(3) if size == 3 else 0.0)
+    space = scene.space if size == 3 else compat.lagrange_space(scene.mesh.domain, scene.degree)
+    return compat.Function(space)
+
+
+def _coefficient_of(coefficient: Constant | Function, load: Load) -> Floats:
+    """The numbers of a load's coefficient: (), (3,), or a row for each local node."""
+    if load.nodes is None:
+        return coefficient.value
+    size = coefficient.function_space.dofmap.index_map_bs
+    return coefficient.x.array.reshape(-1, size) if size > 1 else coefficient.x.array
+
+
+def _set(coefficient: Constant | Function, load: Load, t: float) -> None:
+    _coefficient_of(coefficient, load)[... if load.nodes is None else load.nodes] = load.path(t)
+
+
+def _fluid(scene: "Scene", stated: Entering, contacts: list[Contact]) -> Fluid:
+    """The term of a fluid that acts where contact does not. Collective."""
+    mesh, space, name = scene.mesh, scene.space, "+".join(stated.group)
+    sides = {side for contact in scene.contacts for side in (contact.slave, contact.master) if not isinstance(side, Tool)}
+    touching = np.unique(np.concatenate([np.empty(0, np.int32), *(mesh.facets(*side) for side in sides)]))
+    facets = mesh.facets(*stated.group)
+    if not mesh.comm.allreduce(len(np.intersect1d(facets, touching))):
+        raise SceneError(
+            f"pressure on '{name}': where=\"open\" asks for contact, and no facet of it is in one; leave where= out"
+        )
+    count = len(space.tabulate_dof_coordinates())
+
+    def path(t: float) -> Floats:
+        if not (low := whole(stated.path, t).min()) >= 0.0:
+            raise SceneError(f"pressure on '{name}' is {low:.3g} at t = {t:g}: with where=\"open\" it must not be negative")
+        values = stated.path(t)
+        if stated.nodes is None:
+            return values
+        everywhere = np.zeros(count)
+        everywhere[stated.nodes] = values
+        return everywhere
+
+    edge = None
+    if stated.source is not None:
+        edge, on = np.zeros((2, count), dtype=bool)
+        edge[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
+        on[compat.locate_blocks(space, facets)] = True
+        edge &= on
+    return Fluid(f"fluid on {name}", space, facets, touching, contacts, path, edge)
 
 
 def _modulus_by_cell(scene: "Scene") -> Floats:

@@ -18,9 +18,9 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.meetings import Meeting
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.functions import row_of
+from fenics_contact.scene.functions import row_of, whole
 from fenics_contact.scene.statements import ContactStatement
-from fenics_contact.types import Ints, Ints64
+from fenics_contact.types import Ints, Ints64, Space
 from fenics_contact.values import SceneError, count, group_names, positive, shown, text
 
 if TYPE_CHECKING:  # which asks them
@@ -200,6 +200,13 @@ def refuse_inside(mesh: NamedMesh, facets: Ints, what: str) -> None:
         )
 
 
+def refuse_apart(mesh: NamedMesh, space: Space, facets: Ints, others: Ints, what: str) -> None:
+    """Surfaces, by local facets, must have nodes in common. Collective."""
+    common = np.intersect1d(compat.locate_blocks(space, facets), compat.locate_blocks(space, others))
+    if not mesh.comm.allreduce(len(common)):
+        raise SceneError(f"{what} has no node of that surface; name one at its border, or a part of it")
+
+
 def refuse_doubled(scene: "Scene") -> None:
     """Faces of cells that lie on one another without sharing nodes are joined by a contact, or were meant to be bonded."""
     stated = [(set(one.slave), set(one.master)) for one in scene.contacts if isinstance(one.master, tuple)]
@@ -337,8 +344,9 @@ def refuse_jumps(scene: "Scene", system: System) -> list[str]:
         ("body force" if load.group is None else f"traction on '{'+'.join(load.group)}'", load.path) for load in scene.loads
     ]
     loads += [(f"pressure on '{'+'.join(load.group or ())}'", load.path) for load in scene.pressures]
+    loads += [(f"pressure on '{'+'.join(fluid.group)}'", fluid.path) for fluid in scene.fluids]
     loads += [(f"push of '{tool.name}'", row_of(system.tools.forces, i)) for i, tool in enumerate(scene.tools)]
-    sizes = [(what, *(np.abs(path(t)).max() for t in (0.0, 0.5, 1.0))) for what, path in loads]
+    sizes = [(what, *(np.abs(whole(path, t)).max() for t in (0.0, 0.5, 1.0))) for what, path in loads]
     return [
         f"{what} is {first:.3g} at t = 0 already: the first step takes it at once; let its function start from 0"
         for what, first, *later in sizes

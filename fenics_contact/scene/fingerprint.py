@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.system import System
-from fenics_contact.scene.functions import row_of
+from fenics_contact.scene.functions import row_of, sample
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solid.materials import sampled_energy
 
@@ -25,7 +25,7 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
     times = TIMES + tuple(1.0 + t * (reached - 1.0) for t in TIMES[1:] if reached > 1.0)
 
     def sampled(path: Callable[[float], Any]) -> list[float]:
-        return np.ravel([path(t) for t in times]).astype(float).tolist()
+        return np.ravel([sample(path, t) for t in times]).astype(float).tolist()
 
     out = {
         "method": method,
@@ -51,6 +51,9 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = sampled(load.path)
     for i, load in enumerate(scene.pressures):
         out[f"pressure {i + 1} on {'+'.join(load.group or ())}"] = sampled(load.path)
+    for i, fluid in enumerate(scene.fluids):
+        out[f"fluid {i + 1} on {'+'.join(fluid.group)}"] = sampled(fluid.path)
+        out[f"source of fluid {i + 1}"] = plain(fluid.source or ("all",))
     for i, tool in enumerate(scene.tools):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
         out[f"move of '{tool.name}'"] = sampled(row_of(system.tools.prescribed, i))

@@ -1,14 +1,18 @@
 """The user's functions, of the load parameter, points or the state: asked alike on all ranks, their answers checked."""
 
+import inspect
 import numbers
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact import compat
 from fenics_contact.agreement import agreed, alike
-from fenics_contact.types import Floats, Ints64
+from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.mesh_io import NamedMesh
+from fenics_contact.types import Floats, Ints, Ints64, Space
 from fenics_contact.values import SceneError, finite, function
 
 FEW = 8  # nodes at which a function of points is sampled
@@ -16,6 +20,7 @@ FEW = 8  # nodes at which a function of points is sampled
 # reached at t = 1, or a function of t
 Drive = float | Sequence[float] | Floats | Callable[[float], Any]
 Path = Callable[[float], Floats]
+Place = Callable[[Floats, float], Any]  # a function value(X, t) of places (n, 3)
 
 
 def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,)) -> Path:
@@ -27,6 +32,49 @@ def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,))
         )
     end = finite(value, what, shape)
     return lambda t: t * end
+
+
+def load_path(
+    mesh: NamedMesh, space: Space, facets: Ints | None, value: Drive | Place, what: str, shape: tuple[int, ...]
+) -> tuple[Callable[[float], Floats], Ints | None]:
+    """path(t) of a load, and where its value is a function value(X, t) the local nodes (n,) that the path gives values at:
+    all that facets of any rank have, or without facets all. Collective."""
+    if not callable(value) or not takes_place(value):
+        return ramp(mesh.comm, cast(Drive, value), what, shape), None
+    marks, X = compat.Function(space), space.tabulate_dof_coordinates()
+    marks.x.array.reshape(-1, 3)[... if facets is None else compat.locate_blocks(space, facets)] = 1.0
+    compat.sum_to_owners(marks)
+    compat.copy_to_ghosts(marks)
+    nodes = np.flatnonzero(marks.x.array[::3]).astype(np.int32)
+    return AtPoints(mesh.comm, what, cast(Place, value), node_keys(space)[nodes], X[nodes], shape), nodes
+
+
+def takes_place(value: Callable[..., Any]) -> bool:
+    """Whether a function is one of (X, t), and not of t alone."""
+    try:
+        signature = inspect.signature(value)
+    except ValueError:  # one of C, which does not say
+        return False
+    known = [_binds(signature, count) for count in (1, 2)]
+    return known == [False, True]
+
+
+def _binds(signature: inspect.Signature, count: int) -> bool:
+    try:
+        signature.bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
+def whole(path: Callable[[float], Floats], t: float) -> Floats:
+    """A path's value, or its values at all nodes, the same on all ranks. Collective."""
+    return path.everywhere(t) if isinstance(path, AtPoints) else path(t)
+
+
+def sample(path: Callable[[float], Floats], t: float) -> Floats:
+    """A path's value, or of values at nodes a few and their sum: the same on any number of ranks. Collective."""
+    return path.few(t) if isinstance(path, AtPoints) else path(t)
 
 
 def row_of(path: Path, i: int) -> Path:
@@ -47,38 +95,48 @@ def _number(value: object, what: str) -> float:
 
 
 class AtPoints:
-    """A user's function value(X, t) at the nodes of a surface: every rank calls it with all of them, in one order.
+    """A user's function value(X, t) at nodes: every rank calls it with all of them, in one order.
 
     So a rank that has none asks nothing impossible, and what the function makes of its points together, e.g. X.max(), is the
     same on any number of ranks. keys (n,): numbers of this rank's nodes that no partition changes; X (n, 3) [length].
     """
 
-    def __init__(self, comm: MPI.Comm, what: str, value: Callable[[Floats, float], Any], keys: Ints64, X: Floats) -> None:
-        self._comm, self._what, self._value = comm, what, value
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        what: str,
+        value: Callable[[Floats, float], Any],
+        keys: Ints64,
+        X: Floats,
+        shape: tuple[int, ...] = (),
+    ) -> None:
+        self._comm, self._what, self._value, self._shape = comm, what, value, shape
         parts = comm.allgather((keys, X))
         known, first = np.unique(np.concatenate([part[0] for part in parts]), return_index=True)
         self._X = np.concatenate([part[1] for part in parts])[first]
         self._mine = np.searchsorted(known, keys)
 
     def everywhere(self, t: float) -> Floats:
-        """Values (all nodes of the surface,) [length], the same on all ranks. Collective."""
+        """Values (all nodes, ...) of the shape asked for, the same on all ranks. Collective."""
         with agreed(self._comm, f"{self._what} at t = {t:g}", SceneError):
-            values = np.asarray(self._value(self._X.copy(), t))
-            values = np.full(len(self._X), values) if values.ndim == 0 else values
-            if values.shape != (len(self._X),) or values.dtype.kind not in "iuf":
+            values, wanted = np.asarray(self._value(self._X.copy(), t)), (len(self._X), *self._shape)
+            values = np.broadcast_to(values, wanted).copy() if values.shape == self._shape else values
+            if values.shape != wanted or values.dtype.kind not in "iuf":
+                one = f"one row of shape {self._shape}" if self._shape else "one number"
                 raise SceneError(
                     f"{self._what}: its function gives {values.dtype} of shape {values.shape} for {len(self._X)} points X "
-                    "(n, 3); it must give one number per point, or one for all"
+                    f"(n, 3); it must give {one} per point, or one for all"
                 )
             if not np.all(np.isfinite(values)):
                 raise SceneError(f"{self._what} is not finite at t = {t:g}; mend its function")
         return values
 
     def few(self, t: float) -> Floats:
-        """Values at a few nodes, the same on any number of ranks, and their sum [length]. Collective."""
+        """Values at a few nodes, the same on any number of ranks, and their sum. Collective."""
         values = self.everywhere(t)
-        return np.append(values[:: max(len(values) // FEW, 1)], values.sum())
+        some = values[:: max(len(values) // FEW, 1)]
+        return np.append(some.ravel(), values.sum(axis=0))
 
     def __call__(self, t: float) -> Floats:
-        """Values (n,) [length] at this rank's nodes. Collective."""
+        """Values (n, ...) at this rank's nodes. Collective."""
         return self.everywhere(t)[self._mine]

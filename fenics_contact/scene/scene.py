@@ -15,6 +15,7 @@ from fenics_contact.scene.build import build, master_name
 from fenics_contact.scene.checks import (
     AXES,
     default_points,
+    refuse_apart,
     refuse_inside,
     refuse_numbers,
     refuse_on_plane,
@@ -26,8 +27,8 @@ from fenics_contact.scene.checks import (
 )
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.drives import Moves
-from fenics_contact.scene.functions import Drive, ramp
-from fenics_contact.scene.statements import Body, ContactStatement, Load, Support
+from fenics_contact.scene.functions import Drive, Place, load_path
+from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
@@ -81,6 +82,7 @@ class Scene:
         self.supports: list[Support] = []
         self.loads: list[Load] = []
         self.pressures: list[Load] = []
+        self.fluids: list[Entering] = []
 
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(
@@ -141,22 +143,47 @@ class Scene:
         for of, along in ways:
             self.supports.append(Support(of, unsigned(along) if value == 0.0 else along, value))
 
-    def traction(self, group: str | tuple[str, ...], vector: Drive) -> None:
-        """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1 or function of t."""
-        refuse_inside(self.mesh, self._facets(group), f"traction on '{group}'")
-        self.loads.append(Load(group_names(group), ramp(self.mesh.comm, vector, f"traction on '{group}'")))
+    def traction(self, group: str | tuple[str, ...], vector: Drive | Place) -> None:
+        """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1, or a function of t or
+        of (X, t), as of `pressure`, that gives (n, 3)."""
+        facets, what = self._facets(group), f"traction on '{group}'"
+        refuse_inside(self.mesh, facets, what)
+        self.loads.append(Load(group_names(group), *load_path(self.mesh, self.space, facets, vector, what, (3,))))
 
-    def pressure(self, group: str | tuple[str, ...], value: Drive) -> None:
+    def pressure(
+        self,
+        group: str | tuple[str, ...],
+        value: Drive | Place,
+        *,
+        where: str = "all",
+        from_: str | tuple[str, ...] | None = None,
+    ) -> None:
         """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
 
-        value: reached at t = 1, or a function of t.
+        value: reached at t = 1, a function of t, or a function value(X, t) -> (n,) of reference positions X (n, 3) of all
+        nodes of the surface, on every rank; between nodes it is interpolated.
+        where: "open": where no contact presses, and where one presses by less what is missing, so that the greater of both
+        pressures acts (`contact.fluid`); from_: names of surfaces, from whose common nodes with this one the fluid comes
+        in, through facets that contact presses by less than the fluid's pressure. That must not be negative then.
         """
-        refuse_inside(self.mesh, self._facets(group), f"pressure on '{group}'")
-        self.pressures.append(Load(group_names(group), ramp(self.mesh.comm, value, f"pressure on '{group}'", ())))
+        facets, what = self._facets(group), f"pressure on '{group}'"
+        refuse_inside(self.mesh, facets, what)
+        if where not in ("all", "open"):
+            raise SceneError(f'{what}: where = {shown(where)} must be "all" or "open", where no contact presses')
+        if where == "all" and from_ is not None:
+            raise SceneError(f'{what}: from_= says where a fluid comes in; it belongs to where="open"')
+        path, nodes = load_path(self.mesh, self.space, facets, value, what, ())
+        if where == "all":
+            self.pressures.append(Load(group_names(group), path, nodes))
+            return
+        if from_ is not None:
+            refuse_apart(self.mesh, self.space, facets, self._facets(from_), f"{what}: from_ = '{from_}'")
+        self.fluids.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
 
-    def body_force(self, vector: Drive) -> None:
-        """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1 or function of t."""
-        self.loads.append(Load(None, ramp(self.mesh.comm, vector, "body force")))
+    def body_force(self, vector: Drive | Place) -> None:
+        """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1, or a function of t or of (X, t), as of
+        `pressure`, that gives (n, 3)."""
+        self.loads.append(Load(None, *load_path(self.mesh, self.space, None, vector, "body force", (3,))))
 
     def contact(
         self,

@@ -9,7 +9,7 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.solid.materials import Hyperelastic, Isotropic
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints
 from fenics_contact.values import SceneError, shown, text
 
 
@@ -68,7 +68,19 @@ class Support:
 @dataclass(frozen=True)
 class Load:
     """A dead traction on surfaces [pressure], a pressure that follows them, or, without surfaces, a force on all bodies
-    [force/length^3]: path(t)."""
+    [force/length^3]: path(t), one value, or those at local nodes (n,)."""
 
     group: tuple[str, ...] | None
     path: Callable[[float], Floats]
+    nodes: Ints | None = None
+
+
+@dataclass(frozen=True)
+class Entering:
+    """Pressure of a fluid on surfaces, where contact does not press: path(t) as of a Load; source: the surfaces from whose
+    common nodes with `group` it comes in, None: it is everywhere."""
+
+    group: tuple[str, ...]
+    path: Callable[[float], Floats]
+    nodes: Ints | None
+    source: tuple[str, ...] | None

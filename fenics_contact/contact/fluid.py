@@ -1,0 +1,233 @@
+"""Pressure of a fluid on surfaces that touch: it acts where contact does not press, as far as it has come in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.facet_points import Skin, skin_of
+from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.term import ContactTerm, FormTerm, State
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
+
+
+class Fluid(FormTerm):
+    """A fluid of pressure p_f on a surface: a node of it that contact presses with p feels (p_f - p)_+ of the fluid, so that
+    the larger of both acts on it, and one that no contact presses feels p_f, all along the present area vectors.
+
+    p = R . H / |H|^2, with R the contacts' part of the residual and H the area vector that surfaces in contact have at the
+    node: so whatever a contact meets, and however, its pressure falls and the fluid's share grows by the same law, without a
+    jump. Where an edge is given the fluid acts only on nodes that it has `reached`: those of the edge, and the nodes of each
+    facet that has one that is reached and open, p < p_f. That set stays while Newton's method looks for balance;
+    `advance` moves it in balanced states.
+
+    path(t): the pressure [pressure], one for all, or (n,) at the local nodes; facets: local ones of the surface; touching:
+    of it and of other surfaces, those that a contact has as slave or master; contacts: the terms; edge (n,): which local
+    nodes the fluid comes from, None: it is everywhere. All methods that take a state are collective.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        space: Space,
+        facets: Ints,
+        touching: Ints,
+        contacts: Sequence[ContactTerm],
+        path: Callable[[float], Floats],
+        edge: Bools | None,
+    ) -> None:
+        super().__init__(name, None, None, symmetric=False)
+        self._space, self._contacts, self._path, self._pressure = space, contacts, path, np.zeros(())
+        self._open, self._shared = (
+            (skin_of(space, np.setdiff1d(facets, touching))),
+            skin_of(space, np.intersect1d(facets, touching)),
+        )
+        self._touching = skin_of(space, touching)
+        self._owned = space.dofmap.index_map.size_local
+        self._work = compat.Function(space)
+        count = len(self._work.x.array) // 3
+        self._edge = None if edge is None else self._anywhere(edge)
+        self.reached = self._accepted = np.ones(count, dtype=bool) if self._edge is None else self._edge
+        on = np.unique(np.concatenate([self._open.nodes.ravel(), self._shared.nodes.ravel()]))
+        self.nodes = on
+        self._kept = on[on < self._owned] if edge is not None else on[:0]
+        self.key = node_keys(space)[self._kept] if edge is not None else self.key
+
+    def set_time(self, t: float) -> None:
+        """Take the pressure of load parameter t."""
+        self._pressure = self._path(t)
+
+    # -- nodal sums -----------------------------------------------------------------------------------------------
+    def _summed(self, values: Floats) -> Floats:
+        """Sums (n, 3) over all ranks of what each has at its local nodes, ghosts too. Collective."""
+        self._work.x.array[:] = values.ravel()
+        compat.sum_to_owners(self._work)
+        compat.copy_to_ghosts(self._work)
+        return self._work.x.array.reshape(-1, 3).copy()
+
+    def _anywhere(self, marks: Bools) -> Bools:
+        """Nodes (n,) that any rank has marked. Collective."""
+        return self._summed(np.repeat(marks[:, None], 3, axis=1).astype(float))[:, 0] > 0.0
+
+    def _areas(self, skin: Skin, x: Floats) -> Floats:
+        """Present area vectors (n, 3) of a skin at the local nodes [length^2]. Collective."""
+        first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, x[skin.nodes])
+        out = np.zeros_like(x)
+        np.add.at(out, skin.nodes, np.einsum("eq,eqk,eqc->ekc", _weights(skin), skin.N, np.cross(first, second)))
+        return self._summed(out)
+
+    def _contact_forces(self, state: State) -> Floats:
+        """The contacts' part of the residual (n, 3) at the local nodes [force]. Collective."""
+        total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.travel)
+        for contact in self._contacts:
+            contact.add_residual(state, total, ignored)
+        return self._summed(total)
+
+    def _place(self, state: State) -> Floats:
+        return self._space.tabulate_dof_coordinates() + state.u.x.array.reshape(-1, 3)
+
+    def _pressed(self, state: State) -> tuple[Floats, Floats, Floats]:
+        """Contact pressure (n,), its part R (n, 3) of the residual and H (n, 3) at the local nodes. Collective."""
+        R, H = self._contact_forces(state), self._areas(self._touching, self._place(state))
+        square = np.einsum("nc,nc->n", H, H)
+        return np.divide(np.einsum("nc,nc->n", R, H), square, out=np.zeros(len(H)), where=square > 0.0), R, H
+
+    def contact_pressure(self, state: State) -> Floats:
+        """What contact presses the local nodes (n,) with [pressure]. Collective."""
+        return self._pressed(state)[0]
+
+    def share(self, state: State) -> Floats:
+        """Of the fluid's pressure, what acts on the local nodes (n,) of the facets that contacts share. Collective."""
+        most, share = self._acting(self.contact_pressure(state))
+        return np.divide(share, most, out=np.zeros(len(share)), where=most > 0.0)
+
+    def _acting(self, p: Floats) -> tuple[Floats, Floats]:
+        """Pressures (n,) of the fluid on facets that no contact has, and on those that contacts share."""
+        most = np.where(self.reached, self._pressure, 0.0)
+        return most, np.where(self.reached, np.maximum(most - p, 0.0), 0.0)
+
+    # -- the term -------------------------------------------------------------------------------------------------
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
+        p, _, _ = self._pressed(state)
+        most, share = self._acting(p)
+        x = self._place(state)
+        forces = most[:, None] * self._areas(self._open, x) + share[:, None] * self._areas(self._shared, x)
+        residual[: 3 * self._owned] += forces[: self._owned].ravel()
+
+    def tangent(self, state: State, trial: Any = None) -> Blocks:
+        """The exact derivative: that of the area vectors, and rows of the contacts' tangents, which give dp."""
+        p, R, H = self._pressed(state)
+        most, share = self._acting(p)
+        x, one = self._place(state), np.eye(3)
+        S = self._areas(self._shared, x) * (share > 0.0)[:, None]
+        square = np.maximum(np.einsum("nc,nc->n", H, H), 1e-300)[:, None]
+        # dp = (H . dR + R . (I - 2 H H^T / |H|^2) dH) / |H|^2
+        turned = (R - 2.0 * (np.einsum("nc,nc->n", R, H)[:, None] / square) * H) / square
+        parts = [
+            _rates(self._open, x, most[:, None, None] * one),
+            _rates(self._shared, x, share[:, None, None] * one),
+            _rates(self._touching, x, -np.einsum("na,nb->nab", S, turned)),
+        ]
+        lifted = -np.einsum("na,nb->nab", S, H / square)
+        known = self._everywhere(lifted)
+        parts += [_scaled(contact.tangent(state), lifted, known) for contact in self._contacts]
+        return Blocks(parts=tuple(parts))
+
+    def _everywhere(self, lifted: Floats) -> tuple[Ints64, Floats]:
+        """Numbers (m,), rising, of the System's blocks whose rows are not zero, on all ranks, and the rows' factors."""
+        mine = np.flatnonzero(np.abs(lifted[: self._owned]).max(axis=(1, 2), initial=0.0))
+        found = self._space.mesh.comm.allgather((compat.global_blocks(self._space)[mine], lifted[mine]))
+        blocks = np.concatenate([part[0] for part in found]).astype(np.int64)
+        order = np.argsort(blocks)
+        return blocks[order], np.concatenate([part[1] for part in found])[order]
+
+    # -- how far the fluid has come -------------------------------------------------------------------------------
+    def advance(self, state: State, back: bool) -> bool:
+        """Let the fluid go, in a balanced state, to where it is connected to its edge; whether that changed anything. back:
+        may it also leave what is cut off? Collective."""
+        if self._edge is None:
+            return False
+        reached = self._connected(state)
+        reached = reached if back else reached | self.reached
+        changed = bool((reached != self.reached).any())
+        self.reached = reached
+        return bool(self._space.mesh.comm.allreduce(int(changed)))
+
+    def _connected(self, state: State) -> Bools:
+        """The local nodes (n,) that the fluid reaches under the present contact pressures. Collective."""
+        p, R, _ = self._pressed(state)
+        is_open = (p < self._pressure) | ~R.any(axis=1)
+        rings = [skin.nodes for skin in (self._open, self._shared)]
+        reached, before = self._edge.copy() if self._edge is not None else self.reached, -1
+        while (count := self._space.mesh.comm.allreduce(int(reached[: self._owned].sum()))) != before:
+            before, here = count, -1
+            while (now := int(reached.sum())) != here:  # as far as this rank sees
+                here = now
+                for nodes in rings:
+                    wet = (reached & is_open)[nodes].any(axis=1)
+                    reached[nodes[wet].ravel()] = True
+            reached = self._anywhere(reached)
+        return reached
+
+    def commit(self, state: State) -> None:
+        self._accepted = self.reached
+
+    def rollback(self) -> None:
+        self.reached = self._accepted
+
+    def history(self) -> dict[str, Array]:
+        return {} if self._edge is None else {"reached": self._accepted[self._kept]}
+
+    def restore(self, values: dict[str, Array], state: State) -> None:
+        if self._edge is not None:
+            marks = np.zeros(len(self.reached), dtype=bool)
+            marks[self._kept] = values["reached"]
+            self.reached = self._accepted = self._anywhere(marks)
+
+
+def _weights(skin: Skin) -> Floats:
+    """(ne, nq): quadrature weights of the cross product of the slopes."""
+    first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, skin.X)
+    return skin.area / np.linalg.norm(np.cross(first, second), axis=-1)
+
+
+def _rates(skin: Skin, x: Floats, factors: Floats) -> Blocks:
+    """Element matrices of factors (n, 3, 3) times the rates of the nodes' area vectors, where nodes are at x (n, 3)."""
+    first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, x[skin.nodes])
+    one, two = skin.slopes[:, :, 0], skin.slopes[:, :, 1]
+    # d(x_1 x x_2) = x_1 x dx_2 - x_2 x dx_1
+    turns = np.einsum("eqk,eqab->eqkab", two, _cross(first)) - np.einsum("eqk,eqab->eqkab", one, _cross(second))
+    rates = np.einsum("eq,eqi,eqkab->eiakb", _weights(skin), skin.N, turns)
+    matrices = np.einsum("eica,eiakb->eickb", factors[skin.nodes], rates)
+    k = 3 * skin.nodes.shape[1]
+    return Blocks(cells=(skin.nodes, np.ascontiguousarray(matrices.reshape(-1, k, k))))
+
+
+def _cross(v: Floats) -> Floats:
+    """Matrices (..., 3, 3) of v x."""
+    return np.cross(v[..., None, :], np.eye(3)[:, :], axis=-1).swapaxes(-1, -2)
+
+
+def _scaled(blocks: Blocks, lifted: Floats, known: tuple[Ints64, Floats]) -> Blocks:
+    """A contact's tangent with its rows multiplied by lifted (n, 3, 3), or by `known` of the System's blocks; no forces on
+    tools."""
+    cells, pairs, travel = blocks.cells, blocks.pairs, blocks.travel
+    if cells is not None:
+        nodes, values = cells
+        n, k = nodes.shape
+        rows = np.einsum("nkab,nkbm->nkam", lifted[nodes], values.reshape(n, k, 3, 3 * k))
+        cells = nodes, np.ascontiguousarray(rows.reshape(n, 3 * k, 3 * k))
+    if pairs is not None:
+        numbers, columns, values = pairs
+        names, factors = known if blocks.whole else (np.arange(len(lifted)), lifted)
+        place = np.minimum(np.searchsorted(names, numbers), max(len(names) - 1, 0))
+        ours = names[place] == numbers if len(names) else np.zeros(len(numbers), dtype=bool)
+        pairs = numbers[ours], columns[ours], np.ascontiguousarray(factors[place[ours]] @ values[ours])
+    if travel is not None:
+        moved = np.ascontiguousarray(lifted[travel.nodes] @ travel.columns)
+        travel = TravelBlocks(travel.index, travel.nodes, moved, np.zeros_like(travel.rows), np.zeros_like(travel.corner))
+    return Blocks(cells=cells, pairs=pairs, whole=blocks.whole, travel=travel)

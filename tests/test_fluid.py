@@ -1,0 +1,287 @@
+"""A fluid that acts where contact does not: exact tangent, closed forms of a block and a ring, ranks, restart, bad input."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_two_bodies import RUBBER, blocks, direction, roughened
+
+from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_plane, rigid_surface, solve
+from fenics_contact.assembly.blocks import insert
+from fenics_contact.assembly.exchange import sum_to_owners
+from meshes import box, o_ring, tool_surfaces
+
+COMM = MPI.COMM_WORLD
+MU, K = 1.0, 5.0
+
+
+# ---- tangent
+def on_a_tool(points, friction=0.0, **pressure):
+    """A System of a block on a pushed tool, analytic or meshed, and its fluid; the skin is roughened and pressed in."""
+    mesh = read_gmsh(box.build, size=(12.0, 12.0, 6.0), cells=(5, 5, 2), origin=(-6.0, -6.0, -6.0))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    ball = rigid_surface(tool_surfaces.ball, "ball", radius=10.0, centre=(0, 0, 10.0), size=1.5)
+    tool = ball if points == "averages" else rigid_plane((0, 0, 0), (0, 0, -1))
+    scene.contact("zmax", tool, friction, points=points, name="c")
+    scene.pressure(("zmax", "xmax"), 0.1, where="open", **pressure)
+    system = scene.system(push={tool: (1.0, 1.0, -1.0)})
+    state, contact = system.state, system.contacts[0]
+    state.u.x.array[:] = 0.02 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
+    state.travel[0] = (0.0, 0.0, -0.5 if points == "averages" else 0.0)
+    contact.commit(state)
+    state.travel[0] += (0.3, 0.1, -0.003)
+    return system
+
+
+def between_bodies(points, friction=0.0, group=("upper_bottom", "upper_xmax")):
+    mesh, scene = blocks(lower_cells=(5, 5, 1), upper_cells=(4, 4, 1))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    scene.contact("upper_bottom", "lower_top", friction, points=points, name="c")
+    scene.pressure(group, 0.1, where="open")
+    return roughened(mesh, scene, 0.03, (0.4, 0.1, -0.02))[0]
+
+
+CASES = {
+    "tool, nodes": lambda: on_a_tool("nodes"),
+    "tool, nodes, slip": lambda: on_a_tool("nodes", 0.05),
+    "tool, nodes, stick": lambda: on_a_tool("nodes", 9.0),
+    "tool, Gauss points": lambda: on_a_tool(2, 0.05),
+    "meshed tool, averages": lambda: on_a_tool("averages", 0.05),
+    "tool, wet edge": lambda: on_a_tool("nodes", from_="xmax"),
+    "slave, averages": lambda: between_bodies("averages", 0.1),
+    "slave, Gauss points": lambda: between_bodies(2),
+    "master, averages": lambda: between_bodies("averages", group=("lower_top", "lower_xmax")),
+    "both sides": lambda: between_bodies("averages", 0.1, ("upper_bottom", "lower_top", "upper_xmax")),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", CASES)
+def test_tangent_is_the_derivative(name):
+    """On open nodes, on those that contact presses by less than the fluid and by more, with all that moves a contact."""
+    system = CASES[name]()
+    state, contact = system.state, system.contacts[0]
+    fluid = next(term for term in system.terms if term.name.startswith("fluid"))
+    fluid.set_time(0.0)
+    pressed = fluid.contact_pressure(state)
+    on = np.isin(np.arange(len(pressed)), fluid.nodes) & fluid.reached
+    pressed = np.sort(pressed[on & (pressed > 0.0)])
+    fluid.set_time(pressed[len(pressed) // 2 - 1 : len(pressed) // 2 + 1].mean() / 0.1)  # between two nodes' pressures
+    share = fluid.share(state)
+    assert (share[on] == 1.0).any() and ((share[on] > 0.0) & (share[on] < 1.0)).any() and (share[on] == 0.0).any()
+    start, travel = state.u.x.array.copy(), state.travel.copy()
+
+    def residual():
+        out, on_tool = np.zeros(len(start)), np.zeros_like(travel)
+        fluid.add_residual(state, out, on_tool)
+        assert not on_tool.any()
+        return out
+
+    system.assemble_tangent()
+    system.matrix.zeroEntries()
+    if system.border is not None:
+        system.border.clear()
+    insert(fluid.tangent(state), system.matrix, system.border)
+    system.matrix.assemble()
+    at_start, way, codes = residual(), direction(system), contact.branches(state).copy()
+    slope, dq = (system.matrix * way).array.copy(), np.random.default_rng(3).uniform(-1, 1, travel.shape)
+    if system.border is not None:
+        slope += dq.ravel() @ system.border.columns
+        assert not system.border.rows.any() and not system.border.corner.any()
+    left = []
+    for step in 1e-5 / 2.0 ** np.arange(4):
+        state.u.x.array[:], state.travel[:] = start + step * way.array, travel + step * dq
+        left.append(np.linalg.norm(residual() - at_start - step * slope))
+        assert np.array_equal(contact.branches(state), codes)
+        assert np.array_equal(fluid.share(state) > 0.0, share > 0.0)
+    assert np.log2(np.array(left[:-1]) / left[1:]).min() > 1.97
+
+
+# ---- a block
+def squeezed(p, steps=10, cells=(6, 1, 2), **options):
+    """A block in plane strain, squeezed on a plane until t = 0.5, then under a fluid of pressure p(t) at its side."""
+    mesh = read_gmsh(box.build, size=(4.0, 0.5, 1.0), cells=cells)
+    scene = Scene(Body(mesh, "box", neo_hooke(MU, K)))
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    scene.fix("ymax", "y")
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -0.1 * min(2 * t, 1.0)))
+    scene.contact("zmin", rigid_plane(), name="floor")
+    scene.pressure(("zmin", "xmax"), p, where="open", from_="xmax")
+    return solve(scene, steps=steps, progress=False, **options)
+
+
+def fluid_of(result):
+    return next(term for term in result.system.terms if term.name.startswith("fluid"))
+
+
+@pytest.mark.parallel
+def test_a_fluid_enters_once_it_presses_more_than_contact():
+    """A uniform state: nothing comes in while the contact presses more, then the fluid carries all of it at once."""
+    result = squeezed(lambda t: 3.0 * max(t - 0.5, 0.0), steps=20).require()
+    t, floor = result.column("t"), result.column("floor_force_z_N")
+    reaction, peak = result.column("zmax_reaction_z_N"), result.column("floor_peak_pressure_MPa")
+    p = 3.0 * np.maximum(t - 0.5, 0.0)
+    entered = floor == 0.0
+    first = int(np.argmax(entered))
+    assert 10 < first < 19 and entered[first:].all()
+    assert (peak[:first] > p[:first]).all()
+    # before, the floor carries the contact alone; a step is in balance to 1e-8
+    np.testing.assert_allclose(floor[:first], -reaction[:first], rtol=1e-7)
+    # after, the fluid's pressure from below and from the side, together as upon the width of the top
+    X, u = result.system.space.tabulate_dof_coordinates(), result.u.x.array.reshape(-1, 3)
+    edge = (X[:, 0] > 3.999) & (X[:, 2] > 0.999)
+    width = COMM.allreduce((X + u)[edge, 0].max(initial=0.0), MPI.MAX)
+    np.testing.assert_allclose(-reaction[-1], p[-1] * 0.5 * width, rtol=1e-7)
+    assert (
+        COMM.allreduce(int(fluid_of(result).reached[: result.system.space.dofmap.index_map.size_local].sum()))
+        == 7 * 2 + 2 * 2
+    )
+
+
+@pytest.mark.serial
+def test_a_fluid_leaves_what_contact_has_cut_off():
+    """Let in at t = 0.9, shut out again at t = 1, where the pressure has fallen."""
+    result = squeezed(lambda t: np.interp(t, [0.5, 0.9, 1.0], [0.0, 1.3, 0.3])).require()
+    floor, t = result.column("floor_force_z_N"), result.column("t")
+    assert floor[np.isclose(t, 0.9)] == 0.0 and floor[-1] > 0.0
+    np.testing.assert_allclose(floor[-1], -result.column("zmax_reaction_z_N")[-1], rtol=1e-7)
+    assert fluid_of(result).reached.sum() == 2 * 3  # the side
+
+
+# ---- a ring
+def ring(cells=5, p=3.0, points=None, source="wet", **options):
+    """Half an O-ring under a lid that squeezes it until t = 0.5, then pushed to a side wall by a fluid."""
+    mesh = read_gmsh(o_ring.build, cells=cells)
+    scene = Scene(Body(mesh, "ring", neo_hooke(2.0, 20.0)))
+    scene.fix("symmetry_z", "z")
+    scene.fix("ends", "y")
+    lid = rigid_plane((0, 0, 1.5), (0, 0, -1), name="lid")
+    scene.contact("rim", lid, points=points, name="lid")
+    scene.contact("rim", rigid_plane((1.6, 0, 0), (-1, 0, 0), name="side"), points=points, name="side")
+    scene.pressure("rim", lambda t: p * max(2 * t - 1, 0.0), where="open", from_=source)
+    drive = {"move": {lid: lambda t: (0, 0, -0.4 * min(2 * t, 1.0))}, "stabilise": True, "steps": 6, "progress": False}
+    return solve(scene, **{**drive, **options})
+
+
+@pytest.mark.parallel
+def test_a_ring_carries_contact_and_fluid():
+    """The lid's force and the fluid's pressure, by the places of the rim's nodes alone, are in balance with what holds the
+    middle plane, and the side carries what the fluid gives. The fluid ends where contact presses more."""
+    result = ring().require()
+    fluid, state = fluid_of(result), result.system.state
+    owned, X = result.system.space.dofmap.index_map.size_local, result.system.space.tabulate_dof_coordinates()
+    p = fluid.contact_pressure(state)
+    rows = np.column_stack([X, X + state.u.x.array.reshape(-1, 3), p, fluid.reached])[:owned]
+    rows = rows[(np.hypot(X[:owned, 0], X[:owned, 2]) > 1.499) & (X[:owned, 1] < 1e-9)]
+    rows = np.concatenate(COMM.allgather(rows))
+    rows = rows[np.argsort(rows[:, 0])]
+    x, p, reached = rows[:, [3, 5]], rows[:, 6], rows[:, 7] > 0.5
+    acts = np.where(reached, np.maximum(3.0 - p, 0.0), 0.0)
+    width = 0.5 * (np.append(x[1:], x[-1:], axis=0) - np.append(x[:1], x[:-1], axis=0))
+    down, right = acts @ width[:, 0] * 0.1, acts @ width[:, 1] * 0.1
+    last = result.history[-1]
+    exact = 1e-7 * last["symmetry_z_reaction_z_N"]  # steps end in balance to 1e-8
+    assert down > 0.2 * last["symmetry_z_reaction_z_N"]
+    np.testing.assert_allclose(down - last["lid_force_z_N"], last["symmetry_z_reaction_z_N"], atol=exact)
+    np.testing.assert_allclose(right, -last["side_force_x_N"], atol=exact)
+    front = int(np.flatnonzero(reached)[-1])
+    assert p[front + 1] > 3.0 and not p[:front].any() and x[front + 1, 0] < 0.0
+
+
+@pytest.mark.serial
+def test_the_front_converges_with_the_mesh():
+    """It is known to a facet: so are its place, and the force by the pressure on one. The steps do not matter."""
+    found = []
+    for cells, steps in ((4, 6), (8, 6), (8, 12)):
+        result = ring(cells, steps=steps)
+        fluid, u = fluid_of(result), result.u.x.array.reshape(-1, 3)
+        X = result.system.space.tabulate_dof_coordinates()
+        front = max((X + u)[fluid.nodes[fluid.reached[fluid.nodes]], 0])
+        found.append((front, result.column("symmetry_z_reaction_z_N")[-1]))
+    facet = np.pi / 4 * 1.5 / 4  # mm, of the coarse mesh
+    assert abs(found[0][0] - found[1][0]) < facet and abs(found[0][1] - found[1][1]) < 3.0 * 0.1 * facet
+    np.testing.assert_allclose(found[1], found[2], rtol=1e-7)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("points", ["nodes", 3])
+def test_a_ring_seals_itself(points):
+    """Under more pressure than it was squeezed with it is pressed the harder, and holds what would open a block."""
+    result = ring(p=9.0, points=points)
+    assert result.converged, result.verdict.reason
+    fluid, X = fluid_of(result), result.system.space.tabulate_dof_coordinates()
+    assert max(result.column("lid_peak_pressure_MPa")[:3]) < 8.0 and result.column("lid_peak_pressure_MPa")[-1] > 9.0
+    assert not fluid.reached[(np.hypot(X[:, 0], X[:, 2]) > 1.499) & (X[:, 0] > 0.0)].any()
+
+
+@pytest.mark.parallel
+def test_a_fluid_comes_in_between_two_bodies():
+    """It presses both apart, as hard as contact did before on either of them, and on the present area after."""
+    sizes = {
+        f"{name}{part}": value for name in ("lower", "upper") for part, value in (("", (4, 0.5, 1)), ("_cells", (6, 1, 2)))
+    }
+    mesh, scene = blocks(**sizes, lower_origin=(0, 0, -1), upper_origin=(0, 0, 0))
+    for name in ("lower", "upper"):
+        for group, axis in (("xmin", "x"), ("ymin", "y"), ("ymax", "y")):
+            scene.fix(f"{name}_{group}", axis)
+    scene.fix("lower_bottom", "z")
+    scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.2 * min(2 * t, 1.0)))
+    scene.contact("upper_bottom", "lower_top", name="joint")
+    fluid = ("upper_bottom", "lower_top")
+    scene.pressure(fluid, lambda t: 0.6 * max(t - 0.5, 0.0), where="open", from_=("upper_xmax", "lower_xmax"))
+    result = solve(scene, steps=10, progress=False).require()
+    top, bottom = (result.column(f"{name}_reaction_z_N") for name in ("upper_top", "lower_bottom"))
+    joint = result.column("joint_force_z_N")
+    np.testing.assert_allclose(top, -bottom, rtol=1e-7)
+    shut = joint > 0.0
+    assert shut[:5].all() and not shut[-1]
+    np.testing.assert_allclose(joint[shut], -top[shut], rtol=1e-7)
+    X, u = scene.space.tabulate_dof_coordinates(), result.u.x.array.reshape(-1, 3)
+    width = COMM.allreduce((X + u)[(X[:, 0] > 3.999) & (np.abs(X[:, 2]) < 1e-9), 0].max(initial=0.0), MPI.MAX)
+    np.testing.assert_allclose(-top[-1], 0.3 * 0.5 * width, rtol=1e-7)
+
+
+@pytest.mark.parallel
+def test_a_run_resumed_knows_how_far_the_fluid_was(tmp_path_factory):
+    out = COMM.bcast(str(tmp_path_factory.mktemp("ring")) if COMM.rank == 0 else None)
+    times = np.arange(1, 7) / 6
+    whole, first = ring(4, steps=times), ring(4, steps=times[:5], out=out, checkpoint=True)
+    again = ring(4, steps=times, out=out, checkpoint=True, resume=True)
+    np.testing.assert_array_equal(again.column("t"), whole.column("t"))
+    np.testing.assert_allclose(again.column("lid_force_z_N"), whole.column("lid_force_z_N"), rtol=1e-9)
+    assert again.column("iterations")[-1] == whole.column("iterations")[-1]
+    far = [COMM.allreduce(int(fluid_of(result).reached.sum())) for result in (first, again, whole)]
+    assert far[1] == far[2] > 0 and far[0] > COMM.allreduce(int(fluid_of(result_at_rest()).reached.sum()))
+
+
+def result_at_rest():
+    """The ring before any fluid: it stands at its edge."""
+    return ring(4, steps=[0.25, 0.5])
+
+
+# ---- loads that differ from place to place
+def linear(X, t):
+    return t * (0.1 + 0.02 * X[:, 0] - 0.03 * X[:, 1])
+
+
+@pytest.mark.parallel
+def test_loads_are_functions_of_places():
+    """Resultants of loads that are linear over a surface are their exact integrals."""
+    mesh = read_gmsh(box.build, size=(3.0, 2.0, 1.0), cells=(3, 2, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(100.0, 500.0)))
+    scene.fix("zmin")
+    scene.pressure("zmax", linear)
+    scene.traction("xmax", lambda X, t: t * np.column_stack([0.0 * X[:, 0], X[:, 1], X[:, 2]]))
+    scene.body_force(lambda X, t: (0.0, 0.0, 0.5 * t))
+    system = scene.system()
+    system.set_loads(1.0)
+    vector = system.new_vector()
+    with vector.localForm() as local:
+        for term in system.terms:  # at rest: areas are those of the drawing
+            term.add_residual(system.state, local.array_w, np.zeros((0, 3)))
+    sum_to_owners(vector)
+    total = COMM.allreduce(-vector.array.reshape(-1, 3).sum(axis=0))
+    pressed = 6.0 * (0.1 + 0.02 * 1.5 - 0.03 * 1.0)
+    np.testing.assert_allclose(total, [0.0, 2.0, 1.0 - pressed + 3.0], atol=1e-13)  # sums of numbers of size 1
