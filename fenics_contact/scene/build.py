@@ -96,9 +96,9 @@ def build(
     modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
         contacts = [_contact(scene, stated, modulus, supports, state, timers) for stated in scene.contacts]
+        fluids = [_fluid(scene, stated, contacts) for stated in scene.fluids]
     if scene.section is not None:
         refuse_across(contacts, state)
-        fluids = [_fluid(scene, stated, contacts) for stated in scene.fluids]
     bodies = bonded_bodies(scene)
     holds = Holds(comm, bodies, supports, contacts)
     refuse_loose(holds, state, comm)

@@ -176,6 +176,10 @@ class Scene:
         if where == "all":
             self.pressures.append(Load(group_names(group), path, nodes))
             return
+        if self._bare_corners:
+            raise SceneError(
+                f'{what}: where="open" needs degree=1 on tetrahedra, whose corners have no area of their own at 2'
+            )
         if from_ is not None:
             refuse_apart(self.mesh, self.space, facets, self._facets(from_), f"{what}: from_ = '{from_}'")
         self.fluids.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
@@ -213,13 +217,12 @@ class Scene:
         name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)
-        bare_corners = self._bare_corners()
         if points is None:
-            points = default_points(master, self.degree, bare_corners, penetration is not None)
+            points = default_points(master, self.degree, self._bare_corners, penetration is not None)
         name = f"{'+'.join(slave)} on {master_name(master)}" if name is None else name
         friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
-        refuse_pair(contact, self.contacts, self.degree, bare_corners)
+        refuse_pair(contact, self.contacts, self.degree, self._bare_corners)
         refuse_on_plane(contact, self.section)
         for side in (slave, master):
             if not isinstance(side, Tool):
@@ -233,6 +236,7 @@ class Scene:
         masters = [contact.master for contact in self.contacts]
         return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
 
+    @property
     def _bare_corners(self) -> bool:
         """Whether nodes may have no tributary area: corners of quadratic tetrahedra, nodes of degree 2 on an axis."""
         turned = self.section is not None and self.section.axisymmetric
