@@ -308,6 +308,39 @@ def test_a_tool_of_curves_meets_as_its_surface_does_in_a_layer():
     same(*found)
 
 
+# -- a fluid at an open seal ------------------------------------------------------------------------------------------------
+def sealed(plane, section="strain"):
+    """A pad pressed on a floor by a tilted lid, a fluid from its right end."""
+    if plane:
+        mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.5, 0.0), (3.0, 1.0), (9, 3))})
+        options = {"thickness": THICKNESS} if section == "strain" else {}
+        scene = Scene(Body(mesh, "pad", RUBBER), plane=section, **options)
+        foot, top, end = "pad_ymin", "pad_ymax", "pad_xmax"
+        floor, up = rigid_plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor"), "y"
+    else:
+        mesh = read_gmsh(box.build, size=(3.0, THICKNESS, 1.0), cells=(9, 1, 3), origin=(0.5, 0.0, 0.0))
+        scene = Scene(Body(mesh, "box", RUBBER))
+        scene.fix("ymin", "y"), scene.fix("ymax", "y")
+        foot, top, end = "zmin", "zmax", "xmax"
+        floor, up = rigid_plane(name="floor"), "z"
+    scene.fix(top, "x")
+    scene.prescribe(top, up, lambda X, t: -t * (0.25 - 0.05 * X[:, 0]))
+    scene.contact(foot, floor, 0.1, name="pair")
+    scene.pressure((foot, end), 0.6, where="open", from_=end)
+    return solve(scene, steps=4, tolerance=1e-10, progress=False).require()
+
+
+def test_a_fluid_comes_in_as_in_a_layer():
+    plane, layer = sealed(True), sealed(False)
+    same(plane, layer, rel=1e-8)
+    assert plane.audit().right, str(plane.audit())
+
+
+def test_the_tangent_of_a_fluid_all_the_way_round():
+    found = sealed(True, "axisymmetric").audit()
+    assert found.right, str(found)
+
+
 # -- tangents, restart, refusals ------------------------------------------------------------------------------------------
 @pytest.mark.parallel
 @pytest.mark.parametrize("plane", ["strain", "axisymmetric"])

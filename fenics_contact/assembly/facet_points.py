@@ -106,20 +106,22 @@ def _facet_quadrature(
 def _side_quadrature(
     mesh: Mesh, cell: str, degree: int, order: int | None, cells: Ints, facet: int
 ) -> tuple[Floats, Floats, Floats]:
-    """The same of a side of plane cells, which has one tangent (nq, 1, k), and lengths in the place of areas."""
+    """The same of a side of plane cells, with lengths in the place of areas, and one tangent (nq, 1, k) that has the outside
+    on its right."""
     kind = getattr(basix.CellType, cell)
     ends = basix.geometry(kind)[basix.topology(kind)[1][facet]]
     s, w = (
         (np.array([[0.0], [1.0]]), 1.0) if order is None else basix.make_quadrature(basix.CellType.interval, 2 * order - 1)
     )
-    side = ends[1] - ends[0]
+    side, out = ends[1] - ends[0], ends.mean(axis=0) - basix.geometry(kind).mean(axis=0)
     reference = ends[0] + s * side
     element = compat.basix_element(cell, degree)
     table = compat.tabulate(element, 1, reference)[..., element.entity_closure_dofs[1][facet]]
     gradients = compat.tabulate(compat.basix_element(cell, geometry_degree(mesh)), 1, reference)[1:]
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)[cells]]
     tangents = np.einsum("r,rqd,cdx->cqx", side, gradients, x)
-    return table[0], np.einsum("r,rqk->qk", side, table[1:])[:, None], np.linalg.norm(tangents, axis=-1) * w
+    way = side if side[1] * out[0] - side[0] * out[1] > 0.0 else -side  # the body is on its left
+    return table[0], np.einsum("r,rqk->qk", way, table[1:])[:, None], np.linalg.norm(tangents, axis=-1) * w
 
 
 def geometry_degree(mesh: Mesh) -> int:

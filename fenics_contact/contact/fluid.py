@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.blocks import Blocks, TravelBlocks
+from fenics_contact.assembly.blocks import Blocks, ToolBlocks
 from fenics_contact.assembly.facet_points import Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import ContactTerm, FormTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
+
+ACROSS = np.array([0.0, 0.0, 1.0])
 
 
 class Fluid(FormTerm):
@@ -27,7 +30,8 @@ class Fluid(FormTerm):
 
     path(t): the pressure [pressure], one for all, or (n,) at the local nodes; facets: local ones of the surface; touching:
     of it and of other surfaces, those that a contact has as slave or master; contacts: the terms; edge (n,): which local
-    nodes the fluid comes from, None: it is everywhere. All methods that take a state are collective.
+    nodes the fluid comes from, None: it is everywhere; section: what a plane mesh stands for. All methods that take a
+    state are collective.
     """
 
     def __init__(
@@ -39,14 +43,13 @@ class Fluid(FormTerm):
         contacts: Sequence[ContactTerm],
         path: Callable[[float], Floats],
         edge: Bools | None,
+        section: Section | None = None,
     ) -> None:
         super().__init__(name, None, None, symmetric=False)
         self._space, self._contacts, self._path, self._pressure = space, contacts, path, np.zeros(())
-        self._open, self._shared = (
-            (skin_of(space, np.setdiff1d(facets, touching))),
-            skin_of(space, np.intersect1d(facets, touching)),
-        )
-        self._touching = skin_of(space, touching)
+        apart, shared = np.setdiff1d(facets, touching), np.intersect1d(facets, touching)
+        self._open, self._shared = skin_of(space, apart, section), skin_of(space, shared, section)
+        self._touching = skin_of(space, touching, section)
         self._owned = space.dofmap.index_map.size_local
         self._work = compat.Function(space)
         count = len(self._work.x.array) // 3
@@ -75,14 +78,14 @@ class Fluid(FormTerm):
 
     def _areas(self, skin: Skin, x: Floats) -> Floats:
         """Present area vectors (n, 3) of a skin at the local nodes [length^2]. Collective."""
-        first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, x[skin.nodes])
+        first, second = _tangents(skin, x[skin.nodes])
         out = np.zeros_like(x)
         np.add.at(out, skin.nodes, np.einsum("eq,eqk,eqc->ekc", _weights(skin), skin.N, np.cross(first, second)))
         return self._summed(out)
 
     def _contact_forces(self, state: State) -> Floats:
         """The contacts' part of the residual (n, 3) at the local nodes [force]. Collective."""
-        total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.travel)
+        total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
         for contact in self._contacts:
             contact.add_residual(state, total, ignored)
         return self._summed(total)
@@ -189,18 +192,31 @@ class Fluid(FormTerm):
             self.reached = self._accepted = self._anywhere(marks)
 
 
+def _tangents(skin: Skin, x: Floats) -> tuple[Floats, Floats]:
+    """Tangents (ne, nq, 3) in the points where the nodes are at x (ne, k, 3); the second one across a plane, as long as the
+    bodies are deep."""
+    if skin.section is None:
+        first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, x)
+        return first, second
+    depth = skin.section.depth(np.einsum("eqk,ekc->eqc", skin.N, x))
+    return np.einsum("eqk,ekc->eqc", skin.slopes[:, :, 0], x), depth[..., None] * ACROSS
+
+
 def _weights(skin: Skin) -> Floats:
     """(ne, nq): quadrature weights of the cross product of the slopes."""
-    first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, skin.X)
+    first, second = _tangents(skin, skin.X)
     return skin.area / np.linalg.norm(np.cross(first, second), axis=-1)
 
 
 def _rates(skin: Skin, x: Floats, factors: Floats) -> Blocks:
     """Element matrices of factors (n, 3, 3) times the rates of the nodes' area vectors, where nodes are at x (n, 3)."""
-    first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, x[skin.nodes])
-    one, two = skin.slopes[:, :, 0], skin.slopes[:, :, 1]
+    first, second = _tangents(skin, x[skin.nodes])
     # d(x_1 x x_2) = x_1 x dx_2 - x_2 x dx_1
-    turns = np.einsum("eqk,eqab->eqkab", two, _cross(first)) - np.einsum("eqk,eqab->eqkab", one, _cross(second))
+    turns = -np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 0], _cross(second))
+    if skin.section is None:
+        turns += np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 1], _cross(first))
+    elif skin.section.axisymmetric:  # the way round grows with x
+        turns[..., 0] += 2.0 * np.pi * np.einsum("eqk,eqa->eqka", skin.N, np.cross(first, ACROSS))
     rates = np.einsum("eq,eqi,eqkab->eiakb", _weights(skin), skin.N, turns)
     matrices = np.einsum("eica,eiakb->eickb", factors[skin.nodes], rates)
     k = 3 * skin.nodes.shape[1]
@@ -215,7 +231,7 @@ def _cross(v: Floats) -> Floats:
 def _scaled(blocks: Blocks, lifted: Floats, known: tuple[Ints64, Floats]) -> Blocks:
     """A contact's tangent with its rows multiplied by lifted (n, 3, 3), or by `known` of the System's blocks; no forces on
     tools."""
-    cells, pairs, travel = blocks.cells, blocks.pairs, blocks.travel
+    cells, pairs, tool = blocks.cells, blocks.pairs, blocks.tool
     if cells is not None:
         nodes, values = cells
         n, k = nodes.shape
@@ -227,7 +243,7 @@ def _scaled(blocks: Blocks, lifted: Floats, known: tuple[Ints64, Floats]) -> Blo
         place = np.minimum(np.searchsorted(names, numbers), max(len(names) - 1, 0))
         ours = names[place] == numbers if len(names) else np.zeros(len(numbers), dtype=bool)
         pairs = numbers[ours], columns[ours], np.ascontiguousarray(factors[place[ours]] @ values[ours])
-    if travel is not None:
-        moved = np.ascontiguousarray(lifted[travel.nodes] @ travel.columns)
-        travel = TravelBlocks(travel.index, travel.nodes, moved, np.zeros_like(travel.rows), np.zeros_like(travel.corner))
-    return Blocks(cells=cells, pairs=pairs, whole=blocks.whole, travel=travel)
+    if tool is not None:
+        moved = np.ascontiguousarray(lifted[tool.nodes] @ tool.columns)
+        tool = ToolBlocks(tool.index, tool.nodes, moved, np.zeros_like(tool.rows), np.zeros_like(tool.corner))
+    return Blocks(cells=cells, pairs=pairs, whole=blocks.whole, tool=tool)

@@ -7,8 +7,8 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
-from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK

@@ -200,7 +200,7 @@ def _fluid(scene: "Scene", stated: Entering, contacts: list[Contact]) -> Fluid:
         edge[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
         on[compat.locate_blocks(space, facets)] = True
         edge &= on
-    return Fluid(f"fluid on {name}", space, facets, touching, contacts, path, edge)
+    return Fluid(f"fluid on {name}", space, facets, touching, contacts, path, edge, scene.section)
 
 
 def _modulus_by_cell(scene: "Scene") -> Floats:
