@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.assembly.term import Energy, FormTerm, State
 from fenics_contact.types import Array, Floats, Form, Function, Ints64, Space
 
 
@@ -74,7 +74,7 @@ class CondensedPressure(FormTerm):
         u: Function,
         fields: tuple[Function, Function, Function],
         laws: Sequence[Any] = (),
-        energy: Form | None = None,
+        energy: Energy | None = None,
     ) -> None:
         super().__init__(name, residual, tangent, laws=laws, energy=energy)
         self.pressure, self._predicted, self._dilatation = fields
@@ -136,6 +136,11 @@ class CondensedPressure(FormTerm):
         """Of this rank's cells, the volume's at their dilatations [force x length]."""
         self._evaluate()
         return super().strain_energy()
+
+    def swelling(self) -> tuple[Floats, Floats]:
+        """As of other solids, the volume's at their dilatations."""
+        self._evaluate()
+        return super().swelling()
 
     def tangent(self, state: State, trial: Any = None) -> Blocks:
         eliminated, own = self._evaluate(), self._follow(state)

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import ContactTerm
-from fenics_contact.types import Floats, Ints64
+from fenics_contact.types import Floats, Ints, Ints64
 
 AXES = "xyz"
 SPANS = 1e-9  # of the most that supports hold: less is rounding
@@ -18,15 +18,24 @@ class Holds:
     """Bodies, what their supports hold, and the contacts between them and with tools.
 
     bodies: (name, local nodes) of each group of bonded bodies; supports: Supports; contacts: terms that say whether they are
-    `grounded`, held by no body, and which nodes they touch. Construction is collective.
+    `grounded`, held by no body, and which nodes they touch; grounds: (local nodes, sum (3, 3) of d d^T over the directions)
+    of springs to the ground. Construction is collective.
     """
 
     def __init__(
-        self, comm: MPI.Comm, bodies: list[tuple[str, Ints64]], supports: Supports, contacts: Sequence[ContactTerm]
+        self,
+        comm: MPI.Comm,
+        bodies: list[tuple[str, Ints64]],
+        supports: Supports,
+        contacts: Sequence[ContactTerm],
+        grounds: Sequence[tuple[Ints, Floats]] = (),
     ) -> None:
         self.bodies, self._supported, self._ties = bodies, [], []
         for _, blocks in bodies:
-            self._supported.append(_letters(comm.allreduce(supports.spanned(blocks))))
+            spanned = supports.spanned(blocks)
+            for nodes, directions in grounds:
+                spanned = spanned + np.isin(blocks, nodes).sum() * directions
+            self._supported.append(_letters(comm.allreduce(spanned)))
         for contact in contacts:
             met = comm.allreduce(np.array([contact.partner.touches(blocks) for _, blocks in bodies], dtype=int))
             self._ties.append((contact, np.flatnonzero(met)))

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.pose import Pose, Poses
-from fenics_contact.types import Array, Bools, Floats, Form, Function, Ints64
+from fenics_contact.types import Array, Bools, Constant, Floats, Form, Function, Ints64
 
 
 @dataclass
@@ -177,12 +177,19 @@ class ContactTerm(Term, Protocol):
     def never_met(self, state: State) -> str | None: ...
 
 
+class Energy(NamedTuple):
+    """Strain energy as a form, and its rates with the ratios by which bodies swell, each with the ratio."""
+
+    form: Form
+    by_ratio: Sequence[tuple[Constant, Form]] = ()
+
+
 class FormTerm:
     """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear).
 
     Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
-    confuses the values of two rules in one kernel. Of a solid: laws, by body, what its Cauchy stress comes from; energy, the
-    form of its strain energy.
+    confuses the values of two rules in one kernel. Of a solid: laws, by body, what its Cauchy stress comes from; energy, its
+    strain Energy.
     """
 
     condensed = False
@@ -195,12 +202,13 @@ class FormTerm:
         tangent: Form | list[Form] | None = None,
         symmetric: bool = True,
         laws: Sequence[Any] = (),
-        energy: Form | None = None,
+        energy: Energy | None = None,
     ) -> None:
         self.name, self.symmetric, self.laws = name, symmetric, laws
         self._residuals = [compat.compile_form(form) for form in _listed(residual)]
         self._tangents = [CellForm(form) for form in _listed(tangent)]
-        self._energy = None if energy is None else compat.compile_form(energy)
+        self._energy = None if energy is None else compat.compile_form(energy.form)
+        self._by_ratio = [(ratio, compat.compile_form(rate)) for ratio, rate in (energy.by_ratio if energy else ())]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
@@ -214,6 +222,12 @@ class FormTerm:
     def strain_energy(self) -> float:
         """Of this rank's cells at the present displacement [force x length]; zero of a term without."""
         return 0.0 if self._energy is None else compat.assemble_scalar(self._energy)
+
+    def swelling(self) -> tuple[Floats, Floats]:
+        """Ratios (n,) by which bodies swell, and the rates of this rank's strain energy with them [force x length]."""
+        values = [(float(ratio.value), compat.assemble_scalar(rate)) for ratio, rate in self._by_ratio]
+        ratios, rates = np.array(values).reshape(-1, 2).T
+        return ratios, rates
 
     def couplings(self, state: State) -> None:
         """None: the cells' own couplings are the pattern's base."""

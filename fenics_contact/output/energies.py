@@ -15,9 +15,9 @@ from fenics_contact.types import Bools, Floats
 
 @dataclass(frozen=True)
 class Energies:
-    """Since the start [force x length]: external_work of supports, loads and tools, and what it went into: strain, in the
-    bodies; penalty, what is stored in the penalties; friction, by contact; damping. balance: size of the sum of all outer
-    forces, zero in equilibrium [force]."""
+    """Since the start [force x length]: external_work of supports, loads, tools and swelling, and what it went into: strain,
+    in the bodies; penalty, what is stored in the penalties; friction, by contact; damping. balance: size of the sum of all
+    outer forces, zero in equilibrium [force]."""
 
     external_work: float = 0.0
     strain: float = 0.0
@@ -61,12 +61,15 @@ class _Rubbing:
 @dataclass(frozen=True)
 class _Forces:
     """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs
-    and, such that their product with these is work, on the tools; by contact its Rubbing."""
+    and, such that their product with these is work, on the tools; ratios by which bodies swell and the rates of this rank's
+    energy with them; by contact its Rubbing."""
 
     u: Floats
     q: Floats
     on_dofs: Floats
     on_tools: Floats
+    ratios: Floats
+    on_ratios: Floats
     rubbing: dict[str, _Rubbing]
 
 
@@ -89,6 +92,7 @@ class EnergyBalance:
         system, last, here = self._system, self._last, self._forces()
         owned = len(here.on_dofs)
         work = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
+        work += 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
         rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
         stored = [contact.measures(system.state)["stored"] for contact in system.contacts]
         sums = system.comm.allreduce(np.array([work, *rubbed.values(), *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
@@ -123,5 +127,6 @@ class EnergyBalance:
                     for pose, wrench in zip(state.tools, system.tool_residual + system.tools.forces(state.t), strict=True)
                 ]
             ).reshape(-1, 6),
+            *system.terms[0].swelling(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
         )

@@ -42,11 +42,12 @@ from fenics_contact.scene.checks import (
     unmet_notes,
 )
 from fenics_contact.scene.drives import Moves, motion_of, supports_of
+from fenics_contact.scene.field_loads import field_loads
 from fenics_contact.scene.functions import Drive, whole
 from fenics_contact.scene.statements import ContactStatement, Entering, Load
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
-from fenics_contact.solid.materials import young
+from fenics_contact.solid.materials import Material, young
 from fenics_contact.solid.springs import springs
 from fenics_contact.timing import Timers
 from fenics_contact.types import Constant, Expr, Floats, Form, Function
@@ -60,7 +61,7 @@ Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and 
 
 @dataclass(frozen=True)
 class Built:
-    """A System, what is to be said of its start, and terms of the dead loads and pressures alone, fluids too."""
+    """A System, what is to be said of its start, and terms of its loads alone, fluids too."""
 
     system: System
     notes: list[str]
@@ -89,7 +90,8 @@ def build(
     pressures = [(_coefficient(scene, load, 1), load) for load in scene.pressures]
     supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section)
     with timers("compile"):
-        solid = _solid(scene, u, loads)
+        fields = field_loads(scene, u)
+        solid = _solid(scene, u, loads, fields.materials)
         follower = [_pressure(scene, u, pressures, supports)] if pressures else []
         dead = [FormTerm("dead loads", -_loads_power(scene, loads, ufl.TestFunction(scene.space)))] if loads else []
         check = scene.volume_ratio(u).check
@@ -100,7 +102,7 @@ def build(
     if scene.section is not None:
         refuse_across(contacts, state)
     bodies = bonded_bodies(scene)
-    holds = Holds(comm, bodies, supports, contacts)
+    holds = Holds(comm, bodies, supports, contacts, fields.grounds)
     refuse_loose(holds, state, comm)
     grounding = damped = None
     if stabilise or (holds.reliant and contacts):
@@ -108,13 +110,14 @@ def build(
         grounding = Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise)
     if damping:
         damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), motion.free)
-    others: list[Term] = [*follower, *fluids, *(term for term in (grounding, damped, *contacts) if term)]
+    others: list[Term] = [*follower, *fluids, *fields.terms, *(term for term in (grounding, damped, *contacts) if term)]
 
     def set_loads(t: float) -> None:
         for coefficient, load in [*loads, *pressures]:
             _set(coefficient, load, t)
         for fluid in fluids:
             fluid.set_time(t)
+        fields.set(t)
 
     system = System(
         state, (solid, *others), supports, motion, set_loads, check, timers=timers, contacts=contacts, holds=holds,
@@ -124,13 +127,13 @@ def build(
     refuse_behind(system)
     refuse_held(scene, system)
     notes = unmet_notes(scene) + refuse_deep_start(scene, system) + refuse_jumps(scene, system)
-    return Built(system, notes, [*dead, *follower, *fluids], fluids)
+    return Built(system, notes, [*dead, *follower, *fluids, *fields.terms], fluids)
 
 
 # -- solid ------------------------------------------------------------------------------------------------------------
-def _solid(scene: "Scene", u: Function, loads: Loads) -> CondensedPressure | FormTerm:
-    """The solid's term, with the dead loads."""
-    parts = [(body.material, partial(scene.dx, body)) for body in scene.bodies]
+def _solid(scene: "Scene", u: Function, loads: Loads, materials: Mapping[str, Material]) -> CondensedPressure | FormTerm:
+    """The solid's term of these materials by volume, with the dead loads."""
+    parts = [(materials[body.group], partial(scene.dx, body)) for body in scene.bodies]
     return solid_term(scene.element, u, parts, partial(_loads_power, scene, loads), scene.degree, scene.section)
 
 

@@ -341,8 +341,10 @@ def refuse_jumps(scene: "Scene", system: System) -> list[str]:
                 "state the tool in the place where it starts"
             )
     loads = [
-        ("body force" if load.group is None else f"traction on '{'+'.join(load.group)}'", load.path) for load in scene.loads
+        ("body force" if load.group is None else f"{load.kind} on '{'+'.join(load.group)}'", load.path)
+        for load in scene.loads
     ]
+    loads += [("speed of the spin", scene.spin_stated.speed)] if scene.spin_stated is not None else []
     loads += [(f"pressure on '{'+'.join(load.group or ())}'", load.path) for load in scene.pressures]
     loads += [(f"pressure on '{'+'.join(fluid.group)}'", fluid.path) for fluid in scene.fluids]
     loads += [(f"push of '{tool.name}'", row_of(system.tools.forces, i)) for i, tool in enumerate(scene.tools)]

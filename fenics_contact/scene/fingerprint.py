@@ -51,6 +51,13 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = sampled(load.path)
     for i, load in enumerate(scene.pressures):
         out[f"pressure {i + 1} on {'+'.join(load.group or ())}"] = sampled(load.path)
+    if scene.spin_stated is not None:
+        spin = scene.spin_stated
+        out["spin"] = sampled(spin.speed) + [*spin.axis, *spin.point, *spin.density.values()]
+    for swelling in scene.swellings:
+        out[f"swelling of '{swelling.group}'"] = sampled(swelling.ratio)
+    for i, spring in enumerate(scene.springs):
+        out[f"spring {i + 1} on {'+'.join(spring.group)}"] = [spring.stiffness, *(spring.direction or ())]
     for i, fluid in enumerate(scene.fluids):
         out[f"fluid {i + 1} on {'+'.join(fluid.group)}"] = sampled(fluid.path)
         out[f"source of fluid {i + 1}"] = plain(fluid.source or ("all",))

@@ -6,6 +6,7 @@ from typing import Any
 import ufl
 
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
@@ -27,6 +28,7 @@ from fenics_contact.scene.checks import (
 )
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.drives import Moves
+from fenics_contact.scene.field_loads import Spin, Spring, Swelling, spin_of, springs_of, swelling_of
 from fenics_contact.scene.functions import Drive, Place, load_path
 from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support
 from fenics_contact.solid import virtual_power as vp
@@ -83,6 +85,9 @@ class Scene:
         self.loads: list[Load] = []
         self.pressures: list[Load] = []
         self.fluids: list[Entering] = []
+        self.spin_stated: Spin | None = None
+        self.swellings: list[Swelling] = []
+        self.springs: list[Spring] = []
 
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(
@@ -189,6 +194,50 @@ class Scene:
         `pressure`, that gives (n, 3)."""
         self.loads.append(Load(None, *load_path(self.mesh, self.space, None, vector, "body force", (3,))))
 
+    def force(self, group: str | tuple[str, ...], vector: Drive) -> None:
+        """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
+        t = 1 or function of t."""
+        what = f"force on '{group}'"
+        refuse_inside(self.mesh, self._facets(group), what)
+        names, path = group_names(group), ramp(self.mesh.comm, vector, what)
+        area = self.area(names)
+        self.loads.append(Load(names, lambda t: path(t) / area, "force"))
+
+    def spin(
+        self,
+        speed: Drive,
+        density: float | Mapping[str, float],
+        axis: Sequence[float] = (0.0, 0.0, 1.0),
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Centrifugal forces on all bodies, as seen from axes that turn with them: density speed^2 times the present
+        distance from the axis through `point`, per reference volume.
+
+        speed: reached at t = 1, or a function of t [angle/time]; density: of the bodies at the start, a number or {volume:
+        number} [mass/length^3], in units in which density speed^2 length is a force per volume.
+        """
+        if self.spin_stated is not None:
+            raise SceneError("spin is stated twice; bodies turn about one axis, at a speed that may be a function of t")
+        self.spin_stated = spin_of(self, speed, density, axis, point)
+
+    def swell(self, body: Body | str, ratio: Drive) -> None:
+        """A body's volume without stress over that at the start, J_s, by temperature or swelling: F = J_s^(1/3) F_e.
+
+        ratio: reached at t = 1 from 1, or a function of t; of a heated body (1 + alpha T)^3. An interference fit is a ring
+        drawn without interference that shrinks, or a hub that swells.
+        """
+        self.swellings.append(swelling_of(self, body, ratio))
+
+    def spring(
+        self, group: Group, stiffness: float, *, direction: Sequence[float] | None = None, normal: bool = False
+    ) -> None:
+        """Springs from a surface to the ground, `stiffness` in all [force/length], spread evenly over its area at the start.
+
+        They pull back in all directions or, with direction (3,) or normal=True as in `prescribe`, along that one alone.
+        """
+        refuse_inside(self.mesh, self._facets(group), f"spring on '{group}'")
+        self.springs += springs_of(self, group, stiffness, direction, normal)
+
     def contact(
         self,
         slave: str | tuple[str, ...],
@@ -281,6 +330,11 @@ class Scene:
             metadata={"quadrature_degree": quadrature_degree(self.degree)},
         )
         return vp.integral(measure(self.mesh.surface_tags(*group_names(group))), self.section)
+
+    def area(self, group: str | Sequence[str]) -> float:
+        """Area of a surface at the start [length^2]. Collective."""
+        skin = skin_of(self.space, self.mesh.facets(*group_names(group)))
+        return self.mesh.comm.allreduce(float(skin.area.sum()))
 
     def volume_ratio(self, u: Function) -> VolumeRatio:
         """J = det F of a displacement."""

@@ -68,11 +68,12 @@ class Support:
 @dataclass(frozen=True)
 class Load:
     """A dead traction on surfaces [pressure], a pressure that follows them, or, without surfaces, a force on all bodies
-    [force/length^3]: path(t), one value, or those at local nodes (n,)."""
+    [force/length^3]: path(t), one value, or those at local nodes (n,). kind: what messages call a dead load."""
 
     group: tuple[str, ...] | None
     path: Callable[[float], Floats]
     nodes: Ints | None = None
+    kind: str = "traction"
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import ufl
 from fenics_contact import compat
 from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.section import Section
-from fenics_contact.assembly.term import FormTerm
+from fenics_contact.assembly.term import Energy, FormTerm
 from fenics_contact.solid import materials
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.materials import Material
@@ -113,7 +113,7 @@ def solid_term(
     measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
     power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in measured)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in measured)
-    energy = sum(vp.strain_energy(material, u, dx, section) for material, dx in measured)
+    energy = _energy([(material, vp.energy_density(material, u, section), dx) for material, dx in measured])
     return FormTerm("solid", [power - loads_power(v)], [rate], laws=[material for material, _ in parts], energy=energy)
 
 
@@ -153,8 +153,16 @@ def _mixed(
     power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in stressed)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in ahead)
     laws = [material for material, _ in stressed]
-    energy = sum(vp.mixed_energy(*materials.energy_parts(m), F, value(dilatation), dx) for m, dx in measured)
+    densities = (vp.mixed_energy_density(*materials.energy_parts(m), F, value(dilatation)) for m, _ in measured)
+    energy = _energy([(m, density, dx) for (m, dx), density in zip(measured, densities, strict=True)])
     return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws, energy)
+
+
+def _energy(parts: Sequence[tuple[Material, Expr, Measure]]) -> Energy:
+    """Strain energy of bodies (material, energy per volume, dx), and its rates with the ratios of those that swell."""
+    swelling = [(*material.swelling, density, dx) for material, density, dx in parts if material.swelling is not None]
+    rates = [(ratio, ufl.diff(density, variable) * dx) for ratio, variable, density, dx in swelling]
+    return Energy(sum(density * dx for _, density, dx in parts), rates)
 
 
 def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function], Expr]]:

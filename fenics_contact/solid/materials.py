@@ -6,7 +6,7 @@ units of pressure (MPa with lengths in mm and forces in N).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import ufl
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
@@ -14,8 +14,10 @@ from ufl.constantvalue import ConstantValue
 from ufl.core.multiindex import MultiIndex
 from ufl.corealg.traversal import traverse_unique_terminals
 
-from fenics_contact.types import Expr
+from fenics_contact.types import Constant, Expr
 from fenics_contact.values import finite, function, positive, text
+
+Swelling = tuple[Constant, Expr]  # volume without stress over that at the start, and the variable that energies have for it
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,7 @@ class Isotropic:
     """Energy psi(I1, I2, J) [pressure] of the paper's invariants, moduli at rest [pressure].
 
     isochoric(I1, I2), volumetric(J): the two parts whose sum psi is, if it is one; elements that do not lock need them.
+    swelling: of a body that swells, see `swollen`.
     """
 
     name: str
@@ -31,16 +34,19 @@ class Isotropic:
     bulk_modulus: float
     isochoric: Callable[[Expr, Expr], Expr] | None = None
     volumetric: Callable[[Expr], Expr] | None = None
+    swelling: Swelling | None = None
 
 
 @dataclass(frozen=True)
 class Hyperelastic:
-    """Any energy psi(F) [pressure], a UFL function of the deformation gradient; its moduli at rest scale penalties."""
+    """Any energy psi(F) [pressure], a UFL function of the deformation gradient; its moduli at rest scale penalties.
+    swelling: of a body that swells, see `swollen`."""
 
     name: str
     psi: Callable[[Expr], Expr]
     shear_modulus: float
     bulk_modulus: float
+    swelling: Swelling | None = None
 
 
 Material = Isotropic | Hyperelastic
@@ -115,6 +121,25 @@ def with_pressure(material: Material, p: Expr) -> Isotropic:
     """Isochoric energy + p J: the volume answers with a pressure p [pressure] that is a field of its own."""
     isochoric, _ = energy_parts(material)
     return _with_energy(material, lambda I1, I2, J: isochoric(I1, I2) + p * J)
+
+
+def swollen(material: Material, ratio: Constant) -> Material:
+    """The law in a body whose volume without stress is `ratio`, J_s, times that at the start, by temperature or swelling.
+
+    F = J_s^(1/3) F_e and the energy is psi(F_e) per volume without stress, J_s psi(F_e) per reference volume (Lubarda 2004,
+    doi:10.1115/1.1591000): isochoric invariants are those of F, J is J_s J_e.
+    """
+    J_s = ufl.variable(ratio)
+    if not isinstance(material, Isotropic):
+        return replace(material, psi=lambda F: J_s * material.psi(J_s ** (-1 / 3) * F), swelling=(ratio, J_s))
+    isochoric, volumetric = material.isochoric, material.volumetric
+    return replace(
+        material,
+        psi=lambda I1, I2, J: J_s * material.psi(I1, I2, J / J_s),
+        isochoric=None if isochoric is None else lambda I1, I2: J_s * isochoric(I1, I2),
+        volumetric=None if volumetric is None else lambda J: J_s * volumetric(J / J_s),
+        swelling=(ratio, J_s),
+    )
 
 
 def mooney_paper(a1: float, a2: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:

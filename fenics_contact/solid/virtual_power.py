@@ -30,6 +30,12 @@ def gradient(v: Expr, section: Section | None) -> Expr:
     return ufl.as_tensor([[slope[0, 0], slope[0, 1], 0], [slope[1, 0], slope[1, 1], 0], [0, 0, hoop]])
 
 
+def place(mesh: Mesh) -> Expr:
+    """Reference position X (3,)."""
+    X = ufl.SpatialCoordinate(mesh)
+    return X if len(X) == 3 else ufl.as_vector((X[0], X[1], 0))
+
+
 def integral(measure: Measure, section: Section | None) -> "Measure | Deep":
     """Over volumes or their surfaces; from those of a plane mesh, with what is behind it."""
     if section is None:
@@ -148,25 +154,31 @@ def body_force_power(force: Expr, v: Expr, dx: Measure) -> Form:
     return ufl.inner(force, v) * dx
 
 
-def strain_energy(material: Material, u: Function, dx: Measure, section: Section | None = None) -> Form:
-    """Strain energy [force length]."""
+def energy_density(material: Material, u: Function, section: Section | None = None) -> Expr:
+    """Strain energy per reference volume [pressure]."""
     F = deformation_gradient(u, section)
     if not isinstance(material, Isotropic):
-        return material.psi(F) * dx
-    return material.psi(*_invariants(F), ufl.det(F)) * dx
+        return material.psi(F)
+    return material.psi(*_invariants(F), ufl.det(F))
 
 
-def mixed_energy(
-    isochoric: Callable[[Expr, Expr], Expr], volumetric: Callable[[Expr], Expr], F: Expr, dilatation: Expr, dx: Measure
-) -> Form:
-    """Strain energy [force length] of a volume that follows a dilatation of its own."""
-    return (isochoric(*_invariants(F)) + volumetric(dilatation)) * dx
+def mixed_energy_density(
+    isochoric: Callable[[Expr, Expr], Expr], volumetric: Callable[[Expr], Expr], F: Expr, dilatation: Expr
+) -> Expr:
+    """Strain energy per reference volume [pressure] where the volume follows a dilatation of its own."""
+    return isochoric(*_invariants(F)) + volumetric(dilatation)
 
 
 def _invariants(F: Expr) -> tuple[Expr, Expr]:
     """I1 = tr B^ and I2 = tr(B^ . B^)."""
     B = ufl.det(F) ** (-2 / 3) * ufl.dot(F, F.T)
     return ufl.tr(B), ufl.tr(ufl.dot(B, B))
+
+
+def projected_power(weight: Expr, projector: Expr, moved: Expr, v: Expr, dx: Measure) -> Form:
+    """Power of forces `weight` times the part of `moved` that a symmetric projector (3, 3) leaves, per reference volume or
+    area: centrifugal ones, weight = density speed^2 [force/length^4], springs along a direction [pressure/length]."""
+    return weight * ufl.inner(ufl.dot(projector, moved), v) * dx
 
 
 def spring_power(stiffness: Expr, moved: Expr, v: Expr, dx: Measure) -> Form:

@@ -1,0 +1,198 @@
+"""Loads that depend on where the bodies are or on what they are made of: spin, swelling, springs to the ground."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import ufl
+
+from fenics_contact import compat
+from fenics_contact.assembly.term import FormTerm
+from fenics_contact.scene.directions import Group, Unit, chosen, normals, unit
+from fenics_contact.scene.functions import Drive, ramp
+from fenics_contact.scene.statements import Body
+from fenics_contact.solid import virtual_power as vp
+from fenics_contact.solid.materials import Material, swollen
+from fenics_contact.types import Constant, Expr, Floats, Function, Ints, Measure
+from fenics_contact.values import SceneError, finite, group_names, positive, shown
+
+if TYPE_CHECKING:  # which states them
+    from fenics_contact.scene.scene import Scene
+
+Path = Callable[[float], Floats]
+
+
+@dataclass(frozen=True)
+class Spin:
+    """All bodies turn about an axis: speed(t) [angle/time], point and unit axis (3,), density by volume [mass/length^3]."""
+
+    speed: Path
+    axis: Unit
+    point: Floats
+    density: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Swelling:
+    """A body's volume without stress over that at the start, ratio(t)."""
+
+    group: str
+    ratio: Path
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Springs from a surface to the ground, `stiffness` in all [force/length], along one direction or, with None, all."""
+
+    group: tuple[str, ...]
+    stiffness: float
+    direction: Unit | None
+
+
+@dataclass(frozen=True)
+class FieldLoads:
+    """What a scene's statements of these come to.
+
+    materials: by volume, swollen where that is stated; terms: of spin and springs; grounds: local nodes that springs hold,
+    and (3, 3) the sum of d d^T over their directions; set(t): puts the loads of t into the forms.
+    """
+
+    materials: Mapping[str, Material]
+    terms: list[FormTerm]
+    grounds: list[tuple[Ints, Floats]]
+    set: Callable[[float], None]
+
+
+# -- statements, checked ----------------------------------------------------------------------------------------------
+def spin_of(scene: "Scene", speed: Drive, density: object, axis: Sequence[float], point: Sequence[float]) -> Spin:
+    """A stated Spin. Collective."""
+    groups = [body.group for body in scene.bodies]
+    if isinstance(density, Mapping):
+        if unknown := [name for name in density if name not in groups]:
+            raise SceneError(f"spin: density of {shown(unknown[0])}, but the bodies are {', '.join(groups)}")
+        if left := [name for name in groups if name not in density]:
+            raise SceneError(f"spin: body '{left[0]}' has no density; give one, 0 for a body without mass")
+        stated = dict(density)
+    else:
+        stated = dict.fromkeys(groups, density)
+    for name, value in stated.items():
+        positive(value, f"spin: density of '{name}'", zero=True)
+    if not any(stated.values()):
+        raise SceneError("spin: no body has a density above zero; give density=, a number or {volume: number}")
+    path = ramp(scene.mesh.comm, speed, "speed of the spin", ())
+    about, through = unit(axis, "spin: axis"), finite(point, "spin: point", (3,))
+    if scene.section is not None:
+        along, word = (1, "y, the axis of the section") if scene.section.axisymmetric else (2, "z, across the plane")
+        if abs(about[along]) < 1.0 or (scene.section.axisymmetric and through[0] != 0.0):
+            raise SceneError(f"spin: in this plane scene bodies can turn about {word}, alone; give axis= and point= so")
+    return Spin(path, about, through, stated)
+
+
+def swelling_of(scene: "Scene", body: Body | str, ratio: Drive) -> Swelling:
+    """A stated Swelling. Collective."""
+    name = body.group if isinstance(body, Body) else body
+    if name not in [one.group for one in scene.bodies]:
+        known = ", ".join(one.group for one in scene.bodies)
+        raise SceneError(f"swell: {shown(name)} is no body of the scene; its bodies are {known}")
+    if name in [one.group for one in scene.swellings]:
+        raise SceneError(f"swell '{name}': it swells already; give one function of t for both")
+    what = f"swelling of '{name}'"
+    if not callable(ratio):
+        end = float(positive(ratio, what, more=", the volume without stress over that at the start"))
+        return Swelling(name, lambda t: np.array(1.0 + t * (end - 1.0)))
+    path = ramp(scene.mesh.comm, ratio, what, ())
+
+    def checked(t: float) -> Floats:
+        value = path(t)
+        positive(float(value), f"{what} at t = {t:g}", more=", the volume without stress over that at the start")
+        return value
+
+    if abs(float(checked(0.0)) - 1.0) > 1e-12:  # rounding of a function
+        raise SceneError(f"{what} is {float(checked(0.0)):g} at t = 0, where all is at rest; let its function start from 1")
+    return Swelling(name, checked)
+
+
+def springs_of(
+    scene: "Scene", group: Group, stiffness: float, direction: Sequence[float] | None, normal: bool
+) -> list[Spring]:
+    """Stated Springs: several where several surfaces have normals of their own. Collective."""
+    what = f"spring on '{group}'"
+    positive(stiffness, f"{what}: stiffness", more=" [force/length]")
+    chosen(None, direction, normal, what)
+    names = group_names(group)
+    if direction is not None:
+        return [Spring(names, float(stiffness), unit(direction, what))]
+    if not normal:
+        return [Spring(names, float(stiffness), None)]
+    ways, whole = normals(scene.mesh, scene.space, group, what), scene.area(names)
+    return [Spring(of, float(stiffness) * scene.area(of) / whole, along) for of, along in ways]
+
+
+# -- forms ------------------------------------------------------------------------------------------------------------
+def field_loads(scene: "Scene", u: Function) -> FieldLoads:
+    """FieldLoads of a scene's statements. Collective."""
+    domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
+    materials: dict[str, Material] = {body.group: body.material for body in scene.bodies}
+    followed: list[tuple[Constant, Path]] = []
+    for swelling in scene.swellings:
+        ratio = compat.Constant(domain, 1.0)
+        materials[swelling.group] = swollen(materials[swelling.group], ratio)
+        followed.append((ratio, swelling.ratio))
+    terms = []
+    if scene.spin_stated is not None:
+        parts, weights = _spin(scene, scene.spin_stated)
+        followed += weights
+        arm = vp.place(domain) + u - compat.Constant(domain, scene.spin_stated.point)
+        terms.append(_term("spin", [(weight, across, arm, du, dx) for weight, across, dx in parts], v, -1.0))
+    if scene.springs:
+        parts = [_spring(scene, spring) for spring in scene.springs]
+        terms.append(_term("springs", [(weight, along, u, du, ds) for weight, along, ds in parts], v, 1.0))
+    grounds = [(scene.mesh.nodes(scene.space, *spring.group), _directions(spring)) for spring in scene.springs]
+
+    def set_loads(t: float) -> None:
+        for constant, path in followed:
+            constant.value = float(path(t))
+
+    return FieldLoads(materials, terms, grounds, set_loads)
+
+
+def _directions(spring: Spring) -> Floats:
+    """Sum (3, 3) of d d^T over the directions d of a spring."""
+    return np.eye(3) if spring.direction is None else np.outer(spring.direction, spring.direction)
+
+
+Weighted = tuple[Constant, Constant, Measure]  # weight, projector, over what
+
+
+def _spin(scene: "Scene", spin: Spin) -> tuple[list[Weighted], list[tuple[Constant, Path]]]:
+    """Of every body with a mass its weight, and what the weights follow."""
+    domain = scene.mesh.domain
+    across = compat.Constant(domain, np.eye(3) - np.outer(spin.axis, spin.axis))
+    parts: list[Weighted] = []
+    followed: list[tuple[Constant, Path]] = []
+    for body in scene.bodies:
+        if density := spin.density[body.group]:
+            weight = compat.Constant(domain, 0.0)
+            parts.append((weight, across, scene.dx(body)))
+            followed.append((weight, partial(_force_over_arm, spin.speed, density)))
+    return parts, followed
+
+
+def _force_over_arm(speed: Path, density: float, t: float) -> Floats:
+    return density * speed(t) ** 2
+
+
+def _spring(scene: "Scene", spring: Spring) -> Weighted:
+    domain, weight = scene.mesh.domain, spring.stiffness / scene.area(spring.group)
+    return compat.Constant(domain, weight), compat.Constant(domain, _directions(spring)), scene.ds(spring.group)
+
+
+def _term(name: str, parts: list[tuple[Constant, Constant, Expr, Expr, Measure]], v: Expr, sign: float) -> FormTerm:
+    """The term of forces against (sign 1) or along (-1) what parts (weight, projector, moved, its rate, dx) say.
+
+    Constants and not numbers, from which FFCx 0.5 makes no kernel here, and which would make one for every value."""
+    power = sum(vp.projected_power(sign * weight, along, moved, v, dx) for weight, along, moved, _, dx in parts)
+    rate = sum(vp.projected_power(sign * weight, along, moved, v, dx) for weight, along, _, moved, dx in parts)
+    return FormTerm(name, power, rate)

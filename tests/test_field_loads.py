@@ -1,0 +1,282 @@
+"""Forces in all, spin, swelling and springs: each against a closed form, its work against the energy, and its tangent."""
+
+import numpy as np
+import pytest
+import ufl
+from refusals import refused
+from scipy.optimize import brentq
+
+from fenics_contact import Body, Scene, from_elastic, neo_hooke, read_gmsh, solve, user_energy
+from fenics_contact.scene.fingerprint import statement
+from meshes import box, tubes
+
+pytestmark = pytest.mark.parallel
+
+MU, K = 1.0, 5.0
+RUBBER = neo_hooke(MU, K)
+ELEMENTS = [{}, {"degree": 2, "element": "mixed"}]
+NAMES = ["degree 1", "mixed 2"]
+
+
+@pytest.fixture(scope="module")
+def block():
+    return read_gmsh(box.build, size=(2.0, 1.0, 1.0), cells=(4, 1, 1))
+
+
+def symmetric(mesh, material, **options):
+    """A block between three planes of symmetry."""
+    scene = Scene(Body(mesh, "box", material), **options)
+    for group, axis in (("xmin", "x"), ("ymin", "y"), ("zmin", "z")):
+        scene.fix(group, axis)
+    return scene
+
+
+def solved(scene, steps=1, **options):
+    result = solve(scene, steps=steps, progress=False, **options)
+    assert result.converged, result.verdict.reason
+    return result
+
+
+def displacement(result, group):
+    """Mean displacement (3,) of a surface's nodes [length]."""
+    system, scene = result.system, result.scene
+    nodes = scene.mesh.nodes(scene.space, group)
+    nodes = nodes[nodes < scene.space.dofmap.index_map.size_local]
+    u = system.state.u.x.array.reshape(-1, 3)[nodes]
+    sums = system.comm.allreduce(np.append(u.sum(axis=0), len(nodes)))
+    return sums[:3] / sums[3]
+
+
+def work_errors(scene_of, steps=(2, 4, 8)):
+    errors = []
+    for count in steps:
+        result = solved(scene_of(), count)
+        errors.append(abs(result.column("energy_error_Nmm")[-1]))
+    return np.array(errors)
+
+
+def test_a_force_in_all(block):
+    """Reactions of a block under a dead force are its opposite, whatever the area, which a traction has to know."""
+    scene = Scene(Body(block, "box", RUBBER))
+    scene.fix("xmin")
+    scene.force(("xmax", "zmax"), (0.1, 0.02, -0.03))
+    result = solved(scene, 2)
+    reaction = [result.column(f"xmin_reaction_{axis}_N")[-1] for axis in "xyz"]
+    np.testing.assert_allclose(reaction, [-0.1, -0.02, 0.03], atol=1e-7 * 0.1)  # Newton's tolerance
+
+
+DENSITY, SPEED, LENGTH = 2.0, 1e-3, 2.0
+
+
+def test_a_rod_that_turns(block):
+    """sigma = rho w^2 (L^2 - x^2) / 2, so that u(L) = rho w^2 L^3 / 3 E and the axis pulls by rho w^2 L^2 A / 2."""
+    scene = symmetric(block, from_elastic(1.0, 0.0))
+    scene.spin(SPEED, {"box": DENSITY}, axis=(0, 0, 3), point=(0, 0.5, 9))
+    scene.fix("ymax", "y")  # what turns beside the axis pulls across the rod
+    result = solved(scene)
+    load = DENSITY * SPEED**2
+    pull = 0.5 * load * LENGTH**2
+    moved = displacement(result, "xmax")[0]
+    # strains of 4e-6 are as much of a small-strain formula; the places of linear loads are exact in elements of any degree
+    assert abs(result.column("xmin_reaction_x_N")[-1] / -pull - 1.0) < 2e-5
+    assert abs(moved / (load * LENGTH**3 / 3.0) - 1.0) < 2e-5
+
+
+def test_a_spin_at_large_strain_has_an_exact_tangent_and_a_potential(block):
+    def scene():
+        made = symmetric(block, RUBBER)
+        made.spin(0.5, 1.0, axis=(0.2, 0.0, 1.0))
+        return made
+
+    result = solved(scene(), 2, tolerance=1e-12)
+    assert displacement(result, "xmax")[0] > 0.1 * LENGTH
+    assert max(result.column("iterations")) <= 6
+    system = result.system
+    term = next(term for term in system.terms if term.name == "spin")
+    assert term.symmetric and system.symmetric
+    errors = work_errors(scene, (4, 8, 16))
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.9
+    # centrifugal force grows with the way out: Taylor remainders of the forces, which are linear in the displacement
+    state, rng = system.state, np.random.default_rng(3)
+    u, ignored = state.u.x.array.copy(), np.zeros((0, 3))
+    way = rng.uniform(-1.0, 1.0, len(u))
+
+    def forces(at):
+        out = np.zeros(len(u))
+        state.u.x.array[:] = at
+        term.add_residual(state, out, ignored)
+        return out
+
+    system.rollback()
+    system.assemble_tangent([term])
+    one, other = system.new_vector(), system.new_vector()
+    if system.comm.size == 1:
+        one.array[:] = way
+        system.matrix.mult(one, other)
+        change = forces(u + way) - forces(u)
+        np.testing.assert_allclose(other.array, change, atol=1e-12 * np.abs(change).max())
+    state.u.x.array[:] = u
+
+
+@pytest.mark.parametrize(("options", "of_F"), [({}, False), (ELEMENTS[1], False), ({}, True)], ids=[*NAMES, "law of F"])
+def test_free_swelling(block, options, of_F):
+    """Stretches are the cube root of the ratio in all directions, without stress or energy."""
+    material = RUBBER
+    if of_F:
+
+        def psi(F):
+            J, C = ufl.det(F), F.T * F
+            return MU / 2 * (J ** (-2 / 3) * ufl.tr(C) - 3) + K / 2 * (J - 1) ** 2
+
+        material = user_energy(psi, MU, K)
+    scene = symmetric(block, material, **options)
+    scene.swell("box", 1.7)
+    result = solved(scene, 2)
+    stretch = 1.7 ** (1 / 3)
+    for group, axis, length in (("xmax", 0, 2.0), ("ymax", 1, 1.0), ("zmax", 2, 1.0)):
+        assert abs(displacement(result, group)[axis] - (stretch - 1.0) * length) < 1e-8
+    ends = [result.column(f"{group}min_reaction_{group}_N")[-1] for group in "xyz"]
+    assert np.abs(ends).max() < 1e-7  # Newton's tolerance of the forces on the way
+    assert abs(result.column("strain_energy_Nmm")[-1]) < 1e-12
+    assert abs(result.column("external_work_Nmm")[-1]) < 1e-3  # the trapezoidal rule's
+
+
+@pytest.mark.parametrize("options", ELEMENTS, ids=NAMES)
+def test_swelling_held_on_its_sides(block, options):
+    """Free along x alone: the exact uniaxial stretch, pressures on the sides, and a work that is the energy."""
+    ratio = 1.4
+
+    def scene():
+        made = symmetric(block, RUBBER, **options)
+        made.fix("ymax", "y")
+        made.fix("zmax", "z")
+        made.swell(made.bodies[0], lambda t: 1.0 + t * (ratio - 1.0))
+        return made
+
+    def stresses(stretch):
+        """Kirchhoff stresses J_s tau(F_e) along x and across, F = diag(stretch, 1, 1)."""
+        J = stretch / ratio
+        shear = ratio * MU * stretch ** (-2 / 3)
+        mean, volume = (stretch**2 + 2.0) / 3.0, ratio * K * (J - 1.0) * J
+        return shear * (stretch**2 - mean) + volume, shear * (1.0 - mean) + volume
+
+    stretch = brentq(lambda x: stresses(x)[0], 0.5, 3.0, xtol=1e-14)
+    result = solved(scene(), 2)
+    assert max(result.column("iterations")) <= 6  # of steps of a fifth of the volume, to 1e-8: quadratic
+    assert abs(displacement(result, "xmax")[0] - (stretch - 1.0) * 2.0) < 1e-7
+    area = 2.0  # of the sides at the start, across which nothing has moved: Kirchhoff stresses are first ones there
+    assert abs(result.column("ymax_reaction_y_N")[-1] - stresses(stretch)[1] * area) < 1e-7
+    errors = work_errors(scene)
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.9 and abs(result.column("strain_energy_Nmm")[-1]) > 0.1
+
+
+A, B, C, E, NU = 2.0, 4.0, 7.0, 1000.0, 0.3
+
+
+GAP = 1e-6 * B  # gmsh draws surfaces in one place as one
+
+
+def fit(around):
+    """Contact pressure of a hub that swells by a linear strain of 1e-4 in a ring, plane strain, over Lame's less one."""
+    cells = {"hub": (A, B, around, around // 2), "ring": (B + GAP, C, around, around // 2)}
+    mesh, strain = read_gmsh(tubes.build, tubes=cells, depth=0.5), 1e-4
+    scene = Scene(*(Body(mesh, name, from_elastic(E, NU)) for name in cells))
+    for group, axis in (("symmetry_x", "x"), ("symmetry_y", "y"), ("ends", "z")):
+        scene.fix(group, axis)
+    scene.contact("hub_outside", "ring_inside", penetration=1e-9, name="fit")
+    scene.swell("hub", (1.0 + strain) ** 3)
+    result = solved(scene)
+    bore, hub = (((1 - 2 * NU) * B**2 + other**2) / abs(other**2 - B**2) for other in (C, A))
+    pressure = (strain - GAP / ((1 + NU) * B)) * E / (bore + hub)
+    return result.column("fit_load_N")[-1] / (0.5 * np.pi * B * 0.5) / pressure - 1.0
+
+
+def test_an_interference_fit():
+    """p = e E / (((1-2v) b^2 + c^2)/(c^2 - b^2) + ((1-2v) b^2 + a^2)/(b^2 - a^2)), the hub growing by (1 + v) e b alone."""
+    coarse, fine = fit(6), fit(12)
+    assert abs(fine) < 0.01 and 3.0 < coarse / fine < 5.0  # chords: second order
+
+
+@pytest.mark.parametrize("along", [{}, {"direction": (1.0, 0.0, 0.0)}, {"normal": True}], ids=["all", "direction", "normal"])
+def test_springs_to_the_ground(block, along):
+    """F = k u of the mean place of their surface, for a body of any stiffness that they alone hold; work and energy."""
+    stiffness, force = 0.25, 0.1
+
+    def scene():
+        made = Scene(Body(block, "box", RUBBER))
+        made.fix("ymin", "y")
+        made.fix("zmin", "z")
+        made.spring("xmin", stiffness, **along)
+        made.force("xmax", (force, 0.0, 0.0))
+        return made
+
+    result = solved(scene(), 2)
+    assert abs(displacement(result, "xmin")[0] - force / stiffness) < 1e-7 * force / stiffness
+    errors = work_errors(scene)
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.9
+    without = scene()
+    without.springs = []
+    refused(without.system, "nothing holds body 'box' along x")
+
+
+def test_a_run_of_all_these_is_resumed(block, tmp_path):
+    from mpi4py import MPI
+
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+
+    def scene():
+        made = symmetric(block, RUBBER)
+        made.spin(0.3, 1.0)
+        made.swell("box", 1.2)
+        made.spring("xmax", 0.1)
+        made.force("zmax", (0.05, 0.0, 0.02))
+        return made
+
+    whole = solved(scene(), 4)
+    solve(scene(), steps=[0.25, 0.5], out=folder / "run", checkpoint=True, progress=False)
+    resumed = solved(scene(), 4, out=folder / "run", checkpoint=True, resume=True)
+    for name in ("strain_energy_Nmm", "external_work_Nmm", "xmin_reaction_x_N"):
+        assert abs(resumed.column(name)[-1] - whole.column(name)[-1]) < 1e-10 * max(1.0, abs(whole.column(name)[-1]))
+
+
+def test_they_are_part_of_the_statement(block):
+    said = []
+    for speed, ratio, stiffness in ((0.1, 1.1, 1.0), (0.2, 1.1, 1.0), (0.1, 1.2, 1.0), (0.1, 1.1, 2.0)):
+        scene = symmetric(block, RUBBER)
+        scene.spin(speed, 1.0)
+        scene.swell("box", ratio)
+        scene.spring("xmax", stiffness)
+        said.append(statement(scene, scene.system(), "newton", []))
+    assert all(said[0] != other for other in said[1:])
+
+
+def test_bad_loads(block):
+    def scene():
+        return symmetric(block, RUBBER)
+
+    refused(lambda: scene().force("xmax", 1.0), "force on 'xmax'", "three finite numbers")
+    refused(lambda: scene().force("lid", (1, 0, 0)), "'lid'", "xmax")
+    refused(lambda: scene().spin("fast", 1.0), "speed of the spin", "'fast'", "one finite number")
+    refused(lambda: scene().spin(1.0, -1.0), "spin: density of 'box'", "-1.0", "positive")
+    refused(lambda: scene().spin(1.0, {"lid": 1.0}), "spin: density of 'lid'", "box")
+    refused(lambda: scene().spin(1.0, {}), "spin: body 'box' has no density")
+    refused(lambda: scene().spin(1.0, 0.0), "spin", "no body has a density")
+    refused(lambda: scene().spin(1.0, 1.0, axis=(0, 0, 0)), "spin: axis", "no length")
+    refused(lambda: scene().spin(1.0, 1.0, point=(0, 0)), "spin: point", "three finite numbers")
+    twice = scene()
+    twice.spin(1.0, 1.0)
+    refused(lambda: twice.spin(1.0, 1.0), "spin is stated twice")
+    refused(lambda: scene().swell("lid", 1.1), "swell", "'lid'", "no body", "box")
+    refused(lambda: scene().swell("box", 0.0), "swelling of 'box' = 0.0", "positive")
+    refused(lambda: scene().swell("box", "1.1"), "swelling of 'box'", "'1.1'", "positive")
+    refused(lambda: scene().swell("box", lambda t: t), "swelling of 'box' at t = 0", "positive")
+    refused(lambda: scene().swell("box", lambda t: 2.0 - t), "swelling of 'box' is 2 at t = 0", "start from 1")
+    again = scene()
+    again.swell("box", 1.1)
+    refused(lambda: again.swell("box", 1.1), "swell 'box'", "already")
+    late = scene()
+    late.swell("box", lambda t: 1.0 - 1.1 * t)
+    refused(lambda: solve(late, steps=10, progress=False), "swelling of 'box' at t = 1", "positive")
+    refused(lambda: scene().spring("xmax", -1.0), "spring on 'xmax'", "stiffness", "positive")
+    refused(lambda: scene().spring("xmax", 1.0, direction=(0, 0, 0)), "spring on 'xmax'", "no length")
+    refused(lambda: scene().spring("xmax", 1.0, direction=(1, 0, 0), normal=True), "spring on 'xmax'", "three ways")
