@@ -1,5 +1,6 @@
 """Bores, profiles and unions as tools of scenes: against a closed form, and against the same tool said otherwise."""
 
+import gmsh
 import numpy as np
 import pytest
 
@@ -7,10 +8,12 @@ from fenics_contact import (
     Body,
     Scene,
     from_elastic,
+    neo_hooke,
     read_gmsh,
     rigid_cylinder,
     rigid_extrusion,
     rigid_plane,
+    rigid_punch,
     rigid_revolution,
     rigid_sphere,
     rigid_union,
@@ -67,3 +70,49 @@ def test_a_flat_profile_is_a_plane():
         )
     np.testing.assert_allclose(found[0], found[1], atol=1e-8 * np.abs(found[0]).max())
     assert found[0][-1, 2] > 0.0
+
+
+ASKEW = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+
+
+def over_a_groove(tool_of, Q):
+    """Forces, in its own axes, of a rough rubber block pressed over the rims of a groove and drawn along it, turned by Q."""
+
+    def placed():
+        box.build(size=(2.0, 1.0, 0.5), cells=(8, 2, 2), origin=(-1.0, 0.0, 0.0))
+        tags, X, _ = gmsh.model.mesh.getNodes()
+        for tag, x in zip(tags, X.reshape(-1, 3) @ Q.T, strict=True):
+            gmsh.model.mesh.setNode(tag, x, [])
+
+    scene = Scene(Body(read_gmsh(placed), "box", neo_hooke(1.0, 5.0)))
+    scene.fix("zmax")
+    tool = tool_of(Q)
+    scene.contact("zmin", tool, 0.3, name="floor")
+    way = lambda t: Q @ (0.0, 0.1 * max(2 * t - 1, 0.0), 0.15 * min(2 * t, 1.0))  # noqa: E731
+    result = solve(scene, move={tool: way}, steps=4, progress=False)
+    assert result.converged, result.verdict.reason
+    assert len(result.column("t")) == 4, "cut back"
+    return np.column_stack([result.column(f"floor_force_{axis}_N") for axis in "xyz"]) @ Q
+
+
+def groove(Q):
+    """Sides 0.5 from the middle, rims of 0.2 and corners of 0.3, out of reach."""
+    points = [(-9, 0), (-0.5, 0, 0.2), (-0.5, -2, 0.3), (0.5, -2, 0.3), (0.5, 0, 0.2), (9, 0)]
+    return rigid_extrusion(points, along=Q[:, 1], up=Q[:, 2])
+
+
+def two_bars(Q):
+    """The same rims as those of two round bars."""
+    bars = [
+        rigid_punch(4.0, 4.0, Q @ (side * 4.5, 0.0, 0.0), half_depth=9.0, direction=Q[:, 2], fillet=0.2) for side in (-1, 1)
+    ]
+    return rigid_union(*bars)
+
+
+def test_a_block_over_a_groove():
+    """The same forces by a profile and by a union of bars, straight and turned in space; nothing along x by symmetry."""
+    straight = over_a_groove(groove, np.eye(3))
+    size = 1e-7 * np.abs(straight).max()  # Newton's tolerance
+    assert np.abs(straight[:, 0]).max() < size and straight[-1, 1] > 0.1 * abs(straight[-1, 2])
+    for tool_of, Q in ((two_bars, np.eye(3)), (groove, ASKEW), (two_bars, ASKEW)):
+        np.testing.assert_allclose(over_a_groove(tool_of, Q), straight, rtol=0.0, atol=size)
