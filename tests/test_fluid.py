@@ -72,10 +72,10 @@ def test_tangent_is_the_derivative(name):
     fluid.set_time(pressed[len(pressed) // 2 - 1 : len(pressed) // 2 + 1].mean() / 0.1)  # between two nodes' pressures
     share = fluid.share(state)
     assert (share[on] == 1.0).any() and ((share[on] > 0.0) & (share[on] < 1.0)).any() and (share[on] == 0.0).any()
-    start, travel = state.u.x.array.copy(), state.travel.copy()
+    start, q = state.u.x.array.copy(), state.q.copy()
 
     def residual():
-        out, on_tool = np.zeros(len(start)), np.zeros_like(travel)
+        out, on_tool = np.zeros(len(start)), np.zeros_like(q)
         fluid.add_residual(state, out, on_tool)
         assert not on_tool.any()
         return out
@@ -87,13 +87,13 @@ def test_tangent_is_the_derivative(name):
     insert(fluid.tangent(state), system.matrix, system.border)
     system.matrix.assemble()
     at_start, way, codes = residual(), direction(system), contact.branches(state).copy()
-    slope, dq = (system.matrix * way).array.copy(), np.random.default_rng(3).uniform(-1, 1, travel.shape)
+    slope, dq = (system.matrix * way).array.copy(), np.random.default_rng(3).uniform(-1, 1, q.shape)
     if system.border is not None:
         slope += dq.ravel() @ system.border.columns
         assert not system.border.rows.any() and not system.border.corner.any()
     left = []
     for step in 1e-5 / 2.0 ** np.arange(4):
-        state.u.x.array[:], state.travel[:] = start + step * way.array, travel + step * dq
+        state.u.x.array[:], state.q[:] = start + step * way.array, q + step * dq
         left.append(np.linalg.norm(residual() - at_start - step * slope))
         assert np.array_equal(contact.branches(state), codes)
         assert np.array_equal(fluid.share(state) > 0.0, share > 0.0)

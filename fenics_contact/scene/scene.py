@@ -29,7 +29,7 @@ from fenics_contact.scene.checks import (
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.drives import Moves
 from fenics_contact.scene.field_loads import Spin, Spring, Swelling, spin_of, springs_of, swelling_of
-from fenics_contact.scene.functions import Drive, Place, load_path
+from fenics_contact.scene.functions import Drive, Place, load_path, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
@@ -201,7 +201,7 @@ class Scene:
         refuse_inside(self.mesh, self._facets(group), what)
         names, path = group_names(group), ramp(self.mesh.comm, vector, what)
         area = self.area(names)
-        self.loads.append(Load(names, lambda t: path(t) / area, "force"))
+        self.loads.append(Load(names, lambda t: path(t) / area, kind="force"))
 
     def spin(
         self,
