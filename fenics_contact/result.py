@@ -14,8 +14,8 @@ from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.curves import history_figure, line_figure
 from fenics_contact.output.history import Summary
 from fenics_contact.output.lines import Along, Table, line, zones
-from fenics_contact.output.pictures import Drawing, save
-from fenics_contact.output.plot import drawing
+from fenics_contact.output.pictures import Drawing, picture_format, save
+from fenics_contact.output.plot import drawing, refuse_limits
 from fenics_contact.output.results import Results
 from fenics_contact.output.slave_nodes import SlaveNodes
 from fenics_contact.output.views import Angles
@@ -23,7 +23,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Array, Floats, Function
-from fenics_contact.values import SceneError
+from fenics_contact.values import SceneError, finite
 
 Target = str | PathLike[str] | None  # of a picture
 
@@ -31,7 +31,8 @@ Target = str | PathLike[str] | None  # of a picture
 @dataclass
 class Result:
     """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
-    summary: what summary.json holds; scene: what was solved; measured: the final state's contacts, reactions and energies.
+    summary: what summary.json holds; scene: what was solved; measured: the final state's contacts, reactions and energies;
+    columns: names that a step of the run may have in the history.
     `result.u` is the displacement Function."""
 
     history: list[HistoryRow]
@@ -40,6 +41,7 @@ class Result:
     summary: Summary
     scene: Scene
     measured: Results = field(repr=False)
+    columns: Sequence[str] = field(repr=False)
 
     @property
     def u(self) -> Function:
@@ -60,14 +62,20 @@ class Result:
         return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
 
     def column(self, name: str) -> Array:
-        """A history column at all accepted steps; KeyError lists the columns."""
-        if self.history and name not in self.history[0]:
-            raise KeyError(f"no column '{name}' in the history; it has: {', '.join(self.history[0])}")
+        """A history column at all accepted steps, an empty one where there is none; KeyError lists the columns."""
+        known = list(self.history[0]) if self.history else self.columns
+        if name not in known:
+            raise KeyError(f"no column '{name}' in the history; it has: {', '.join(known)}")
         return np.array([row[name] for row in self.history])
 
     def table(self) -> Table:
-        """All history columns as arrays by name: what `pandas.DataFrame` takes."""
-        return {name: self.column(name) for name in (self.history[0] if self.history else ())}
+        """All history columns as arrays by name: what `pandas.DataFrame` takes. SceneError without an accepted step."""
+        self._refuse_empty("table()")
+        return {name: self.column(name) for name in self.history[0]}
+
+    def _refuse_empty(self, what: str) -> None:
+        if not self.history:
+            raise SceneError(f"{what}: the run has no accepted step; {self.verdict.reason}")
 
     def line(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Table:
         """A contact's nodal values along a line of its slave surface at the final state: arrays by name. Collective.
@@ -93,7 +101,8 @@ class Result:
     # -- pictures -------------------------------------------------------------------------------------------------
     def drawing(self, field: str | None = None, *, mirror: str = "", view: str | Angles | None = None) -> Drawing | None:
         """What `plot` draws, for axes of one's own: `drawing.draw(axes)`. On rank 0; None on the others. Collective."""
-        return drawing(self.scene, self.system, field, mirror, view)
+        found = drawing(self.scene, self.system, field, mirror, view)
+        return found if found is None or self.converged else found.stopped_early()
 
     def plot(
         self,
@@ -108,15 +117,16 @@ class Result:
         """Picture of the final state: deformed bodies coloured by a field, with the tools.
 
         field: "contact_pressure" (where the scene has contacts the default), "friction_traction", "gap" or "status" on the
-        slave surfaces; "displacement" (its size, the default elsewhere), "displacement_x", "_y", "_z", "von_mises",
-        "stress_xx", "stress_xy", ..., "J". path: file to write, by its ending .png, .pdf or .svg; mirror: axes of symmetry
-        planes behind which the model is drawn too, "x" or "xy"; view: "x", "y", "z" (along that axis) or (elevation,
-        azimuth) in degrees, by default along the thin axis of a plane-strain slice, else from where most of the field is
-        seen; limits: of the colours, in the field's unit; title: by default t.
+        slave surfaces, "top_contact_pressure" of the contact "top" alone; "displacement" (its size, the default elsewhere),
+        "displacement_x", "_y", "_z", "von_mises", "stress_xx", "stress_xy", ..., "J". path: file to write, by its ending
+        .png, .pdf or .svg; mirror: axes of symmetry planes behind which the model is drawn too, "x" or "xy"; view: "x",
+        "y", "z" (along that axis) or (elevation, azimuth) in degrees, by default along the thin axis of a plane-strain
+        slice, else from where most of the field is seen; limits: of the colours, in the field's unit; title: by default t.
 
-        A Matplotlib Figure on rank 0, None on the others. Collective. SceneError for a field that the scene does not have
-        and for a mirror without a plane of symmetry, on all ranks.
+        A Matplotlib Figure on rank 0, None on the others. Collective. SceneError for a field that the scene does not have,
+        a mirror without a plane of symmetry, limits that do not rise and an ending that is none, on all ranks.
         """
+        refuse_limits(limits)
         found = self.drawing(field, mirror=mirror, view=view)
         return self._figure(path, lambda: found.figure(limits, title) if found else Figure())
 
@@ -125,12 +135,14 @@ class Result:
     ) -> Figure | None:
         """Curves of history columns y over the column x, as "force over travel"; units come from the columns' names.
 
-        factors: of x and y, (-1, -1) for what goes downwards. A Figure on rank 0, None on the others. Collective. KeyError
-        lists the columns.
+        factors: of x and y, (-1, -1) for what goes downwards; names say them. A Figure on rank 0, None on the others.
+        Collective. KeyError lists the columns; SceneError without an accepted step.
         """
         columns = [y] if isinstance(y, str) else list(y)
-        table = {name: factor * self.column(name) for name, factor in ((x, factors[0]), *((c, factors[1]) for c in columns))}
-        return self._figure(path, lambda: history_figure(table, self.scene.units))
+        table = {name: self.column(name) for name in (x, *columns)}
+        self._refuse_empty("plot_history()")
+        of_x, of_y = finite(factors, "plot_history: factors", (2,)).tolist()
+        return self._figure(path, lambda: history_figure(table, self.scene.units, of_x, of_y))
 
     def plot_line(
         self,
@@ -150,9 +162,10 @@ class Result:
     def _figure(self, path: Target, make: Callable[[], Figure]) -> Figure | None:
         """A figure that rank 0 makes and, given a path, saves; the others wait for it. Collective."""
         comm, figure = self.system.comm, None
+        kind = "" if path is None else picture_format(Path(path))
         with agreed(comm, f"picture '{path}'" if path else "picture", SceneError):
             if comm.rank == 0:
                 figure = make()
                 if path is not None:
-                    save(figure, Path(path))
+                    save(figure, Path(path), kind)
         return figure

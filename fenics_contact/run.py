@@ -159,7 +159,7 @@ def solve(
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
-    return Result(kept.history, verdict, system, summary, scene, kept.results)
+    return Result(kept.history, verdict, system, summary, scene, kept.results, [*columns.all(), *extra])
 
 
 def _refuse_nan(system: System, times: Floats) -> None:

@@ -26,7 +26,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.output.colours import BODY, STATUS, colours
-from fenics_contact.output.curves import along_line, words
+from fenics_contact.output.curves import along_line, times, words
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.pictures import LETTERS, WIDTH
 from fenics_contact.output.plot import drawing
@@ -113,6 +113,50 @@ def test_pressure_under_a_punch(punched):
     holds(figure)
 
 
+def test_one_contact_of_several_is_drawn_alone(punched):
+    """By the name it has in the files, on its own facets and in its own range; "contact" need not be said twice."""
+    both, top, floor, status = (
+        punched.drawing(name)
+        for name in ("contact_pressure", "top_contact_pressure", "bottom_contact_pressure", "top_contact_status")
+    )
+    refused("top_gap, bottom_gap", lambda: punched.plot("lid_gap"))
+    if not ROOT:
+        return
+    assert top.colours.label == "top: contact pressure [MPa]" and status.colours.kind == "status"
+    for drawn, z, peak in ((top, 10.0, "top"), (floor, 0.0, "bottom")):
+        assert np.count_nonzero(drawn.body.slave) == 49 and np.allclose(drawn.body.X[drawn.body.slave][..., 2], z)
+        assert drawn.colours.high == pytest.approx(punched.history[-1][f"{peak}_peak_pressure_MPa"])
+        assert np.isnan(drawn.body.values[~drawn.body.slave]).all()
+    assert both.colours.high == max(top.colours.high, floor.colours.high) and "bottom" in floor.colours.label
+
+
+@pytest.mark.parametrize("away", [0.0, 0.1])
+def test_what_only_round_off_presses_touches_nothing(away):
+    """A lid drawn on the block and one beyond it, no step taken: no picture makes colours of the last places."""
+    scene = Scene(Body(read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(3, 3, 2)), "box", neo_hooke(mu=0.5, K=2.0)))
+    scene.fix("zmin")
+    lid = rigid_plane((0, 0, 2.0 + away), (0, 0, -1), name="lid")
+    scene.contact("zmax", lid, 0.3, name="top")
+    result = solve(scene, move={lid: (0, 0, -60.0)}, steps=1, smallest_step=0.9, progress=False)
+    assert not result.history and not result.converged
+    assert result.column("top_load_N").size == 0
+    with pytest.raises(KeyError, match="top_load_N"):
+        result.column("typo")
+    for ask in (result.table, lambda: result.plot_history("t", "top_load_N")):
+        refused("no accepted step", ask)
+    surface = result.measured.surfaces[0]
+    noise = surface.least_pressure()
+    assert 0.0 < noise < 1e-9  # MPa
+    result.u.x.array[2::3] += 8e-16 * (away == 0.0)  # two units in the last place of the lid's height
+    assert (result.line("top", "x", {"y": 2.0})["pressure_MPa"].max() > 0.0) == (away == 0.0)
+    assert len(result.widths("top", "x", {"y": 2.0})) == 0
+    for name in ("contact_pressure", "status", "gap"):
+        drawn = result.drawing(name)
+        if ROOT:
+            assert "nothing touches" in drawn.title and drawn.title.endswith("stopped early")
+            assert name != "contact_pressure" or drawn.colours.high == 1.0 and np.nanmax(drawn.body.values) == 0.0
+
+
 def test_mirrors_double_the_model(punched):
     planes = symmetry_planes(punched.scene)
     assert planes == {0: pytest.approx(0.0), 1: pytest.approx(0.0)}
@@ -133,6 +177,12 @@ def test_mirrors_double_the_model(punched):
 def test_wrong_wishes_are_refused_on_all_ranks(punched, tmp_path):
     refused("no field 'pressure'.*contact_pressure", lambda: punched.plot("pressure"))
     refused("view = 'w'", lambda: punched.plot(view="w"))
+    for limits in ((1, 0), (0, 0), (0, np.nan), 3.0):
+        refused("limits", lambda limits=limits: punched.plot(limits=limits))
+    for path in ("a.xyz", "a"):
+        refused("ending|ends in '.xyz'.*svg", lambda path=path: punched.plot(path=COMM.bcast(tmp_path) / path))
+    refused("factors", lambda: punched.plot_history("t", "top_load_N", factors=(1, 2, 3)))
+    assert not list(COMM.bcast(tmp_path).glob("a*"))
     refused("picture.*No such file", lambda: punched.plot(path=COMM.bcast(tmp_path) / "nowhere" / "a.png"))
 
 
@@ -147,6 +197,9 @@ def test_a_slice_is_seen_along_its_thin_axis(rolled, tmp_path):
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
     side, band = (c for c in axes.collections if isinstance(c, PolyCollection))
     assert len(side.get_paths()) == 20 * 5 and len(band.get_paths()) == 20  # pressure as a band on the 20 slave facets
+    inside = np.concatenate([path.vertices for path in band.get_paths()])
+    top = np.sort(drawn.body.x[..., 1].ravel())[-1]
+    assert inside[:, 1].max() <= top + 1e-9 and inside[:, 1].min() < 4.0  # the band lies in the body
     assert any(isinstance(patch, PathPatch) for patch in axes.patches)  # the roller's wall
     lines = np.concatenate([np.concatenate(c.get_segments()) for c in axes.collections if isinstance(c, LineCollection)])
     assert np.hypot(lines[:, 0] - 10.0, lines[:, 1] - 7.2).min() == pytest.approx(3.0, rel=0.02)
@@ -307,8 +360,9 @@ def test_curves_have_names_and_units(punched):
     if not ROOT:
         return
     forces, contact_area = figure.axes
-    assert forces.get_xlabel() == "punch travel z [mm]" and contact_area.get_ylabel() == "top area [mm²]"
+    assert forces.get_xlabel() == "−punch travel z [mm]" and contact_area.get_ylabel() == "top area [mm²]"
     assert [text.get_text() for text in forces.get_legend().get_texts()] == ["top force z", "bottom force z"]
+    assert (times(1.0), times(-1.0), times(-2.5)) == ("", "−", "−2.5 × ")
     np.testing.assert_allclose(forces.lines[0].get_xdata(), [1.0, 2.0])
     holds(figure)
 

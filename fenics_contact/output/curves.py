@@ -27,20 +27,27 @@ def labelled(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def history_figure(table: Mapping[str, Array], units: Units) -> Figure:
-    """All columns but the first over the first, those of one unit on one pair of axes; table: {column name: (steps,)}."""
+def times(factor: float) -> str:
+    """A factor before a name, nothing for one."""
+    return {1.0: "", -1.0: "−"}.get(factor, f"{factor:g} × ".replace("-", "−"))
+
+
+def history_figure(table: Mapping[str, Array], units: Units, of_x: float = 1.0, of_y: float = 1.0) -> Figure:
+    """All columns but the first over the first, those of one unit on one pair of axes; table: {column name: (steps,)};
+    of_x, of_y: factors."""
     (x, places), *rest = table.items()
     by_unit: dict[str, list[str]] = {}
     for column, _ in rest:
         by_unit.setdefault(words(column, units)[1], []).append(column)
     figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(by_unit)), layout="constrained")
     for axes, (unit, columns) in zip(figure.subplots(len(by_unit), 1, squeeze=False)[:, 0], by_unit.items(), strict=True):
-        for column in columns:
-            axes.plot(places, table[column], marker="o" if len(places) <= MARKS else None, markersize=3, linewidth=1.2,
-                      label=words(column, units)[0])  # fmt: skip
-        name = words(columns[0], units)[0] if len(columns) == 1 else ""
+        names = {column: times(of_y) + words(column, units)[0] for column in columns}
+        for column, name in names.items():
+            axes.plot(of_x * places, of_y * table[column], marker="o" if len(places) <= MARKS else None, markersize=3,
+                      linewidth=1.2, label=name)  # fmt: skip
+        name = names[columns[0]] if len(columns) == 1 else ""
         axes.set_ylabel(labelled(name, unit) if name else f"[{unit}]" if unit else "", fontsize=LETTERS)
-        axes.set_xlabel(labelled(*words(x, units)), fontsize=LETTERS)
+        axes.set_xlabel(times(of_x) + labelled(*words(x, units)), fontsize=LETTERS)
         axes.tick_params(labelsize=LETTERS)
         axes.grid(linewidth=0.3)
         if len(columns) > 1:

@@ -108,6 +108,14 @@ class Fields:
         several = self._surfaces if len(self._surfaces) > 1 else []
         self.each = {s.contact.name: ContactFields(system, f"{plain_name(s.contact.name)}_", scene.units) for s in several}
 
+    def of(self, contact: str) -> ContactFields:
+        """Those of one contact by its name, or with "" those of all."""
+        return self.each.get(contact, self._contact)
+
+    def least_pressure(self) -> float:
+        """Pressure up to which it is round-off, of all contacts [pressure]. Collective."""
+        return max((surface.least_pressure() for surface in self._surfaces), default=0.0)
+
     @property
     def all(self) -> list[Function]:
         contact = [self._contact, *self.each.values()] if self._surfaces else []

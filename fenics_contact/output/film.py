@@ -14,7 +14,7 @@ from fenics_contact.agreement import agreed
 from fenics_contact.assembly.system import System
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.pictures import Drawing
-from fenics_contact.output.plot import drawing
+from fenics_contact.output.plot import drawing, refuse_limits
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles
 from fenics_contact.values import SceneError, count
@@ -59,8 +59,9 @@ class Film:
     def save(self, path: str | PathLike[str], seconds: float = 0.15, limits: tuple[float, float] | None = None) -> None:
         """Write all drawings as an animated GIF, in one view and one range of colours; seconds: of each. Collective.
 
-        SceneError, on all ranks, where nothing was taken or the file cannot be written.
+        SceneError, on all ranks, where nothing was taken, limits do not rise, or the file cannot be written.
         """
+        refuse_limits(limits)
         if self._comm is None:
             raise SceneError('the film has no drawings: give it to a run, solve(..., record={"frame": film})')
         with agreed(self._comm, f"animation '{path}'", SceneError):

@@ -1,6 +1,6 @@
 """Pictures of a model: deformed bodies coloured by a field, tools around them, a slice in its plane, all else in space."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,14 @@ from fenics_contact.output.colours import TOOL, Colours, shade
 from fenics_contact.output.skin import AXES, FLAT, Skin, normals, quarters
 from fenics_contact.output.views import View, slice_axis
 from fenics_contact.types import Array, Bools, Floats
+from fenics_contact.values import SceneError
 
 WIDTH, LETTERS = 6.3, 9.0  # inches (16 cm, a page's width), points
 TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
 SEE_THROUGH = 0.14  # opacity of tools, and of bodies that would hide the surface the field lives on
 SHARP = np.cos(np.radians(30.0))  # of the angle between a tool's facets from which on their edge is drawn
 BAND = 0.02  # of the picture's size: thickness of a tool's wall in a slice
+STRIPE = 0.008  # of the picture's size: thickness of the band of a contact field in a slice
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
 MANY = 3000  # facets with a field beyond which each has one colour
 
@@ -48,6 +50,10 @@ class Drawing:
     @property
     def is_slice(self) -> bool:
         return self.view.axis is not None and slice_axis(self.body) == self.view.axis
+
+    def stopped_early(self) -> "Drawing":
+        """The drawing with a title that says so of its run."""
+        return replace(self, title=f"{self.title}, the run stopped early")
 
     def draw(self, axes: Any, limits: tuple[float, float] | None = None, extent: Box | None = None) -> Colours:
         """Draw into plane axes; limits: of the colours, extent: of the places shown. Returns what explains the colours."""
@@ -111,10 +117,18 @@ class Drawing:
         return bool(across > 2.2 * tall) and self.colours.kind != "status"
 
 
-def save(figure: Figure, path: str | Path) -> None:
-    """The figure as a file, PNG or what the path's ending says."""
-    ending = Path(path).suffix[1:].lower()
-    figure.savefig(path, dpi=200, format=ending if ending in figure.canvas.get_supported_filetypes() else "png")
+def picture_format(path: str | Path) -> str:
+    """What a path's ending says; SceneError where that is no kind of picture."""
+    ending, known = Path(path).suffix[1:].lower(), Figure().canvas.get_supported_filetypes()
+    if ending not in known:
+        wrong = f"ends in '.{ending}'" if ending else "has no ending"
+        raise SceneError(f"picture '{path}' {wrong}; give it one of .png, .pdf, .svg ({', '.join(sorted(known))})")
+    return ending
+
+
+def save(figure: Figure, path: str | Path, kind: str = "png") -> None:
+    """The figure as a file of a kind, whatever the path's ending."""
+    figure.savefig(path, dpi=200, format=kind)
 
 
 # -- in space -------------------------------------------------------------------------------------------------------------
@@ -244,20 +258,27 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
 
 
 def _paint_surface(axes: Any, ends: Floats, values: Floats, out: Floats, tint: Colours, size: float) -> None:
-    """A contact field on lines (n, 2, 2) with normals there: thick, in its colours; of amounts also as a band inside the
-    body whose height is the value."""
-    if tint.kind == "status":
-        middle = ends.mean(axis=1, keepdims=True)
-        ends = np.concatenate([np.concatenate([ends[:, :1], middle], axis=1), np.concatenate([middle, ends[:, 1:]], axis=1)])
-        values = np.concatenate([values[:, 0], values[:, 1]])[:, None]
+    """A contact field on lines (n, 2, 2) with normals there: a band inside the body in its colours, of amounts as high as
+    the value."""
+    if tint.kind == "status":  # half a line has the status of its end
+        ends, out = _halves(ends), _halves(out)
+        values = np.repeat(np.concatenate([values[:, 0], values[:, 1]])[:, None], 2, axis=1)
+    if not len(ends):
+        return
     face = tint.of(values.mean(axis=1))
-    if tint.kind == "amount" and len(ends):
-        height = SPIKE * size * np.clip(values / tint.high, 0.0, 1.0)
-        band = np.concatenate([ends, (ends - height[..., None] * out)[:, ::-1]], axis=1)
-        axes.add_collection(PolyCollection(band, facecolors=face, edgecolors=face, linewidths=0.3, alpha=0.7, zorder=3))
-        axes.add_collection(LineCollection(band[:, 2:], colors="0.15", linewidths=0.5, zorder=3))
-    axes.add_collection(LineCollection(ends, colors="0.15", linewidths=4.0, capstyle="butt", zorder=4))
-    axes.add_collection(LineCollection(ends, colors=face, linewidths=3.0, capstyle="butt", zorder=4))
+    height = np.full(values.shape, STRIPE)  # that there is a field shows without a value too
+    if tint.kind == "amount":
+        height = np.maximum(SPIKE * np.clip(values / tint.high, 0.0, 1.0), STRIPE)
+    band = np.concatenate([ends, (ends - size * height[..., None] * out)[:, ::-1]], axis=1)
+    axes.add_collection(PolyCollection(band, facecolors=face, edgecolors=face, linewidths=0.3, zorder=3))
+    axes.add_collection(LineCollection(band[:, 2:], colors="0.15", linewidths=0.5, zorder=3))
+    axes.add_collection(LineCollection(ends, colors="0.15", linewidths=0.6, capstyle="round", zorder=4))
+
+
+def _halves(ends: Floats) -> Floats:
+    """Lines (n, 2, 2) cut in the middle (2 n, 2, 2): all first halves, then all second ones."""
+    middle = ends.mean(axis=1, keepdims=True)
+    return np.concatenate([np.concatenate([ends[:, :1], middle], axis=1), np.concatenate([middle, ends[:, 1:]], axis=1)])
 
 
 def _normals_at_ends(ends: Floats, normal: Floats) -> Floats:

@@ -1,5 +1,8 @@
 """From a scene and its system's state to a drawing: the field's values, the tools where they are, the view, the mirrors."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from fenics_contact.assembly.system import System
@@ -9,8 +12,8 @@ from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.skin import AXES, look, mirrored, skin, symmetry_planes, tool_tiles
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles, choose, slice_axis
-from fenics_contact.types import Floats
-from fenics_contact.values import SceneError
+from fenics_contact.types import Bools, Floats
+from fenics_contact.values import SceneError, finite, shown
 
 FROM_BELOW = 0.1  # sine of the angle below the x-y plane from which on the picture says so
 AROUND = 0.15  # of the bodies' largest length: how far about them tools are drawn
@@ -42,9 +45,12 @@ def drawing(
         fields = Fields(scene, system)
         fields.update()
     seen = look(fields, field or default_field(scene))
-    body = skin(fields, seen)
+    body, least = skin(fields, seen), fields.least_pressure()
+    touches = _anywhere(system, fields.of(seen.contact).pressure.x.array > least)
     if body is None:
         return None
+    if seen.on_contact and seen.kind == "amount":  # what presses by round-off touches as little
+        body = replace(body, values=np.where(body.values <= least, 0.0, body.values))
     tint = colours(seen.label, seen.kind, seen.on_contact, body.values)
     low, high = _neighbourhood(body.x.reshape(-1, 3), planes, slice_axis(body))
     if box is not None:
@@ -56,9 +62,19 @@ def drawing(
     hidden = ~carries if seen.on_contact else np.zeros(len(scene.bodies), dtype=bool)
     chosen = choose(body, ~hidden[body.body], view)
     title = f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
-    nothing = seen.on_contact and seen.kind == "amount" and not np.any(np.nan_to_num(body.values) > 0.0)
-    title += ", nothing touches" if nothing else ""
+    title += ", nothing touches" if seen.on_contact and not touches else ""
     return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
+
+
+def _anywhere(system: System, flags: Bools) -> bool:
+    """Whether a flag is set on any rank. Collective."""
+    return bool(system.comm.allreduce(int(flags.any())))
+
+
+def refuse_limits(limits: Sequence[float] | None) -> None:
+    """SceneError for limits of colours that are not two rising numbers."""
+    if limits is not None and not np.ptp(finite(limits, "limits", (2,))) == limits[1] - limits[0] > 0.0:
+        raise SceneError(f"limits = {shown(limits)} of the colours must rise: (least, largest)")
 
 
 def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None) -> Neighbourhood:

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.names import plain_name
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.tool_surfaces import tool_surface
 from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64, Mesh
@@ -31,14 +32,15 @@ class Look:
     """A field to draw.
 
     label: with its unit; values: function of the cells behind n facets and the facets' number in their cells -> values
-    (n, 4) at the facets' corners; on_contact: it lives on slave surfaces; kind: "amount", "signed" (zero in the middle of
-    the colours) or "status".
+    (n, 4) at the facets' corners; on_contact: it lives on slave surfaces, of the contact named, or of all; kind: "amount",
+    "signed" (zero in the middle of the colours) or "status".
     """
 
     label: str
     values: Callable[[Ints, int], Floats]
     on_contact: bool = False
     kind: str = "amount"
+    contact: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,21 +80,31 @@ def look(fields: Fields, name: str) -> Look:
     if word == "stress" and len(axis) == 2 and set(axis) <= set(AXES):
         values = stress[:, AXES.index(axis[0]), AXES.index(axis[1])]
         return Look(f"Cauchy stress {axis} [{units.pressure}]", _per_cell(mesh, values), kind="signed")
-    on_contact: dict[str, tuple[str, Function, Part, str]] = {
-        "contact_pressure": (f"contact pressure [{units.pressure}]", fields.contact_pressure, 0, "amount"),
-        "friction_traction": (f"friction traction [{units.pressure}]", fields.friction_traction, _size, "amount"),
-        "gap": (f"gap [{units.length}]", fields.gap, 0, "signed"),
-        "status": ("contact status", fields.status, 0, "status"),
+    return _look_at_contact(fields, name)
+
+
+def _look_at_contact(fields: Fields, name: str) -> Look:
+    """A field of all contacts, or of one: its name before that of the field, as in the files."""
+    units, contacts = fields.scene.units, {plain_name(contact.name): contact.name for contact in fields.scene.contacts}
+    plain = next((plain for plain in contacts if name.startswith(f"{plain}_")), "")
+    which, word = contacts.get(plain, ""), name.removeprefix(f"{plain}_").removeprefix("contact_")
+    of = fields.of(which)
+    known: dict[str, tuple[str, Function, Part, str]] = {
+        "pressure": (f"contact pressure [{units.pressure}]", of.pressure, 0, "amount"),
+        "friction_traction": (f"friction traction [{units.pressure}]", of.friction, _size, "amount"),
+        "gap": (f"gap [{units.length}]", of.gap, 0, "signed"),
+        "status": ("contact status", of.status, 0, "status"),
     }
-    if name not in on_contact:
+    if word not in known or name == "pressure":
         raise SceneError(
             f"no field '{name}' to draw; there are displacement, displacement_x, _y, _z, J, von_mises, stress_xx, _xy, ..., "
-            f"and on the slave surfaces {', '.join(on_contact)}"
+            "and on the slave surfaces contact_pressure, friction_traction, gap, status, of one contact with its name "
+            f"before: {', '.join(f'{contact}_gap' for contact in contacts) or 'there are none'}"
         )
-    if not fields.scene.contacts:
+    if not contacts:
         raise SceneError(f"field '{name}': the scene has no contacts; draw 'displacement', 'von_mises' or 'J'")
-    label, function, column, kind = on_contact[name]
-    return Look(label, _nodal(function, column), on_contact=True, kind=kind)
+    label, function, column, kind = known[word]
+    return Look(f"{which}: {label}" if which else label, _nodal(function, column), True, kind, which)
 
 
 def _size(values: Floats) -> Floats:
@@ -134,7 +146,8 @@ def skin(fields: Fields, chosen: Look) -> Skin | None:
     mesh, space = scene.mesh.domain, u.function_space
     X = space.tabulate_dof_coordinates()
     x = X + u.x.array.reshape(-1, 3)
-    slaves = sorted({name for contact in scene.contacts for name in contact.slave})
+    shown = [contact for contact in scene.contacts if chosen.contact in ("", contact.name)]
+    slaves = sorted({name for contact in shown for name in contact.slave})
     touching = _keys(*compat.cells_of_exterior_facets(mesh, scene.mesh.facets(*slaves))) if slaves else np.empty(0)
     cells, local = compat.cells_of_exterior_facets(mesh)
     body, number = _bodies(scene), compat.original_cells(mesh).astype(np.int64)

@@ -56,6 +56,8 @@ class Writer:
                 write_summary(self.folder, summary)
         self.fields.update()
         drawn = drawing(self.scene, self.system, fields=self.fields)
+        if drawn is not None and not summary["verdict"]["converged"]:
+            drawn = drawn.stopped_early()
         with writing(self.comm, self.folder, "body.png"):
             if drawn is not None:
                 with complete(self.folder / "body.png") as draft:
