@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 import ufl
+from petsc4py import PETSc
 from refusals import refused
 from scipy.optimize import brentq
 
 from fenics_contact import Body, Scene, from_elastic, neo_hooke, read_gmsh, solve, user_energy
+from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.scene.fingerprint import statement
 from meshes import box, tubes
 
 pytestmark = pytest.mark.parallel
 
-MU, K = 1.0, 5.0
+MU, K, NAN = 1.0, 5.0, float("nan")
 RUBBER = neo_hooke(MU, K)
 ELEMENTS = [{}, {"degree": 2, "element": "mixed"}]
 NAMES = ["degree 1", "mixed 2"]
@@ -63,6 +65,62 @@ def test_a_force_in_all(block):
     result = solved(scene, 2)
     reaction = [result.column(f"xmin_reaction_{axis}_N")[-1] for axis in "xyz"]
     np.testing.assert_allclose(reaction, [-0.1, -0.02, 0.03], atol=1e-7 * 0.1)  # Newton's tolerance
+
+
+def bent(mesh, moment, **options):
+    """A bar held at its end, turned by a moment at the other."""
+    scene = Scene(Body(mesh, "box", RUBBER), **options)
+    scene.fix("xmin")
+    scene.moment("xmax", moment)
+    return scene
+
+
+@pytest.mark.parametrize("options", ELEMENTS, ids=NAMES)
+def test_a_moment_that_stays_while_its_surface_turns(block, options):
+    """The support takes the opposite, about any point, and no force, after the end has turned by some tens of degrees."""
+    moment = np.array([0.02, 0.08, 0.05])
+    result = solved(bent(block, moment, **options), 4)
+    reaction = [result.column(f"xmin_reaction_moment_{axis}_Nmm")[-1] for axis in "xyz"]
+    force = [result.column(f"xmin_reaction_{axis}_N")[-1] for axis in "xyz"]
+    size = 1e-7 * np.linalg.norm(moment)  # Newton's tolerance over arms of about one
+    np.testing.assert_allclose(reaction, -moment, atol=size)
+    np.testing.assert_allclose(force, 0.0, atol=size)
+    assert np.linalg.norm(displacement(result, "xmax")) > 0.5 and max(result.column("iterations")) <= 8
+
+
+def test_work_and_tangent_of_a_moment(block):
+    errors = work_errors(lambda: bent(block, (0.02, 0.08, 0.05)), (4, 8, 16))
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.9
+    system = bent(block, (0.02, 0.08, 0.05)).system()
+    term = next(term for term in system.terms if term.name.startswith("moment"))
+    system.begin_step(1.0)
+    state, keys = system.state, node_keys(system.space)
+    # the same on any number of ranks: by the numbers of nodes that no partition changes
+    field = np.array([[np.sin(3.0 * key + c) for c in range(3)] for key in keys])
+    state.u.x.array[:] = 0.2 * field.ravel()
+    way = np.array([[np.cos(5.0 * key + c) for c in range(3)] for key in keys]).ravel()
+    u = state.u.x.array.copy()
+
+    def forces(step):
+        state.u.x.array[:] = u + step * way
+        vector = system.new_vector()
+        with vector.localForm() as local:
+            term.add_residual(state, local.array_w, np.zeros((0, 3)))
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return vector
+
+    system.assemble_tangent([term])
+    one, rate, here = system.new_vector(), system.new_vector(), forces(0.0)
+    one.array[:] = way[: one.getLocalSize()]
+    system.matrix.mult(one, rate)
+    remainders = []
+    for step in (0.04, 0.02, 0.01, 0.005):
+        there = forces(step)
+        there.axpy(-1.0, here)
+        there.axpy(-step, rate)
+        remainders.append(there.norm())
+    assert np.log2(np.divide(remainders[:-1], remainders[1:])).min() > 1.95
+    assert remainders[-1] > 1e-12
 
 
 DENSITY, SPEED, LENGTH = 2.0, 1e-3, 2.0
@@ -241,11 +299,13 @@ def test_a_run_of_all_these_is_resumed(block, tmp_path):
 
 def test_they_are_part_of_the_statement(block):
     said = []
-    for speed, ratio, stiffness in ((0.1, 1.1, 1.0), (0.2, 1.1, 1.0), (0.1, 1.2, 1.0), (0.1, 1.1, 2.0)):
+    kinds = ((0.1, 1.1, 1.0, 0.0), (0.2, 1.1, 1.0, 0.0), (0.1, 1.2, 1.0, 0.0), (0.1, 1.1, 2.0, 0.0), (0.1, 1.1, 1.0, 1.0))
+    for speed, ratio, stiffness, moment in kinds:
         scene = symmetric(block, RUBBER)
         scene.spin(speed, 1.0)
         scene.swell("box", ratio)
         scene.spring("xmax", stiffness)
+        scene.moment("xmax", (0.0, moment, 0.0))
         said.append(statement(scene, scene.system(), "newton", []))
     assert all(said[0] != other for other in said[1:])
 
@@ -256,6 +316,8 @@ def test_bad_loads(block):
 
     refused(lambda: scene().force("xmax", 1.0), "force on 'xmax'", "three finite numbers")
     refused(lambda: scene().force("lid", (1, 0, 0)), "'lid'", "xmax")
+    refused(lambda: scene().moment("xmax", (0, NAN, 0)), "moment on 'xmax'", "three finite numbers")
+    refused(lambda: scene().moment("lid", (0, 1, 0)), "'lid'", "xmax")
     refused(lambda: scene().spin("fast", 1.0), "speed of the spin", "'fast'", "one finite number")
     refused(lambda: scene().spin(1.0, -1.0), "spin: density of 'box'", "-1.0", "positive")
     refused(lambda: scene().spin(1.0, {"lid": 1.0}), "spin: density of 'lid'", "box")

@@ -344,6 +344,7 @@ def refuse_jumps(scene: "Scene", system: System) -> list[str]:
         ("body force" if load.group is None else f"{load.kind} on '{'+'.join(load.group)}'", load.path)
         for load in scene.loads
     ]
+    loads += [(f"moment on '{'+'.join(stated.group)}'", stated.vector) for stated in scene.moments]
     loads += [("speed of the spin", scene.spin_stated.speed)] if scene.spin_stated is not None else []
     loads += [(f"pressure on '{'+'.join(load.group or ())}'", load.path) for load in scene.pressures]
     loads += [(f"pressure on '{'+'.join(fluid.group)}'", fluid.path) for fluid in scene.fluids]

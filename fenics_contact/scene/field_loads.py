@@ -9,6 +9,7 @@ import numpy as np
 import ufl
 
 from fenics_contact import compat
+from fenics_contact.assembly.moment import Moment
 from fenics_contact.assembly.term import FormTerm
 from fenics_contact.scene.directions import Group, Unit, chosen, normals, unit
 from fenics_contact.scene.functions import Drive, ramp
@@ -52,11 +53,19 @@ class Spring:
 
 
 @dataclass(frozen=True)
+class MomentLoad:
+    """A moment vector(t) on a surface [force length]."""
+
+    group: tuple[str, ...]
+    vector: Path
+
+
+@dataclass(frozen=True)
 class FieldLoads:
     """What a scene's statements of these come to.
 
-    materials: by volume, swollen where that is stated; terms: of spin and springs; grounds: local nodes that springs hold,
-    and (3, 3) the sum of d d^T over their directions; set(t): puts the loads of t into the forms.
+    materials: by volume, swollen where that is stated; terms: of spin, springs and moments; grounds: local nodes that
+    springs hold, and (3, 3) the sum of d d^T over their directions; set(t): puts the loads of t into the terms.
     """
 
     materials: Mapping[str, Material]
@@ -140,7 +149,7 @@ def field_loads(scene: "Scene", u: Function) -> FieldLoads:
         ratio = compat.Constant(domain, 1.0)
         materials[swelling.group] = swollen(materials[swelling.group], ratio)
         followed.append((ratio, swelling.ratio))
-    terms = []
+    terms: list[FormTerm] = []
     if scene.spin_stated is not None:
         parts, weights = _spin(scene, scene.spin_stated)
         followed += weights
@@ -149,11 +158,15 @@ def field_loads(scene: "Scene", u: Function) -> FieldLoads:
     if scene.springs:
         parts = [_spring(scene, spring) for spring in scene.springs]
         terms.append(_term("springs", [(weight, along, u, du, ds) for weight, along, ds in parts], v, 1.0))
+    moments = [_moment(scene, stated) for stated in scene.moments]
+    terms += moments
     grounds = [(scene.mesh.nodes(scene.space, *spring.group), _directions(spring)) for spring in scene.springs]
 
     def set_loads(t: float) -> None:
         for constant, path in followed:
             constant.value = float(path(t))
+        for term, stated in zip(moments, scene.moments, strict=True):
+            term.moment[:] = stated.vector(t)
 
     return FieldLoads(materials, terms, grounds, set_loads)
 
@@ -161,6 +174,11 @@ def field_loads(scene: "Scene", u: Function) -> FieldLoads:
 def _directions(spring: Spring) -> Floats:
     """Sum (3, 3) of d d^T over the directions d of a spring."""
     return np.eye(3) if spring.direction is None else np.outer(spring.direction, spring.direction)
+
+
+def _moment(scene: "Scene", stated: MomentLoad) -> Moment:
+    nodes, facets = scene.mesh.nodes(scene.space, *stated.group), scene.mesh.facets(*stated.group)
+    return Moment(f"moment on '{'+'.join(stated.group)}'", scene.space, nodes, facets)
 
 
 Weighted = tuple[Constant, Constant, Measure]  # weight, projector, over what

@@ -54,6 +54,8 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
     if scene.spin_stated is not None:
         spin = scene.spin_stated
         out["spin"] = sampled(spin.speed) + [*spin.axis, *spin.point, *spin.density.values()]
+    for i, moment in enumerate(scene.moments):
+        out[f"moment {i + 1} on {'+'.join(moment.group)}"] = sampled(moment.vector)
     for swelling in scene.swellings:
         out[f"swelling of '{swelling.group}'"] = sampled(swelling.ratio)
     for i, spring in enumerate(scene.springs):

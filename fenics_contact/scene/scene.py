@@ -28,7 +28,7 @@ from fenics_contact.scene.checks import (
 )
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.drives import Moves
-from fenics_contact.scene.field_loads import Spin, Spring, Swelling, spin_of, springs_of, swelling_of
+from fenics_contact.scene.field_loads import MomentLoad, Spin, Spring, Swelling, spin_of, springs_of, swelling_of
 from fenics_contact.scene.functions import Drive, Place, load_path, ramp
 from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support
 from fenics_contact.solid import virtual_power as vp
@@ -88,6 +88,7 @@ class Scene:
         self.spin_stated: Spin | None = None
         self.swellings: list[Swelling] = []
         self.springs: list[Spring] = []
+        self.moments: list[MomentLoad] = []
 
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(
@@ -202,6 +203,13 @@ class Scene:
         names, path = group_names(group), ramp(self.mesh.comm, vector, what)
         area = self.area(names)
         self.loads.append(Load(names, lambda t: path(t) / area, kind="force"))
+
+    def moment(self, group: str | tuple[str, ...], vector: Drive) -> None:
+        """Moment on a surface [force length], fixed in space while it turns, by forces about its present centroid that have
+        no resultant and grow with the distance from there: (3,) at t = 1 or function of t."""
+        what = f"moment on '{group}'"
+        refuse_inside(self.mesh, self._facets(group), what)
+        self.moments.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
 
     def spin(
         self,
