@@ -39,6 +39,12 @@ def cut_facets(keys: Ints64, away: Floats) -> Cut:
     return Cut(ends[there], share[there], np.array(joined, dtype=np.int64).reshape(-1, 2), int(flat.sum()))
 
 
+def along_sides(keys: Ints64) -> Cut:
+    """The whole of a surface whose facets are sides of plane cells with corners (ne, 2) of these keys."""
+    ends = np.repeat(keys.reshape(-1, 1), 2, axis=1)
+    return Cut(ends, np.zeros(len(ends)), np.arange(len(ends), dtype=np.int64).reshape(-1, 2), 0)
+
+
 def _pairs(points: Ints64) -> list[tuple[int, int]]:
     """Points of one facet, in their order around it, that the cut joins: each once where it runs through."""
     return [(points[i], points[i + 1]) for i in range(0, len(points) - 1, 1 if len(points) == 3 else 2)]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from fenics_contact.output.chains import chains, cut_facets, together
+from fenics_contact.output.chains import along_sides, chains, cut_facets, together
 from fenics_contact.output.columns import AXES
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, SlaveNodes
 from fenics_contact.output.units import Units
@@ -23,14 +23,19 @@ def line(surface: SlaveNodes, along: Along, cut: Mapping[str, float] | None, uni
     Neighbours are those of one facet; where the cut is in parts these come one after the other, each a `chain`, and arc, the
     way along the deformed line, leaves out the jumps. along: "x", "y" or "z", or a function of the reference positions X
     (n, 3) -> (n,): a chain starts where that is least; cut: {axis: value}, the plane of the undeformed body; None, for
-    surfaces one facet wide: their lower side. SceneError, on all ranks, for another axis, a plane that misses the surface,
-    and for a surface that is no line.
+    surfaces one facet wide: their lower side, and in a plane scene all of it. SceneError, on all ranks, for another axis, a
+    plane that misses the surface, and for a surface that is no line.
     """
-    axis, value, size = _plane(surface, cut)
     values, corners = _values(surface), surface.skin.corners
-    away = values[:, axis] - value
-    away[np.abs(away) <= ON_PLANE * size] = 0.0
-    found = cut_facets(surface.keys()[corners], away[corners])
+    if surface.skin.section is not None:
+        if cut is not None:
+            raise SceneError(f"cut = {cut}: in a plane scene the slave surface is a line itself; leave it out")
+        found, size = along_sides(surface.keys()[corners]), surface.extent
+    else:
+        axis, value, size = _plane(surface, cut)
+        away = values[:, axis] - value
+        away[np.abs(away) <= ON_PLANE * size] = 0.0
+        found = cut_facets(surface.keys()[corners], away[corners])
     rows, joined = together(surface.comm, found, _between(surface, values, found.ends, found.share))
     if not len(joined):
         within, of = surface.comm.allreduce(found.flat), f"the slave surface of contact '{surface.contact.name}'"

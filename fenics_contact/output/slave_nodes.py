@@ -92,6 +92,11 @@ class SlaveNodes:
         )  # fmt: skip
 
     @property
+    def extent(self) -> float:
+        """Size of the bodies [length]."""
+        return self._system.extent
+
+    @property
     def comm(self) -> MPI.Comm:
         return self._system.comm
 
