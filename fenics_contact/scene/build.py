@@ -39,9 +39,10 @@ from fenics_contact.scene.checks import (
     refuse_held,
     refuse_jumps,
     refuse_loose,
+    refuse_turned_grain,
     unmet_notes,
 )
-from fenics_contact.scene.drives import Moves, motion_of, supports_of
+from fenics_contact.scene.drives import Moves, motion_of, supports_of, turning
 from fenics_contact.scene.field_loads import field_loads
 from fenics_contact.scene.functions import Drive, whole
 from fenics_contact.scene.statements import ContactStatement, Entering, Load
@@ -84,6 +85,7 @@ def build(
     collect_together(comm)
     refuse_doubled(scene)
     motion = motion_of(comm, scene.tools, move or {}, push or {}, bodies_size(scene.space), scene.section)
+    refuse_turned_grain(scene.contacts, turning(move))
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     loads = [(_coefficient(scene, load, 3), load) for load in scene.loads]
