@@ -10,6 +10,7 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Displacement,
+    Motion,
     Penalty,
     Scene,
     SceneError,
@@ -341,6 +342,19 @@ def test_the_tangent_of_a_fluid_all_the_way_round():
     assert found.right, str(found)
 
 
+def test_a_roller_that_turns_in_the_plane_drags_with_the_torque_of_its_friction():
+    """It slips all over: its torque about its middle is mu times its radius times the load."""
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, -1.0), (3.0, 1.0), (12, 4))})
+    scene = Scene(Body(mesh, "box", RUBBER), plane="strain")
+    scene.fix("box_ymin")
+    roller = rigid_cylinder(0.6, (1.5, 0.6, 0.0), (0.0, 0.0, 1.0), name="roller")
+    scene.contact("box_ymax", roller, 0.2, name="top")
+    turning = Motion(y=lambda t: -0.1 * min(3 * t, 1.0), rz=lambda t: 2.0 * max(t - 1 / 3, 0.0))
+    row = solve(scene, move={roller: turning}, steps=6, progress=False).require().history[-1]
+    assert row["top_sticking_points"] == 0 and row["roller_angle_z_rad"] == pytest.approx(4 / 3)
+    assert abs(row["top_moment_z_Nmm"]) == pytest.approx(0.2 * 0.6 * row["top_load_N"], rel=5e-3)  # points lie 0.1 % deep
+
+
 # -- tangents, restart, refusals ------------------------------------------------------------------------------------------
 @pytest.mark.parallel
 @pytest.mark.parametrize("plane", ["strain", "axisymmetric"])
@@ -411,6 +425,13 @@ def met(tool, plane="strain", **drive):
     solve(scene, **{word: {tool: way} for word, way in drive.items()}, progress=False)
 
 
+def cut_a_line():
+    scene = block(plane="strain")
+    scene.fix("box_ymin")
+    scene.contact("box_ymax", FLOOR, name="top")
+    solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1, progress=False).line("top", "x", cut={"y": 1.0})
+
+
 FLOOR = rigid_plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), name="lid")
 BAD = {
     "nothing said": (block, "plane="),
@@ -425,6 +446,11 @@ BAD = {
     "cylinder upright": (lambda: met(rigid_cylinder(1.0, (0.5, 2.0, 0.3), (1.0, 0.0, 0.3))), "both sides"),
     "moved along z": (lambda: met(FLOOR, move=(0.0, 0.0, 0.1)), "along z"),
     "moved outwards": (lambda: met(FLOOR, plane="axisymmetric", move=(0.1, 0.0, 0.0)), "along x"),
+    "turned out of the plane": (lambda: met(FLOOR, move=Motion(rx=0.1)), "about x"),
+    "moment": (lambda: block(plane="strain").moment("box_ymax", (0.0, 0.0, 1.0)), "traction"),
+    "force outwards": (lambda: block(plane="axisymmetric").force("box_ymax", (1.0, 0.0, 0.0)), "cancels"),
+    "spin about x": (lambda: block(plane="strain").spin(1.0, 1.0, axis=(1.0, 0.0, 0.0)), "turn about z"),
+    "cut of a line": (cut_a_line, "line itself"),
     "pushed outwards": (lambda: met(FLOOR, plane="axisymmetric", push=(0.1, -1.0, 0.0)), "along x"),
 }
 

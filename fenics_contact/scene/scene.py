@@ -201,6 +201,8 @@ class Scene:
         what = f"force on '{group}'"
         refuse_inside(self.mesh, self._facets(group), what)
         names, path = group_names(group), ramp(self.mesh.comm, vector, what)
+        if self.section is not None and self.section.axisymmetric and any(path(t)[0] != 0.0 for t in (0.5, 1.0)):
+            raise SceneError(f"{what} along x: all the way round it cancels; state a traction, per area")
         area = self.area(names)
         self.loads.append(Load(names, lambda t: path(t) / area, kind="force"))
 
@@ -208,6 +210,8 @@ class Scene:
         """Moment on a surface [force length], fixed in space while it turns, by forces about its present centroid that have
         no resultant and grow with the distance from there: (3,) at t = 1 or function of t."""
         what = f"moment on '{group}'"
+        if self.section is not None:
+            raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene state a traction(X, t)")
         refuse_inside(self.mesh, self._facets(group), what)
         self.moments.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
 
