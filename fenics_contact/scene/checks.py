@@ -91,9 +91,12 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
         if common := set(master) & set(contact.slave):
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
         if degree != 1:
-            raise SceneError(f"{what}: a deformable master needs degree=1; make this surface the slave")
+            raise SceneError(
+                f"{what}: facets of a deformable master are flat, of degree 1; two bodies need a Scene(..., degree=1)
         if contact.friction.ratio != 1.0:
-            raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform")
+            raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform"), with "
+                'element="mixed" where one of them is nearly incompressible'
+            )
     if isinstance(master, RigidTool) and points == "averages":
         raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
