@@ -199,7 +199,7 @@ def _stepper(method: str, solver: LinearSolver, tolerance: float | None, built: 
 def _summary(
     scene: Scene, system: System, solver: LinearSolver, method: str, verdict: Verdict, history: list[HistoryRow]
 ) -> Summary:
-    domain = scene.mesh.domain
+    domain, groups = scene.mesh.domain, dict.fromkeys("+".join(support.group) for support in scene.supports)
     return {
         "verdict": {
             "converged": verdict.converged,
@@ -219,6 +219,7 @@ def _summary(
             "element": scene.element,
             "materials": {body.group: body.material.name for body in scene.bodies},
             "contacts": [_contact_summary(c, system, scene.units) for c in system.contacts],
+            "reactions": [{"name": name, "moment_about": "the present centroid of the group"} for name in groups],
         },
         "sizes": {
             "cells": compat.cell_map(domain).size_global,
@@ -267,7 +268,7 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
         "name": contact.name,
         "master": contact.master_name,
         "tool_edge": contact.partner.edge,
-        "moment_about": "the slave surface's centroid"
+        "moment_about": "the slave surface's present centroid"
         if contact.partner.point(system.state) is None
         else "the tool's point",
         "friction": contact.friction_stated,

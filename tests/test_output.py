@@ -53,12 +53,13 @@ def test_history_has_a_row_per_step_and_units_in_its_names(run):
     for name in ("top", "bottom"):
         wanted |= {f"{name}_force_{a}_N" for a in "xyz"} | {f"{name}_moment_{a}_Nmm" for a in "xyz"}
         wanted |= {f"{name}_area_mm2", f"{name}_active_points", f"{name}_sticking_points", f"{name}_penetration_mm"}
-        wanted |= {f"{name}_{what}_{a}_mm" for what in ("peak", "width") for a in "xyz"}
+        wanted |= {f"{name}_{what}_{a}_mm" for what in ("peak", "width", "point") for a in "xyz"}
         wanted |= {f"{name}_load_N", f"{name}_peak_pressure_MPa"}
     wanted |= {f"top_friction_{a}_N" for a in "xyz"} | {f"top_{s}_slip_mm" for s in ("greatest", "mean")}
     wanted |= {"top_friction_work_Nmm"}  # the floor has no friction
     for group in ("symmetry_x", "symmetry_y"):
         wanted |= {f"{group}_reaction_{a}_N" for a in "xyz"} | {f"{group}_reaction_moment_{a}_Nmm" for a in "xyz"}
+        wanted |= {f"{group}_reaction_point_{a}_mm" for a in "xyz"}
     assert set(rows[0]) == wanted
     for row, kept in zip(rows, result.history, strict=True):
         for key, value in row.items():
@@ -85,6 +86,9 @@ def test_summary(run):
     top, bottom = summary["scene"]["contacts"]
     assert (top["name"], top["master"], top["tool_edge"], top["friction"]) == ("top", "punch", "sharp", 0.3)
     assert (bottom["name"], bottom["friction"]) == ("bottom", 0.0)
+    assert [(r["name"], r["moment_about"]) for r in summary["scene"]["reactions"]] == [
+        (f"symmetry_{axis}", "the present centroid of the group") for axis in "xy"
+    ]
     assert top["slave_points"] == 64 and 0.0 < top["penalty_MPa_per_mm"][0] <= top["penalty_MPa_per_mm"][1]
     assert summary["sizes"]["cells"] == 7 * 7 * 2 and summary["sizes"]["unknowns"] == 3 * 8 * 8 * 3
     assert summary["sizes"]["supported_unknowns"] == 2 * 8 * 3
