@@ -85,7 +85,7 @@ class Columns:
         for group, reaction in result.reactions.items():
             row |= self._force(f"{group}_reaction", reaction.force)
             row |= self._moment(f"{group}_reaction_moment", reaction.moment)
-            row |= self._vector(f"{group}_reaction_point", reaction.point, self.units.length)
+            row |= self._place(f"{group}_reaction_point", reaction.point)
         return row
 
     def _energies(self, energies: Energies) -> HistoryRow:
@@ -103,7 +103,7 @@ class Columns:
         length, force, pressure = self.units.length, self.units.force, self.units.pressure
         name = plain_name(name)
         row = self._force(f"{name}_force", c.force) | self._moment(f"{name}_moment", c.moment)
-        row |= self._vector(f"{name}_point", c.point, length)
+        row |= self._place(f"{name}_point", c.point)
         row |= {f"{name}_load_{force}": c.load, f"{name}_peak_pressure_{pressure}": c.peak_pressure}
         row |= self._place(f"{name}_peak", c.peak_at) | {f"{name}_area_{length}2": c.area}
         row |= self._place(f"{name}_width", c.width)

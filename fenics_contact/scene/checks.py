@@ -92,11 +92,11 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
         if degree != 1:
             raise SceneError(
-                f"{what}: facets of a deformable master are flat, of degree 1; two bodies need a Scene(..., degree=1)
-        if contact.friction.ratio != 1.0:
-            raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform"), with "
+                f"{what}: facets of a deformable master are flat, of degree 1; two bodies need a Scene(..., degree=1), with "
                 'element="mixed" where one of them is nearly incompressible'
             )
+        if contact.friction.ratio != 1.0:
+            raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform")
     if isinstance(master, RigidTool) and points == "averages":
         raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
