@@ -7,6 +7,7 @@ from fenics_contact.contact.profiles import rigid_extrusion, rigid_revolution
 from fenics_contact.contact.tools import (
     rigid_cone,
     rigid_cylinder,
+    rigid_hub,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -51,6 +52,7 @@ __all__ = [
     "rigid_curve",
     "rigid_cylinder",
     "rigid_extrusion",
+    "rigid_hub",
     "rigid_plane",
     "rigid_punch",
     "rigid_revolution",

@@ -124,7 +124,8 @@ def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> C
     the tools that turn."""
     rough = {contact.name: contact.friction.mu > 0.0 for contact in scene.contacts}
     groups = list(dict.fromkeys("+".join(support.group) for support in scene.supports))
-    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units, scene.section, turning)
+    tied = list(dict.fromkeys(tie.hub.name for tie in scene.ties))
+    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units, scene.section, turning, tied)
     if shared := columns.clash():
         raise SceneError(f"two contacts, tools or supports would share the columns '{shared}_...'; give one another name")
     taken = columns.all()

@@ -28,6 +28,7 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_hub,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -40,6 +41,8 @@ ROOT = Path(__file__).resolve().parent.parent
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 ALL = [0.25, 0.5, 0.75, 1.0]
+# the same where rotations are free: their torques balance to the forces' 1e-11 times the bodies' size
+TURNING = 1e-9
 SAME = 1e-10  # resumed against continuous: steps end at 1e-11 or, on one number of ranks, with the same iterates
 
 
@@ -95,13 +98,24 @@ def turning_ball():
         Body(read_gmsh(box.build, size=(6.0, 6.0, 3.0), cells=(4, 4, 2), origin=(-3.0, -3.0, -3.0)), "box", RUBBER)
     )
     scene.fix("zmin")
-    ball = rigid_sphere(5.0, (0.1, 0.2, 5.0), name="ball")
+    ball = rigid_sphere(20.0, (0.1, 0.2, 20.0), name="ball")
     scene.contact("zmax", ball, 0.4, name="c")
-    loads = {"force": lambda t: (0, 0, -0.3 * min(2 * t, 1.0)), "moment": lambda t: (0, 0, 0.03 * t), "free": "rx ry"}
+    loads = {"force": lambda t: (0, 0, -0.6 * min(4 * t, 1.0)), "moment": lambda t: (0, 0, 0.05 * t), "free": "rx ry"}
     return scene, {"move": {ball: Motion(x=lambda t: 0.3 * t, **loads)}, "stabilise": True}
 
 
+def hub_and_tread():
+    """A block tied by its top to a hub that presses it on a rough floor, carries it along and is free to tilt."""
+    mesh = read_gmsh(box.build, size=(4.0, 2.0, 1.0), cells=(4, 2, 2), origin=(-2.0, -1.0, 0.0))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    hub = rigid_hub("hub", (0, 0, 3.0))
+    scene.tie("zmax", hub)
+    scene.contact("zmin", rigid_plane(), 0.3, name="c")
+    return scene, {"move": {hub: Motion(x=lambda t: 0.5 * t**2, force=(0, 0, -0.5), free="ry")}}
+
+
 SCENES = {
+    "hub": hub_and_tread,
     "ball that turns": turning_ball,
     "punch": pushed_punch,
     "punch of degree 2": lambda: pushed_punch(2),
@@ -325,8 +339,9 @@ def resumed_across(ranks, names, folder):
 @pytest.mark.serial
 def test_resumed_on_another_number_of_ranks(tmp_path):
     names = [name for name in SCENES if name not in ("punch", "tetrahedra, stabilised")] + list(ARCS)
-    for continuous, two_to_one, one_to_two in resumed_across(2, names, tmp_path):
-        assert apart(two_to_one, continuous) < SAME and apart(one_to_two, continuous) < SAME
+    for name, (continuous, two_to_one, one_to_two) in zip(names, resumed_across(2, names, tmp_path), strict=True):
+        same = TURNING if name in ("hub", "ball that turns") else SAME
+        assert apart(two_to_one, continuous) < same and apart(one_to_two, continuous) < same
 
 
 @pytest.mark.serial

@@ -15,6 +15,7 @@ from fenics_contact import (
     read_gmsh,
     rigid_cone,
     rigid_cylinder,
+    rigid_hub,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -333,6 +334,182 @@ def test_arc_length_turns_a_shaft():
         np.testing.assert_allclose(along.column(name), there.column(name), rtol=1e-6)
 
 
+@pytest.mark.parallel
+@pytest.mark.parametrize("points", ["averages", 2])
+def test_a_meshed_ball_is_twisted(points):
+    """By a moment: the contact's is its opposite, and forces, torques and rates are right on any number of ranks."""
+    ball = rigid_surface(tool_surfaces.ball, "ball", radius=8.0, centre=(0, 0, 8.0), size=1.0, name="ball")
+    motion = Motion(z=lambda t: -0.4 * min(2 * t, 1.0), moment=lambda t: (0, 0, 0.1 * max(2 * t - 1, 0.0)))
+    scene = rubber(ball, 0.5, points=points)
+    result = solve(scene, move={ball: motion}, steps=2, stabilise=True, progress=False)
+    # springs that pull by 1e-7 of the force have let go; a turn counts by the bodies' size
+    atol = 2e-7 * result.column("c_load_N")[-1] * result.system.tools.lever
+    np.testing.assert_allclose(vectors(result, "c_moment", "Nmm")[-1][2], 0.1, atol=atol, rtol=0)
+    assert result.column("ball_angle_z_rad")[-1] > 1e-3
+    assert (audit := result.audit()).right, audit
+
+
+@pytest.mark.parallel
+def test_what_penalties_cost_an_angle():
+    """A plate pushed off its middle: how much it would tilt with penalties without bound, against a hundred times them."""
+    tilts, change = [], 0.0
+    for penalty in (2.0, 200.0):
+        plate = rigid_plane(normal=(0, 0, -1.0), name="plate")
+        motion = Motion(force=(0, 0, -3.0), moment=(1.0, 0, 0))
+        result = solve(rubber(plate, 0.0, cells=(3, 3, 2), penalty=penalty), move={plate: motion}, steps=2, progress=False)
+        tilts.append(vectors(result, "plate_angle", "rad")[-1][0])
+        change = change or result.summary["penalty_error"]["angle_change"]["plate_rad"][0]
+    # of first order: the springs in series are 14 % of the whole, whose square is left
+    assert abs(change) > 0.05 * tilts[0]
+    np.testing.assert_allclose(tilts[0] + change, tilts[1], rtol=0.02)
+
+
+# ---- ties
+
+
+def shaken(hub, floor=None, friction=0.0, turn=STRAIGHT, size=(2.0, 2.0, 1.0), cells=(2, 2, 2)):
+    """A block tied to a hub by its top, on a floor if so asked."""
+    mesh = turned_box(turn, size=size, cells=cells, origin=(-size[0] / 2, -size[1] / 2, 0.0))
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+    scene.tie("zmax", hub)
+    if floor is None:
+        scene.fix("zmin")
+    else:
+        scene.contact("zmin", floor, friction, name="c")
+    return scene
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("to", ["hub", "floor"])
+def test_the_tangent_carries_along_what_is_tied(to):
+    """To a hub, beside a floor that moves too, or to that floor; all components are free."""
+    floor = rigid_plane(name="floor")
+    scene = shaken(rigid_hub("hub", (0.3, 0.1, 2.0)) if to == "hub" else floor, floor, 0.3)
+    loads = {"force": (1.0, 1.0, -1.0), "moment": (1.0, 1.0, 1.0)}
+    system = scene.system(move={tool: Motion(**loads) for tool in scene.tools})
+    state, ties = system.state, system.supports.ties
+    state.u.x.array[:] = 0.02 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
+    state.q[:] = 0.1 * np.random.default_rng(3).uniform(-1, 1, state.q.shape)
+    state.q[0, 2] = 0.1
+    ties.place(state.poses, state.q, state.u.x.array)
+    system.commit()
+    state.q[:] += 0.05 * np.random.default_rng(4).uniform(-1, 1, state.q.shape)
+    free = np.ones(len(state.u.x.array))
+    free[system.supports.dofs] = 0.0
+
+    def residual():
+        ties.place(state.poses, state.q, state.u.x.array)
+        system.assemble_residual()
+        return np.concatenate([system.residual_vector.array, system.tool_residual.ravel()])
+
+    def rate(du, dq):
+        system.assemble_tangent()
+        way, border = system.new_vector(), system.border
+        way.array[:] = free * du
+        on_nodes = free * ((system.matrix * way).array + dq.ravel() @ border.columns)
+        return np.concatenate([on_nodes, border.rows @ way.array + border.corner @ dq.ravel()])
+
+    residual()
+    assert (system.contacts[0].statuses() != OPEN).any()
+    orders, _ = taylor_orders(system, residual, rate)
+    assert orders.min() > 1.97, orders
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("method", ["newton", "snes"])
+def test_a_hub_leads_what_is_tied_to_it(method):
+    """As the same motion stated node by node; the wrench that it takes, as a load, leads to the same motion."""
+    end, about = np.array([0.1, -0.05, 0.2, 0.2, -0.3, 0.5]), np.array([0.2, 0.1, 1.5])
+    hub = rigid_hub("hub", about)
+    led = solve(shaken(hub), move={hub: Motion(None, *end)}, steps=3, method=method, progress=False)
+    force, moment = vectors(led, "hub_force", "N"), vectors(led, "hub_moment", "Nmm")
+
+    def placed(X, t):
+        return (X - about) @ (rotation(t * end[3:]) - np.eye(3)).T + t * end[:3]
+
+    scene = shaken(hub)
+    scene.ties.clear()
+    for i, axis in enumerate("xyz"):
+        scene.prescribe("zmax", axis, lambda X, t, i=i: placed(X, t)[:, i])
+    stated = solve(scene, steps=3, progress=False)
+    np.testing.assert_allclose(force, vectors(stated, "zmax_reaction", "N"), atol=1e-7 * np.abs(force).max())
+    np.testing.assert_allclose(led.system.strain_energy(), stated.system.strain_energy(), rtol=1e-8)
+    works = [result.column("external_work_Nmm") for result in (led, stated)]  # both by the trapezoidal rule
+    np.testing.assert_allclose(works[0], works[1], rtol=0.02)
+
+    loads = [np.concatenate([np.zeros((1, 3)), part]) for part in (force, moment)]
+
+    def load(part):
+        return lambda t: np.array([np.interp(3 * t, range(4), part[:, i]) for i in range(3)])
+
+    pushed = Motion(force=load(loads[0]), moment=load(loads[1]))
+    back = solve(shaken(hub), move={hub: pushed}, steps=3, method=method, progress=False)
+    np.testing.assert_allclose(vectors(back, "hub_travel", "mm"), vectors(led, "hub_travel", "mm"), atol=1e-6)
+    turn = back.system.state.pose(0).turn
+    np.testing.assert_allclose(turn, rotation(end[3:]), atol=1e-6)
+    works = [result.column("external_work_Nmm")[-1] for result in (led, back)]
+    np.testing.assert_allclose(works[0], works[1], rtol=0.02)
+
+
+@pytest.mark.parallel
+def test_a_body_on_a_hub_turns_without_force():
+    hub = rigid_hub("hub", (4.0, 0, 0))
+    scene = shaken(hub)
+    scene.supports.clear()
+    result = solve(scene, move={hub: Motion(ry=12.0, z=3.0)}, steps=24, progress=False)
+    assert np.abs(vectors(result, "hub_force", "N")).max() < 1e-8
+    assert abs(result.column("hub_angle_y_rad")[-1] - 12.0) < 1e-12
+
+
+@pytest.mark.parallel
+def test_a_block_pushed_up_an_incline():
+    """Weight G on its hub, pushed by a horizontal F: F/G = (tan a + mu) / (1 - mu tan a) up, and down the other way."""
+    slope, mu, ratios = np.radians(20.0), 0.3, []
+    turn = rotation(np.array([0.0, -slope, 0.0]))
+    for way in (1.0, -1.0):
+        floor, hub = rigid_plane(normal=turn @ (0, 0, 1.0), name="floor"), rigid_hub("hub", turn @ (0, 0, 0.5))
+        path = lambda t, way=way: 0.5 * way * max(t - 0.2, 0.0)  # noqa: E731
+        motion = Motion(x=path, force=lambda t: (0, 0, -0.4 * min(5 * t, 1.0)))
+        result = solve(shaken(hub, floor, mu, turn), move={hub: motion}, steps=5, progress=False)
+        assert result.column("c_sticking_points")[-1] == 0
+        force = vectors(result, "hub_force", "N")[-1]
+        np.testing.assert_allclose(force[2], -0.4, rtol=1e-7)
+        ratios.append(force[0] / 0.4)
+    up, down = (np.tan(slope) + sign * mu for sign in (1.0, -1.0))
+    exact = up / (1 - mu * np.tan(slope)), down / (1 + mu * np.tan(slope))
+    np.testing.assert_allclose(ratios, exact, atol=1e-6)
+
+
+@pytest.mark.parallel
+def test_a_wheel_rolls_freely():
+    """A rubber tread tied to a roller that is pressed by a force, carried along, and free to turn: no torque."""
+    floor, hub = rigid_plane(name="floor"), rigid_hub("hub", (0, 0, 4.0))
+    scene = shaken(hub, floor, 1.0, size=(4.0, 0.5, 1.0), cells=(12, 1, 2))
+    scene.fix("ymin", "y")
+    refused(lambda: solve(scene, move={hub: Motion(x=1.0)}, progress=False), "tie of 'zmax' to 'hub'", "support of 'ymin'")
+    scene.supports.clear()
+    motion = Motion(x=lambda t: 0.4 * max(t - 0.2, 0.0), force=lambda t: (0, 0, -0.2 * min(5 * t, 1.0)), free="ry")
+    result = solve(scene, move={hub: motion}, steps=10, progress=False)
+    moment, force = vectors(result, "hub_moment", "Nmm"), vectors(result, "hub_force", "N")
+    np.testing.assert_allclose(force[1:, 2], -0.2, rtol=1e-7)
+    assert np.abs(moment[:, 1]).max() < 1e-7 * 0.2 * 4.0
+    assert result.column("hub_angle_y_rad")[-1] > 0.01 and (result.column("c_sticking_points") > 0).all()
+    assert result.audit().right
+
+
+@pytest.mark.parallel
+def test_arc_length_turns_a_hub():
+    """Twisted by a growing moment and pulled by a force, along the arc as by load steps to the same loads."""
+    hub = rigid_hub("hub", (0, 0, 1.0))
+    drive = {"move": {hub: Motion(force=(0.1, 0, 0.5), moment=(0, 0.1, 2.0), free="rx y")}, "progress": False}
+    along = solve(shaken(hub), **drive, method="arc_length", until=Travel(hub, "rz", 0.5))
+    steps = solve(shaken(hub), **drive, steps=list(along.column("t")))
+    angle, same = vectors(along, "hub_angle", "rad"), vectors(steps, "hub_angle", "rad")
+    assert abs(angle[-1][2] - 0.5) < 1e-6 and abs(angle[-1][1]) > 0.01
+    np.testing.assert_allclose(angle, same, atol=1e-6)
+    np.testing.assert_allclose(vectors(along, "hub_moment", "Nmm"), np.outer(along.column("t"), (0, 0.1, 2.0)), atol=1e-6)
+
+
 # ---- bad input
 
 
@@ -365,3 +542,24 @@ def test_a_motion_is_stated_once():
     scene, motion = rubber(shaft, 0.3), Motion(z=-1.0)
     refused(lambda: solve(scene, move={shaft: motion}, push={shaft: (1.0, 0, 0)}), "both moved and pushed", "one Motion")
     refused(lambda: solve(scene, push={shaft: motion}), "push of 'shaft'", "move=")
+
+
+@pytest.mark.parallel
+def test_wrong_ties_are_refused():
+    hub, other = rigid_hub("hub"), rigid_hub("other")
+    drive = {"move": {hub: Motion(z=0.1)}, "progress": False}
+    scene = shaken(hub)
+    scene.tie("zmin", other)
+    refused(lambda: solve(scene, **drive), "tie of 'zmin' to 'other'", "support of 'zmin'", "leave one of them out")
+    scene = shaken(hub)
+    scene.tie("xmin", other)
+    scene.supports.clear()
+    refused(lambda: solve(scene, **drive), "tie of 'xmin' to 'other'", "tie of 'zmax' to 'hub'")
+    scene = shaken(hub)
+    refused(lambda: scene.tie("zmax", "hub"), "'hub' is no rigid body", "rigid_hub")
+    refused(lambda: scene.tie("nowhere", hub), "nowhere")
+    refused(lambda: scene.tie("zmax", rigid_hub("hub")), "two tools are named 'hub'")
+    refused(lambda: solve(scene, move={other: Motion(z=0.1)}), "'other'", "in no contact or tie")
+    refused(lambda: rigid_hub("hub", (0, 1)), "point", "three finite numbers")
+    refused(lambda: rigid_hub(""), "name of a rigid hub")
+    refused(lambda: scene.contact("xmin", hub), "hub", "no surface")

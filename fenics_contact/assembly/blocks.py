@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.pose import Pose, skew
 from fenics_contact.kernels.scatter import scatter_border
@@ -39,19 +40,6 @@ class Blocks:
     free: Floats | None = None
     at: Any = None
     parts: tuple["Blocks", ...] = ()
-
-
-class Border:
-    """Couplings with the tools' coordinates: columns, rows (6 tools, local dofs) and corner (6 tools, 6 tools)."""
-
-    def __init__(self, tools: int, dofs: int) -> None:
-        self.columns = np.zeros((6 * tools, dofs))
-        self.rows = np.zeros((6 * tools, dofs))
-        self.corner = np.zeros((6 * tools, 6 * tools))
-
-    def clear(self) -> None:
-        for part in (self.columns, self.rows, self.corner):
-            part[:] = 0.0
 
 
 def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:

@@ -49,6 +49,10 @@ class Pose(NamedTuple):
         """Rates (..., 6) with travel and spin as rates with the six coordinates."""
         return np.concatenate([rates[..., :3], rates[..., 3:] @ self.rate], axis=-1)
 
+    def per_coordinate(self, wrench: Floats) -> Floats:
+        """Forces (6,) whose product with a change of the coordinates is the work of a wrench (6,)."""
+        return np.concatenate([wrench[:3], self.lever * (wrench[3:] @ self.rate)])
+
     def wrench(self, x: Floats, forces: Floats) -> Floats:
         """Resultant (6,) of forces (n, 3) at x (n, 3): force; torque about the reference point, over the lever [force]."""
         torque = np.cross(x - self.place, forces).sum(axis=0)

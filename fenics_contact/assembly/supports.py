@@ -7,6 +7,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.pose import Poses
+from fenics_contact.assembly.ties import Ties
 from fenics_contact.assembly.turned import ONE, Turned
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mat, Space
 
@@ -35,12 +36,12 @@ class Supports:
 
     space: of u; entries: Support; names: of the entries. dofs: 3 node + axis, local, first those of nodes that are not
     turned; owned: those of owned nodes; turned: the nodes where a support along another direction acts, with all supports
-    that meet there, None where no rank has one; conflict: names of two entries that contradict each other, or None.
-    Construction is collective.
+    that meet there, None where no rank has one; ties: of nodes in none of the entries, which rigid bodies hold, tied: which
+    of the dofs are theirs; conflict: names of two entries that contradict each other, or None. Construction is collective.
     """
 
-    def __init__(self, space: Space, entries: Sequence[Support], names: Sequence[str]) -> None:
-        self._entries, self._names = entries, names
+    def __init__(self, space: Space, entries: Sequence[Support], names: Sequence[str], ties: Ties | None = None) -> None:
+        self._entries, self._names, self.ties = entries, names, ties or Ties()
         nodes = _joined([np.asarray(entry.nodes, dtype=np.int64) for entry in entries], np.int64)
         self._entry = np.repeat(np.arange(len(entries)), [len(entry.nodes) for entry in entries])
         self._directions = np.array([entry.direction for entry in entries], dtype=float).reshape(-1, 3)
@@ -50,11 +51,14 @@ class Supports:
         axis, sign = np.abs(self._directions).argmax(axis=1), self._directions.sum(axis=1)
         self._sign = sign[self._entry]
         dofs = 3 * nodes[self._straight] + axis[self._entry[self._straight]]
-        plain, self._first, self._inverse = np.unique(dofs, return_index=True, return_inverse=True)
+        stated, self._first, self._inverse = np.unique(dofs, return_index=True, return_inverse=True)
+        plain = np.union1d(stated, self.ties.dofs)
+        self._stated = np.atleast_1d(np.searchsorted(plain, stated))
         self.turned = self._turned(space, nodes, np.flatnonzero(apart)) if skew.any() else None
         turned = 3 * self.turned.nodes[:, None] + np.arange(3) if self.turned else np.empty((0, 3), dtype=np.int64)
         self.dofs = np.concatenate([plain, turned[self.turned.held] if self.turned else turned.ravel()])
         self._plain, self._nodes = plain, nodes
+        self.tied = np.isin(self.dofs, self.ties.dofs)
         self.owned = self.dofs[self.dofs < 3 * space.dofmap.index_map.size_local].astype(PETSc.IntType)
         self.conflict = self._conflict()
 
@@ -111,9 +115,9 @@ class Supports:
         return [(name, float(part.max(initial=0.0))) for name, part in zip(self._names, parts[:-1], strict=True)]
 
     def values(self, t: float) -> Floats:
-        """Prescribed displacements [length] of `dofs` at load parameter t."""
-        values = self._all(t)
-        plain = (values * self._sign)[self._straight][self._first]
+        """Prescribed displacements [length] of `dofs` at load parameter t; zero of those that are tied."""
+        values, plain = self._all(t), np.zeros(len(self._plain))
+        plain[self._stated] = (values * self._sign)[self._straight][self._first]
         if self.turned is None:
             return plain
         made = np.einsum("nmk,nm->nk", self.turned.shares, self._at_turned(values))
@@ -168,7 +172,7 @@ class Supports:
         """Of every entry its nodes and the forces (n,) that it gives them along its direction, of the held components of all
         reactions; equal shares where entries hold the same."""
         forces = np.zeros(len(self._entry))
-        plain = reactions[: len(self._plain)] / np.maximum(np.bincount(self._inverse, minlength=len(self._plain)), 1)
+        plain = reactions[self._stated] / np.maximum(np.bincount(self._inverse, minlength=len(self._stated)), 1)
         forces[self._straight] = plain[self._inverse] * self._sign[self._straight]
         if self.turned is not None:
             components = np.zeros((len(self.turned.nodes), 3))

@@ -7,7 +7,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.assembly.blocks import Border, insert
+from fenics_contact.assembly.blocks import insert
+from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
@@ -105,8 +106,17 @@ class System:
         """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
         self.state.t = t
         self.set_loads(t)
-        owed = self.supports.values(t) - self.supports.held(self.state.u.x.array)
+        owed = self.places(t) - self.supports.held(self.state.u.x.array)
         return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.q)
+
+    def places(self, t: float) -> Floats:
+        """Displacements [length] of the supports' dofs at t: prescribed ones, and where tools at t carry what is tied."""
+        values, supports, state = self.supports.values(t), self.supports, self.state
+        if supports.ties:
+            q, u = np.where(self.tools.free, state.q, self.tools.prescribed(t)), np.zeros_like(state.u.x.array)
+            supports.ties.place(state.poses, q, u)
+            values[supports.tied] = u[supports.dofs[supports.tied]]
+        return values
 
     def commit(self) -> None:
         for term in self.terms:
@@ -240,6 +250,7 @@ class System:
         self.vector.axpy(1.0, du)
         copy_to_ghosts(self.vector)
         self.state.q += dq
+        self.supports.ties.place(self.state.poses, self.state.q, self.state.u.x.array)
         self.state.share = share
 
     def objection(self) -> Finding | None:
@@ -299,15 +310,17 @@ class System:
                 sum_to_owners(self._work)
                 self.forces = max(self.forces, self._work.norm())
                 total.axpy(1.0, self._work)
-        self.tool_residual = self.comm.allreduce(tool_residual) - self.tools.forces(self.state.t)
         with total.localForm() as local:
             self.reactions = self.supports.held(local.array_r)
+            self.supports.ties.add_wrenches(self.state.poses, self.state.q, local.array_r, tool_residual)
             self.supports.put(local.array_w, 0.0)
+        self.tool_residual = self.comm.allreduce(tool_residual) - self.tools.forces(self.state.t)
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
     def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: dict[Term, Any] | None = None) -> None:
-        """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked.
+        """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
+        whose motions are those of all nodes and tools, tied or not.
 
         trials: {contact: what it is evaluated with in the place of its own trial}.
         """
@@ -325,7 +338,15 @@ class System:
             self.matrix.assemble()
             self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
             if self.border is not None:
+                if terms is None and self.supports.ties:
+                    self._extend_border(self.border)
                 self.border.corner = self.comm.allreduce(self.border.corner)
+
+    def _extend_border(self, border: Border) -> None:
+        """Let tools carry along what is tied to them. Collective."""
+        forces, state = np.zeros_like(self.state.u.x.array), self.state
+        forces[self.supports.dofs] = self.reactions
+        self.supports.ties.extend(border, self.matrix, state.poses, state.q, self.tools.free, forces)
 
     def _provide_couplings(self) -> None:
         """Clear the matrix; where a term asks for other couplings, on any rank, put a new one in its place."""

@@ -84,6 +84,28 @@ class RigidTool(Tool):
         return self.origin + (self.shape[2] * self.axes[:, 2] if self.kind == rigid_shapes.BOX else 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Hub(Tool):
+    """A rigid body without a shape, to which surfaces are tied. place (3,): its point at the start [length]."""
+
+    place: Floats
+
+    @property
+    def reach(self) -> float:
+        """Zero: it has no gaps [length]."""
+        return 0.0
+
+    @property
+    def point(self) -> Floats:
+        """The point (3,) that it was stated with [length]."""
+        return self.place
+
+
+def rigid_hub(name: str, point: Sequence[float] | Floats = (0.0, 0.0, 0.0)) -> Hub:
+    """Rigid body without a shape, with its reference point: what `Scene.tie` ties to it moves with it."""
+    return Hub(text(name, "name of a rigid hub"), finite(point, f"{name}: point", (3,)))
+
+
 def axes_along(third: object, what: str) -> Floats:
     """Right-handed orthonormal axes whose third is along `third`, aligned with x, y, z where that is possible."""
     third = finite(third, what, (3,))

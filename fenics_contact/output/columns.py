@@ -33,7 +33,8 @@ class Report(Protocol):
 
 @dataclass(frozen=True)
 class Columns:
-    """Names of the history's columns. tools, groups of supports, tools that turn by name; contacts: {name: has it friction}.
+    """Names of the history's columns. tools, groups of supports, turning tools, tied ones, by name; contacts: {name: has it
+    friction}.
 
     Names carry units; what is no letter, digit or _ in a name of the scene's becomes _. section: of a plane mesh, of which
     components out of its plane are left out, and resultants that cancel all the way round.
@@ -45,6 +46,7 @@ class Columns:
     units: Units
     section: Section | None = None
     turning: Sequence[str] = ()
+    tied: Sequence[str] = ()
 
     def all(self) -> list[str]:
         """The names of all columns a run may have but the user's own."""
@@ -57,6 +59,7 @@ class Columns:
             dict.fromkeys(self.groups, reaction),
             dict.fromkeys(self.tools, nothing),
             dict.fromkeys(self.tools, nothing),
+            dict.fromkeys(self.tools, reaction),
             Energies(friction={name: 0.0 for name, rough in self.contacts.items() if rough}),
         )
         return [*self.row(0, 0.0, report, 0.0, 0.0, result), *SOME, damping_column(self.units)]
@@ -66,6 +69,7 @@ class Columns:
         names = [
             *(f"{name}_travel" for name in self.tools),
             *(f"{name}_angle" for name in self.turning),
+            *self.tied,
             *self.contacts,
             *(f"{name}_reaction" for name in self.groups),
         ]
@@ -80,6 +84,9 @@ class Columns:
             row |= self._place(f"{tool}_travel", travel)
         for tool in self.turning:
             row |= _vector(f"{tool}_angle", result.angles[tool], "rad", self.section.resultants[1] if self.section else AXES)
+        for tool in self.tied:
+            row |= self._force(f"{tool}_force", result.drives[tool].force)
+            row |= self._moment(f"{tool}_moment", result.drives[tool].moment)
         for name, contact in result.contacts.items():
             row |= self._contact(name, contact, self.contacts[name])
         for group, reaction in result.reactions.items():

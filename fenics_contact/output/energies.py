@@ -115,18 +115,20 @@ class EnergyBalance:
         forces = -vector.array
         vector.destroy()
         reactions = np.zeros_like(forces)
-        system.supports.put(reactions, system.reactions)
+        system.supports.put(
+            reactions, np.where(system.supports.tied, 0.0, system.reactions)
+        )  # what tools hold is their work
         forces += reactions
+        loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
+        wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)
+        on_tools = np.zeros_like(wrenches)
+        for i, pose in enumerate(state.tools):
+            on_tools[i] = pose.per_coordinate(wrenches[i])
         return _Forces(
             state.u.x.array.copy(),
             state.q.copy(),
             forces,
-            np.array(
-                [
-                    pose.lever * pose.by_coordinates(np.append(wrench[:3] / pose.lever, wrench[3:]))
-                    for pose, wrench in zip(state.tools, system.tool_residual + system.tools.forces(state.t), strict=True)
-                ]
-            ).reshape(-1, 6),
+            on_tools,
             *system.terms[0].swelling(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
         )

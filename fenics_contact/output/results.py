@@ -44,13 +44,14 @@ class ContactResult:
 
 @dataclass(frozen=True)
 class StepResult:
-    """contacts, reactions, travel (3,) [length] and angles, rotation vectors (3,) [radians], of the tools: by name;
-    energies."""
+    """contacts, reactions; of the tools travel (3,) [length], angles, rotation vectors (3,) [radians], and drives, what acts
+    on each from outside the scene to move it so, about its reference point: all by name; energies."""
 
     contacts: dict[str, ContactResult]
     reactions: dict[str, Reaction]
     travel: dict[str, Floats]
     angles: dict[str, Floats]
+    drives: dict[str, Reaction]
     energies: Energies
 
 
@@ -75,7 +76,14 @@ class Results:
         travel, angles = (
             dict(zip(self.system.tools.names, of_tools.copy(), strict=True)) for of_tools in (state.travel, state.angles)
         )
-        return StepResult(contacts, self.reactions.at_state(), travel, angles, energies)
+        return StepResult(contacts, self.reactions.at_state(), travel, angles, self._drives(), energies)
+
+    def _drives(self) -> dict[str, Reaction]:
+        """Of the state assembled last."""
+        tools, state = self.system.tools, self.system.state
+        wrenches = self.system.tool_residual + tools.forces(state.t)
+        parts = zip(tools.names, wrenches, state.tools, strict=True)
+        return {name: Reaction(wrench[:3], pose.lever * wrench[3:], pose.place) for name, wrench, pose in parts}
 
     def _contact(self, surface: SlaveNodes, energies: Energies) -> ContactResult:
         m, zone = surface.contact.measures(self.system.state), surface.zone(surface.at_state())

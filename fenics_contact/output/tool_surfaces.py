@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, parts_of
+from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool, parts_of
 from fenics_contact.kernels import rigid_profiles, rigid_shapes
 from fenics_contact.types import Floats, Ints64
 
@@ -21,10 +21,10 @@ def tool_surface(tool: Tool, size: float, about: Floats | None = None, pose: Pos
     """Points (n, 3) [length] of a tool's surface, where it is, and facets (m, 4), rows of points.
 
     Facets are counter-clockwise seen from outside the tool; a triangle repeats its third point. Every point lies on the
-    tool; facets cut below its round parts by `sag` of `size` at most, as far as MOST of them do. size: of
-    the bodies [length]: side of the square that stands for a plane, length of a cylinder, and of a cone's side; about (3,):
-    the place nearest to which an endless plane or cylinder is cut out where it is, by default the tool's own; pose: by
-    default that of the start.
+    tool, a hub has its own alone; facets cut below its round parts by `sag` of `size` at most, as far as MOST of them do.
+    size: of the bodies [length]: side of the square that stands for a plane, length of a cylinder, and of a cone's side;
+    about (3,): the place nearest to which an endless plane or cylinder is cut out where it is, by default the tool's own;
+    pose: by default that of the start.
     """
     if isinstance(tool, MeshedTool):
         points, facets = tool.X, tool.nodes
@@ -32,6 +32,8 @@ def tool_surface(tool: Tool, size: float, about: Floats | None = None, pose: Pos
         near = None if about is None else np.asarray(about, dtype=np.float64)
         near = near if near is None or pose is None else pose.before(near)
         points, facets = _joined([_part(part, size, near, sag) for part in parts_of(tool)])
+    elif isinstance(tool, Hub):
+        points, facets = tool.point[None], np.empty((0, 4), dtype=np.int64)
     else:
         raise TypeError(f"no surface is known of a {type(tool).__name__}")
     return points if pose is None else pose.placed(points), facets

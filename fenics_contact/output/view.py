@@ -89,6 +89,10 @@ class View:
         """Force and moment of a support by the name of its group; KeyError lists the names."""
         return _named(self._measured.reactions, group, "support")
 
+    def drive(self, tool: str) -> Reaction:
+        """Force, and moment about its reference point, by which a tool is driven, by its name; KeyError lists the names."""
+        return _named(self._measured.drives, tool, "tool")
+
     def at(self, place: str | Sequence[float] | Floats) -> Sample:
         """At a point (3,) of the undeformed bodies [length], or on average over a surface by its name. Collective.
 

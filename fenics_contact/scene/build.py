@@ -90,7 +90,7 @@ def build(
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     loads = [(_coefficient(scene, load, 3), load) for load in scene.loads]
     pressures = [(_coefficient(scene, load, 1), load) for load in scene.pressures]
-    supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section)
+    supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section, scene.ties, scene.tools)
     with timers("compile"):
         fields = field_loads(scene, u)
         solid = _solid(scene, u, loads, fields.materials)

@@ -15,7 +15,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm, State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
+from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
 from fenics_contact.meetings import Meeting
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.functions import row_of, whole
@@ -44,6 +44,10 @@ def sides(slave: object, master: object) -> tuple[tuple[str, ...], Tool | tuple[
             "the master="
         )
     slave = group_names(slave, "contact: slave")
+    if isinstance(master, Hub):
+        raise SceneError(
+            f"contact: the hub '{master.name}' has no surface to meet; tie surfaces to it, or give a rigid tool"
+        )
     if isinstance(master, Tool):
         return slave, master
     if not isinstance(master, str | tuple | list):
@@ -116,10 +120,12 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
     for other in others:
         if contact.name == other.name:
             raise SceneError(f"two contacts are named '{contact.name}'; give one of them name=...")
-        if not isinstance(master, Tool) or not isinstance(other.master, Tool) or master is other.master:
-            continue
-        if master.name == other.master.name:
-            raise SceneError(f"two tools are named '{master.name}'; give one of them name=..., for the columns of each")
+
+
+def refuse_namesake(tool: Tool, others: Sequence[Tool]) -> None:
+    """Tools differ in their names."""
+    if any(tool is not other and tool.name == other.name for other in others):
+        raise SceneError(f"two tools are named '{tool.name}'; give one of them name=..., for the columns of each")
 
 
 def section_of(mesh: NamedMesh, plane: object, thickness: object) -> Section | None:

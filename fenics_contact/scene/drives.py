@@ -9,20 +9,28 @@ from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.supports import Supports, ToolMotion
+from fenics_contact.assembly.ties import Ties
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.functions import AtPoints, Drive, Path, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven
-from fenics_contact.scene.statements import Support
-from fenics_contact.types import Space
+from fenics_contact.scene.statements import Support, Tie
+from fenics_contact.types import Floats, Ints64, Space
 from fenics_contact.values import SceneError, shown
 
 Moves = Mapping[Tool, Drive | Motion]
 
 
-def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support], section: Section | None = None) -> Supports:
-    """Supports from Support statements, checked; of a Section, those that keep it in its plane and on its axis.
-    Collective."""
+def supports_of(
+    mesh: NamedMesh,
+    space: Space,
+    statements: Sequence[Support],
+    section: Section | None = None,
+    tied: Sequence[Tie] = (),
+    tools: Sequence[Tool] = (),
+) -> Supports:
+    """Supports from Support and Tie statements, checked; of a Section, those that keep it in its plane and on its axis;
+    tools: to which ties may tie. Collective."""
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
     entries = []
     for stated in statements:
@@ -38,11 +46,39 @@ def supports_of(mesh: NamedMesh, space: Space, statements: Sequence[Support], se
         size = max(mesh.comm.allgather(np.abs(X).max(initial=0.0)))
         entries.append(Entry(np.flatnonzero(X[:, 0] <= ON_AXIS * size).astype(np.int32), np.eye(3)[0], 0.0))
         names.append("the axis along x")
-    supports = Supports(space, entries, names)
+    supports = Supports(space, entries, names, _ties(mesh, space, statements, tied, tools))
     conflicts = [c for c in mesh.comm.allgather(supports.conflict) if c]
     if conflicts:
         raise SceneError(f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}")
     return supports
+
+
+def _ties(mesh: NamedMesh, space: Space, supports: Sequence[Support], tied: Sequence[Tie], tools: Sequence[Tool]) -> Ties:
+    """Ties whose nodes nothing else leads, nodes that two groups of one body have in common once. Collective."""
+    X, found = space.tabulate_dof_coordinates(), list[tuple[int, Ints64, Floats]]()
+    led: list[tuple[str, Tool | None, Ints64]] = [
+        (f"the support of '{'+'.join(one.group)}'", None, _nodes(mesh, space, one.group)) for one in supports
+    ]
+    nodes_of: dict[Tool, list[Ints64]] = {}
+    for tie in tied:
+        name, nodes = "+".join(tie.group), _nodes(mesh, space, tie.group)
+        for what, hub, others in led:
+            if hub is not tie.hub and mesh.comm.allreduce(len(np.intersect1d(nodes, others))):
+                raise SceneError(
+                    f"tie of '{name}' to '{tie.hub.name}': {what} leads some of the same nodes; leave one of them out, or "
+                    "name surfaces that do not meet"
+                )
+        led.append((f"the tie of '{name}' to '{tie.hub.name}'", tie.hub, nodes))
+        nodes_of.setdefault(tie.hub, []).append(nodes)
+    for hub, parts in nodes_of.items():
+        nodes = np.unique(np.concatenate(parts))
+        found.append((tools.index(hub), nodes, X[nodes]))
+    return Ties(found, space.dofmap.index_map.size_local)
+
+
+def _nodes(mesh: NamedMesh, space: Space, group: tuple[str, ...]) -> Ints64:
+    """Local numbers of a group's nodes."""
+    return mesh.nodes(space, *group).astype(np.int64)
 
 
 def motion_of(
@@ -60,7 +96,7 @@ def motion_of(
             raise SceneError(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key")
     for tool in [*move, *push]:
         if tool not in tools:
-            raise SceneError(f"tool '{tool.name}' is moved or pushed but is in no contact")
+            raise SceneError(f"tool '{tool.name}' is moved or pushed but is in no contact or tie")
         if tool in move and tool in push:
             raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one, or state both in one Motion")
     drives = [_driven(comm, tool, move, push) for tool in tools]

@@ -44,6 +44,7 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         out[f"energy of '{body.group}'"] = sampled_energy(body.material)
     for name, samples in system.supports.sampled(times).items():
         out[f"support of {name}"] = samples
+    out["ties"] = [f"{'+'.join(tie.group)} to '{tie.hub.name}'" for tie in scene.ties]
     for i, support in enumerate(scene.supports):
         if support.axis is None:
             out[f"direction of support {i + 1}"] = list(support.direction)

@@ -18,6 +18,7 @@ from fenics_contact.scene.checks import (
     default_points,
     refuse_apart,
     refuse_inside,
+    refuse_namesake,
     refuse_numbers,
     refuse_on_plane,
     refuse_pair,
@@ -30,7 +31,7 @@ from fenics_contact.scene.directions import Group, chosen, normals, unit, unsign
 from fenics_contact.scene.drives import Moves
 from fenics_contact.scene.field_loads import MomentLoad, Spin, Spring, Swelling, spin_of, springs_of, swelling_of
 from fenics_contact.scene.functions import Drive, Place, load_path, ramp
-from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support
+from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support, Tie
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
@@ -82,6 +83,7 @@ class Scene:
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
         self.contacts: list[ContactStatement] = []
         self.supports: list[Support] = []
+        self.ties: list[Tie] = []
         self.loads: list[Load] = []
         self.pressures: list[Load] = []
         self.fluids: list[Entering] = []
@@ -148,6 +150,19 @@ class Scene:
             raise SceneError(f"{what}: nothing moves along z, out of a plane mesh; leave that out")
         for of, along in ways:
             self.supports.append(Support(of, unsigned(along) if value == 0.0 else along, value))
+
+    def tie(self, group: str | tuple[str, ...], hub: Tool) -> None:
+        """Let a surface move as a part of a rigid body: of a hub, `rigid_hub(name, point)`, or of any tool.
+
+        It is moved, pushed or free as `solve(move={hub: Motion(...)})` says; what is not said stays.
+        """
+        if self.section is not None:
+            raise SceneError(f"tie '{group}': ties are known in space; in a plane scene prescribe the surface's way")
+        if not isinstance(hub, Tool):
+            raise SceneError(f"tie '{group}': {shown(hub)} is no rigid body; give rigid_hub(name, point), or a tool")
+        self._facets(group)
+        refuse_namesake(hub, self.tools)
+        self.ties.append(Tie(group_names(group), hub))
 
     def traction(self, group: str | tuple[str, ...], vector: Drive | Place) -> None:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1, or a function of t or
@@ -285,6 +300,8 @@ class Scene:
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
         refuse_pair(contact, self.contacts, self.degree, self._bare_corners)
         refuse_on_plane(contact, self.section)
+        if isinstance(master, Tool):
+            refuse_namesake(master, self.tools)
         for side in (slave, master):
             if not isinstance(side, Tool):
                 refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
@@ -293,9 +310,9 @@ class Scene:
 
     @property
     def tools(self) -> list[Tool]:
-        """The rigid tools of all contacts, each once, in order of appearance."""
-        masters = [contact.master for contact in self.contacts]
-        return list(dict.fromkeys(master for master in masters if isinstance(master, Tool)))
+        """The rigid tools of all contacts, then of all ties, each once, in order of appearance."""
+        bodies = [*(contact.master for contact in self.contacts), *(tie.hub for tie in self.ties)]
+        return list(dict.fromkeys(body for body in bodies if isinstance(body, Tool)))
 
     @property
     def _bare_corners(self) -> bool:

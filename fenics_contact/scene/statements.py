@@ -66,6 +66,14 @@ class Support:
 
 
 @dataclass(frozen=True)
+class Tie:
+    """Surfaces that move as a part of a rigid body."""
+
+    group: tuple[str, ...]
+    hub: Tool
+
+
+@dataclass(frozen=True)
 class Load:
     """A dead traction on surfaces [pressure], a pressure that follows them, or, without surfaces, a force on all bodies
     [force/length^3]: path(t), one value, or those at local nodes (n,). kind: what messages call a dead load."""

@@ -69,7 +69,7 @@ class Travel:
         if self.axis not in COMPONENTS:
             raise SceneError(f"Travel of '{self.tool.name}': axis {shown(self.axis)} is not one of {', '.join(COMPONENTS)}")
         if self.tool not in scene.tools:
-            raise SceneError(f"{self}: that tool is in no contact of the scene")
+            raise SceneError(f"{self}: that tool is in no contact or tie of the scene")
         i, component = scene.tools.index(self.tool), COMPONENTS.index(self.axis)
         unit = 1.0 if component < 3 else system.tools.lever
         return lambda: system.state.q[i, component] / unit - self.value

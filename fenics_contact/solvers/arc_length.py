@@ -125,7 +125,7 @@ class ArcLength:
         tool_rate = np.divide(tool_rate - system.tool_residual, LOAD_PROBE)
         supports, moved = (
             np.divide(values(t + LOAD_PROBE) - values(t - LOAD_PROBE), 2 * LOAD_PROBE)
-            for values in (system.supports.values, system.tools.prescribed)
+            for values in (system.places, system.tools.prescribed)
         )
         return (rate, tool_rate, supports, moved), size
 

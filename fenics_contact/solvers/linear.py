@@ -130,6 +130,10 @@ class LinearSolver:
             du.axpy(amount, column)
         total = dq.ravel().copy()
         total[free] += moved
+        state, loose = self.system.state, np.zeros_like(dq)
+        loose.flat[free] = moved
+        with du.localForm() as local:
+            self.system.supports.ties.follow(state.poses, state.q, loose, local.array_w)
         return du, total.reshape(-1, 6)
 
     def _tools(self, free: Array) -> str:

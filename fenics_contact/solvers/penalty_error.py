@@ -77,6 +77,8 @@ def _contact_force(system: System, terms: Sequence[ContactTerm], factor: float) 
             trial = term.penalties.stiffened(system.state, factor)
             term.add_residual(system.state, local.array_w, tools, trial)
     sum_to_owners(force)
+    with force.localForm() as local:
+        system.supports.ties.add_wrenches(system.state.poses, system.state.q, local.array_r, tools)
     return force, system.comm.allreduce(tools)
 
 
