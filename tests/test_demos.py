@@ -102,6 +102,20 @@ def capstan(results, said):
     assert abs(float(row["wrap_force_y_N"]) / float(row["wrap_force_x_N"]) / np.exp(0.3 * np.pi / 2) - 1) < 0.04
 
 
+def rolling_wheel(results, said):
+    """Braked by 400 N mm, the drag on an axle some 24 mm above the road is about 16 N of the 40 N that press it."""
+    row = rows(results / "history.csv")[-1]
+    assert abs(float(row["hub_moment_y_Nmm"]) + 400.0) < 1e-4
+    assert abs(float(row["hub_force_x_N"]) - 16.0) < 1.6  # where the pressure's middle lies is a facet's matter
+
+
+def shaft_seal(results, said):
+    """All points slide, and the ring feels no more than friction times pressure times the shaft's radius."""
+    row = rows(results / "history.csv")[-1]
+    assert int(row["seal_sticking_points"]) == 0
+    assert abs(abs(float(row["seal_moment_y_Nmm"])) / (0.3 * 10.0 * float(row["seal_load_N"])) - 1) < 2e-3
+
+
 def partial_slip(results, said):
     """Hertz's p0 = 2 P / (pi a), a^2 = 2 P R / (pi E*), of the computed force P; the theory leaves strains of 0.8 % out."""
     x, pressure, friction = np.loadtxt(results / "points_nodes" / "tractions.csv", delimiter=",", skiprows=1).T
@@ -136,6 +150,8 @@ DEMOS = {
     block_on_block: ("block_on_block.png", "results.pvd"),
     nested_tubes: ("nested_tubes.png", "averages_16/history.csv"),
     ironing: ("ironing.png", "summary.json"),
+    shaft_seal: ("shaft_seal.png", "tools/shaft.pvd"),
+    rolling_wheel: ("rolling_wheel.png", "results.pvd", "tools/hub.pvd"),
     capstan: ("capstan.png", "thickness_2/results.pvd"),
     partial_slip: ("partial_slip.png", "points_nodes/tractions.csv"),
     o_ring: ("o_ring.png", "results.pvd"),
