@@ -90,16 +90,16 @@ class RigidPartner:
         return law.eps_n, law.eps_t, self.surface.stiffness, friction, float(law.touch if touch is None else touch)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
-    def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats, Floats]:
+    def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats]:
         ne, nq, k = self.surface.a.shape
         traction, forces = np.empty((ne, nq, 3)), np.empty((ne, k, 3))
         gap, excess, cover, status = (*(np.empty((ne, nq)) for _ in range(3)), np.empty((ne, nq), dtype=np.int32))
         count = ne if want_tangent else 0
-        tangent, arm = np.empty((count, 3 * k, 3 * k)), np.empty((count, k, 3, 3))
+        tangent = np.empty((count, 3 * k, 3 * k))
         history = trial.history.anchors[0], trial.history.shift
-        out = forces, tangent, arm, traction, gap, status, excess, cover
+        out = forces, tangent, traction, gap, status, excess, cover
         contact_elements(*self._at(feet, trial.area), self._law(trial.law), history, trial.judged, want_tangent, out)
-        return Response(traction, gap, status, excess, cover, forces), tangent, arm
+        return Response(traction, gap, status, excess, cover, forces), tangent
 
     def response(self, feet: RigidFeet, trial: Trial) -> Response:
         return self._evaluate(feet, trial, False)[0]
@@ -116,7 +116,7 @@ class RigidPartner:
         return feet.x.reshape(-1, 3), -response.forces.reshape(-1, 3)
 
     def tangent(self, feet: RigidFeet, trial: Trial) -> Blocks:
-        response, tangent, arm = self._evaluate(feet, trial, True)
+        response, tangent = self._evaluate(feet, trial, True)
         active = np.flatnonzero((response.status != OPEN).any(axis=1))
         nodes, K, (ne, k) = self.surface.nodes[active], tangent[active], (len(active), feet.x.shape[1])
         x, forces = (of_nodes[active].reshape(-1, 3) for of_nodes in (feet.x, response.forces))

@@ -1,7 +1,8 @@
 """Contact elements of slave points with an analytic rigid tool: forces, tangent blocks and committed anchors.
 
 An element is a group of slave points that move with the same slave nodes: one point for a node with its tributary
-area, the quadrature points of a slave facet otherwise. The tool translates by its travel; its frame is (axes, origin).
+area, the quadrature points of a slave facet otherwise. The tool's frame has the axes to which it has been turned and lies
+at origin + travel.
 
 Arrays travel in groups (tuples):
     points   (x (ne, k, 3) present positions of the slave nodes, weights a (ne, nq, k) of the nodes in a point, area (ne, nq)
@@ -27,8 +28,8 @@ Points = tuple[Floats, Floats, Floats, Floats]
 ToolPose = tuple[int, Floats, Floats, Floats, Floats]
 ElementLaws = tuple[Floats, Floats, Floats, Friction, float]
 ToolHistory = tuple[Floats, Floats]
-# force, tangent, arm, traction, gap, status, excess, cover of `contact_elements`
-Elements = tuple[Floats, Floats, Floats, Floats, Floats, Ints, Floats, Floats]
+# force, tangent, traction, gap, status, excess, cover of `contact_elements`
+Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats, Floats]
 Scratch = tuple[Floats, Floats, Floats, Floats, Floats]
 Rows = tuple[Vector, Vector, Vector]
 
@@ -92,14 +93,13 @@ def contact_elements(
 
     judged (ne nq,): pressures that points start from over -eps_n [length], which decide their status and with which the
     tangent is taken; (0,): present ones.
-    out: (force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative, arm (ne, k, 3, 3) its derivative against
-    a motion of all slave nodes at once (minus that against the tool's travel); per point traction (ne, nq, 3), gap, status,
-    excess (ne, nq) = trial over Coulomb limit minus one, and cover (ne, nq) = penalty over eps_n, below one where the point
-    slides out under a sharp edge).
+    out: (force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative; per point traction (ne, nq, 3), gap,
+    status, excess (ne, nq) = trial over Coulomb limit minus one, and cover (ne, nq) = penalty over eps_n, below one where
+    the point slides out under a sharp edge).
     """
     a, area, axes = points[1], points[2], tool[3]
     eps_n, eps_t, body, friction, touch = law
-    force, tangent, arm, tractions, gap, status, excesses, cover = out
+    force, tangent, tractions, gap, status, excesses, cover = out
     scratch, D = _scratch(), np.empty((3, 3))
     H, dcover = scratch[3:]
     ne, nq, k = a.shape
@@ -107,7 +107,6 @@ def contact_elements(
         force[e] = 0.0
         if want_tangent:
             tangent[e] = 0.0
-            arm[e] = 0.0
         for q in range(nq):
             g, x, n, share = _meet(e, q, points, tool, scratch)
             eps, by_cover = _edge_penalty(eps_n[e], body[e], share)
@@ -132,7 +131,7 @@ def contact_elements(
                 )
                 for i in range(3):
                     D[i, 0], D[i, 1], D[i, 2] = _to_world(axes, of_three(row(axes, i), rows[0], rows[1], rows[2]))
-                _scatter_tangent(a, area, e, q, D, tangent, arm)
+                _scatter_tangent(a, area, e, q, D, tangent)
 
 
 @njit(cache=True)
@@ -152,13 +151,12 @@ def _rate_row(by_g: float, by_eps: float, by_n: Vector, by_w: Vector, n: Vector,
 
 
 @njit(cache=True)
-def _scatter_tangent(a: Floats, area: Floats, e: int, q: int, D: Floats, tangent: Floats, arm: Floats) -> None:
+def _scatter_tangent(a: Floats, area: Floats, e: int, q: int, D: Floats, tangent: Floats) -> None:
     k = a.shape[2]
     for i in range(k):
         w = a[e, q, i] * area[e, q]
         for c in range(3):
             for d in range(3):
-                arm[e, i, c, d] += w * D[c, d]
                 for j in range(k):
                     tangent[e, 3 * i + c, 3 * j + d] += w * a[e, q, j] * D[c, d]
 

@@ -17,8 +17,8 @@ EASY = 6  # tangents up to which it was easy
 MOTIONS = 60  # at most
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
 
-# displacement, q, t, force scale and the terms' histories of an accepted state
-Kept = tuple[Floats, Floats, float, float, list[dict[str, Array]]]
+# displacement, q, t, poses that rotations are counted from, force scale and the terms' histories of an accepted state
+Kept = tuple[Floats, Floats, float, tuple[Floats, Floats], float, list[dict[str, Array]]]
 
 
 def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
@@ -108,12 +108,14 @@ def _damping(system: System) -> Damping:
 
 def _keep(system: System) -> Kept:
     u, q, t = system.accepted[-1]
-    return u.copy(), q.copy(), t, system.force_scale, [term.history() for term in system.terms]
+    poses = system.state.poses.counted.copy(), system.state.poses.turns.copy()
+    return u.copy(), q.copy(), t, poses, system.force_scale, [term.history() for term in system.terms]
 
 
 def _restore(system: System, kept: Kept) -> None:
-    u, q, t, scale, histories = kept
+    u, q, t, poses, scale, histories = kept
     _damping(system).share = 0.0
     system.state.u.x.array[:] = u
+    system.state.poses.resume(*poses)
     system.resume(q, t, histories)
     system.force_scale = scale
