@@ -359,7 +359,7 @@ def rigid_elements(system, points):
     at = tuple(many(a) for a in (x, s.a, s.area, s.spacing))
     law = (*(many(a) for a in (law.eps_n, law.eps_t, s.stiffness)), law.friction, 0.0)
     (ne, nq, k), points = s.a.shape, s.area.shape
-    out = [np.empty((ne, k, 3)), np.empty((ne, 3 * k, 3 * k)), np.empty((ne, k, 3, 3)), np.empty((ne, nq, 3))]
+    out = [np.empty((ne, k, 3)), np.empty((ne, 3 * k, 3 * k)), np.empty((ne, nq, 3))]
     out += [np.empty(points), np.empty(points, dtype=np.int32), np.empty(points), np.empty(points)]
     out, history = tuple(many(a) for a in out), (many(term.trial.history.anchors[0]), many(term.trial.history.shift))
     place = (tool.kind, tool.shape, tool.origin, tool.axes, np.zeros(3))

@@ -46,8 +46,8 @@ class Probe:
 
         run.build = watched
 
-    def __call__(self, state):
-        system = self.system
+    def __call__(self, view):
+        system, state = self.system, self.system.state
         total, loads = ghosted_vector(system.space), np.zeros(3)
         tools, size = np.zeros_like(system.tool_residual), 0.0
         for term in system.terms:

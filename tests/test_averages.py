@@ -137,9 +137,12 @@ def test_what_slips_goes_on_from_the_traction_it_had(whole):
 
 
 # ---- Newton's method
+DEPTH = 0.125  # of a layer [mm]
+
+
 def ironed(press, draw, **contact):
     """The ironing of demos/ironing.py, pressed and drawn by 0.5 mm."""
-    mesh = read_gmsh(mesh_script.build, depth=ironing.DEPTH, **ironing.QUICK)
+    mesh = read_gmsh(mesh_script.build, depth=DEPTH, **ironing.QUICK)
     block, indenter = from_elastic(ironing.BLOCK, ironing.NU), from_elastic(ironing.INDENTER, ironing.NU)
     scene = Scene(Body(mesh, "foundation", block), Body(mesh, "indenter", indenter))
     scene.fix("foundation_bottom")

@@ -8,6 +8,7 @@ from test_elements import draw_tetrahedra
 from vtu_files import read_pvd, read_vtu
 
 from fenics_contact import Body, Scene, Units, compat, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.fields import Fields, surfaces_of
 from fenics_contact.output.series import FieldFiles, file_names
 from fenics_contact.output.vtu import GridFile
@@ -69,12 +70,17 @@ def example(scene):
     return {"u": u, "force <a&b>": force, "pressure": pressure, "part": part, "stress": stress, "J": J}
 
 
+def travelled(ways):
+    """Poses of tools that have gone these ways (tools, 3) without turning."""
+    return [Pose(np.zeros(3), np.array(way), np.eye(3), np.eye(3), 1.0) for way in ways]
+
+
 def written(scene, folder, steps=(0,), last=0):
     folder.mkdir(exist_ok=True)
     files = FieldFiles(folder, scene, last)
     travel = np.array([[0.0, 0.0, -0.5], [0.25, 0.0, 0.0]])
     for step in steps:
-        files.write(step, example(scene), step * travel, 0.5 * step, 0.1 * step)
+        files.write(step, example(scene), travelled(step * travel), 0.5 * step, 0.1 * step)
     scene.mesh.comm.Barrier()
     return read_vtu(folder / "steps" / f"{steps[0]:06d}.vtu")
 
@@ -143,7 +149,7 @@ def test_one_order_on_any_number_of_ranks(folder, kind, degree):
 def test_bodies_by_number_and_name(folder):
     mesh = read_gmsh(two_blocks.build)
     scene = Scene(Body(mesh, "upper", neo_hooke(1.0, 5.0)), Body(mesh, "lower", neo_hooke(1.0, 5.0)))
-    FieldFiles(folder, scene).write(0, {"u": compat.Function(scene.space)}, np.zeros((0, 3)), 0.0, 0.0)
+    FieldFiles(folder, scene).write(0, {"u": compat.Function(scene.space)}, [], 0.0, 0.0)
     COMM.Barrier()
     grid = read_vtu(folder / "steps" / "000000.vtu")
     assert (grid["FieldData"]["body_upper"], grid["FieldData"]["body_lower"]) == (0, 1)
@@ -190,7 +196,8 @@ def test_what_is_drawn_of_an_endless_tool_stays_on_it(folder):
     files = FieldFiles(folder, scene)
     for step, way in enumerate((0.0, 0.5, 0.9, 12.0)):
         u.x.array.reshape(-1, 3)[:] = [0.0, way, -0.5 * way]
-        files.write(step, {"u": u}, np.array([[0.0, 0.0, -0.5], [0.0, way if step == 2 else 0.0, 0.0]]), 1.0, step)
+        poses = travelled([[0.0, 0.0, -0.5], [0.0, way if step == 2 else 0.0, 0.0]])
+        files.write(step, {"u": u}, poses, 1.0, step)
     COMM.Barrier()
     wall = [read_vtu(folder / "tools" / f"wall_{step:06d}.vtu")["Points"]["Points"] for step in range(4)]
     np.testing.assert_allclose(wall[1], wall[0], atol=ROUND)

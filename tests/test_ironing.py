@@ -10,18 +10,17 @@ from meshes import ironing as mesh_script
 
 def pressed_and_drawn(**penalty):
     """Vertical force [N/mm] when pressed by 1 mm and when drawn by 0.25 mm."""
-    mesh = read_gmsh(mesh_script.build, depth=ironing.DEPTH)
+    mesh = read_gmsh(mesh_script.build)
     block, indenter = from_elastic(ironing.BLOCK, ironing.NU), from_elastic(ironing.INDENTER, ironing.NU)
-    scene = Scene(Body(mesh, "foundation", block), Body(mesh, "indenter", indenter))
+    scene = Scene(Body(mesh, "foundation", block), Body(mesh, "indenter", indenter), plane="strain")
     scene.fix("foundation_bottom")
-    scene.fix("ends", "y")
     scene.prescribe("indenter_top", "x", ironing.path([0, 0, ironing.DRAW, ironing.DRAW]))
-    scene.prescribe("indenter_top", "z", ironing.path([0, -ironing.PRESS, -ironing.PRESS, 0]))
+    scene.prescribe("indenter_top", "y", ironing.path([0, -ironing.PRESS, -ironing.PRESS, 0]))
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), ironing.FRICTION, name="c", **penalty)
     times = np.array([*np.linspace(0.1, 1.0, 10), 1.0125, 1.025]) / 3
     result = solve(scene, steps=times, progress=False)
     assert result.converged, result.verdict.reason
-    force = -result.column("c_force_z_N") / ironing.DEPTH
+    force = -result.column("c_force_y_N")
     return np.interp(np.array([1.0, 1.025]) / 3, result.column("t"), force)
 
 

@@ -504,7 +504,7 @@ def test_moments_are_about_the_tool():
 @pytest.mark.serial
 def test_every_column_is_documented():
     """docs/results.md has a row for each column a run may have, and for no other."""
-    names = Columns(["{tool}"], {"{contact}": True}, ["{group}"], Units(), ["{tool}"], ["{tool}"]).all()
+    names = Columns(["{tool}"], {"{contact}": True}, ["{group}"], Units(), turning=["{tool}"], tied=["{tool}"]).all()
     braced = {plain_name(name): name for name in ("{tool}", "{contact}", "{group}")}
     found = {re.sub(r"_[xyz](?=_)", "_{axis}", name) for name in names}
     found = {re.sub(r"^(tool|contact|group)(?=_)", lambda m: braced[m[0]], name) for name in found}
