@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test suite suite-once suite-ranks test-rounding nightly bench study lint setup test-debian13 test-newest
+.PHONY: demo test suite suite-beside suite-ranks test-rounding nightly bench study lint setup test-debian13 test-newest
 setup: fenics_contact/kernels/__pycache__/fresh
 	@bash .ci/setup
 
@@ -27,15 +27,15 @@ suite: setup
 	@$(ENV) python3 -m pytest -n 2
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
 
-# Each test once: those that run on several processes on two, the others on one
-suite-once: setup
+# What another release could trip over: all that runs on one process, and on two what its communicators, what is freed and
+# when, files and restarts decide
+suite-beside: setup
 	@$(ENV) python3 -m pytest -n 2 -m "not parallel"
-	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
+	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_surfaces_on_ranks.py tests/test_output.py tests/test_field_files.py tests/test_plane.py"
 
-# What two processes of the newest release could trip over: communicators, what is freed and when, files, restarts
+FILES := tests/test_faults.py tests/test_restart.py tests/test_steppers.py
 suite-ranks: setup
-	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no tests/test_faults.py tests/test_restart.py \
-	  tests/test_steppers.py tests/test_surfaces_on_ranks.py tests/test_output.py tests/test_field_files.py tests/test_plane.py
+	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no $(FILES)
 
 # What could hinge on the last bits, with the plain kernels that OpenBLAS falls back to on CPUs it does not know
 test-rounding: setup
