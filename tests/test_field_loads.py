@@ -12,8 +12,6 @@ from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.scene.fingerprint import statement
 from meshes import box, tubes
 
-pytestmark = pytest.mark.parallel
-
 MU, K, NAN = 1.0, 5.0, float("nan")
 RUBBER = neo_hooke(MU, K)
 ELEMENTS = [{}, {"degree": 2, "element": "mixed"}]
@@ -75,6 +73,7 @@ def bent(mesh, moment, **options):
     return scene
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("options", ELEMENTS, ids=NAMES)
 def test_a_moment_that_stays_while_its_surface_turns(block, options):
     """The support takes the opposite, about any point, and no force, after the end has turned by some tens of degrees."""
@@ -176,6 +175,7 @@ def test_a_spin_at_large_strain_has_an_exact_tangent_and_a_potential(block):
     state.u.x.array[:] = u
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize(("options", "of_F"), [({}, False), (ELEMENTS[1], False), ({}, True)], ids=[*NAMES, "law of F"])
 def test_free_swelling(block, options, of_F):
     """Stretches are the cube root of the ratio in all directions, without stress or energy."""
@@ -255,6 +255,7 @@ def test_an_interference_fit():
     assert abs(fine) < 0.01 and 3.0 < coarse / fine < 5.0  # chords: second order
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("along", [{}, {"direction": (1.0, 0.0, 0.0)}, {"normal": True}], ids=["all", "direction", "normal"])
 def test_springs_to_the_ground(block, along):
     """F = k u of the mean place of their surface, for a body of any stiffness that they alone hold; work and energy."""
@@ -277,6 +278,7 @@ def test_springs_to_the_ground(block, along):
     refused(without.system, "nothing holds body 'box' along x")
 
 
+@pytest.mark.parallel
 def test_a_run_of_all_these_is_resumed(block, tmp_path):
     from mpi4py import MPI
 
@@ -310,6 +312,7 @@ def test_they_are_part_of_the_statement(block):
     assert all(said[0] != other for other in said[1:])
 
 
+@pytest.mark.parallel
 def test_bad_loads(block):
     def scene():
         return symmetric(block, RUBBER)

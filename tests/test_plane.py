@@ -65,7 +65,6 @@ def drag(t):
 
 
 # -- the digits of a layer ------------------------------------------------------------------------------------------------
-@pytest.mark.parallel
 @pytest.mark.parametrize(
     "degree, element, K", [(1, "displacement", 20.0), (1, "mixed", 200.0), (2, "mixed", 200.0), (2, "displacement", 20.0)]
 )

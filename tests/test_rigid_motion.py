@@ -197,7 +197,6 @@ def test_a_turned_scene_gives_turned_forces():
     np.testing.assert_allclose(here.column("cylinder_angle_y_rad")[-1], 0.54, atol=1e-12)
 
 
-@pytest.mark.parallel
 def test_a_stuck_block_turns_with_its_plates():
     """By more than a whole turn about an axis off its middle: forces turn with it and are else as they were."""
     mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(1, 1, 1), origin=(-1.0, -1.0, 0.0))
@@ -274,7 +273,6 @@ def test_a_roller_rolls_freely_without_torque():
     assert abs(rate - 1.0) < 0.05  # it rolls on a surface that is stretched by some percent
 
 
-@pytest.mark.parallel
 def test_a_ball_pressed_and_twisted_sticks_in_the_middle():
     """By a moment of half the full one: a ring slips around a core that sticks; at last torque = mu * integral p r dA."""
     ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
@@ -349,7 +347,6 @@ def test_a_meshed_ball_is_twisted(points):
     assert (audit := result.audit()).right, audit
 
 
-@pytest.mark.parallel
 def test_what_penalties_cost_an_angle():
     """A plate pushed off its middle: how much it would tilt with penalties without bound, against a hundred times them."""
     tilts, change = [], 0.0
@@ -461,7 +458,6 @@ def test_a_body_on_a_hub_turns_without_force():
     assert abs(result.column("hub_angle_y_rad")[-1] - 12.0) < 1e-12
 
 
-@pytest.mark.parallel
 def test_a_block_pushed_up_an_incline():
     """Weight G on its hub, pushed by a horizontal F: F/G = (tan a + mu) / (1 - mu tan a) up, and down the other way."""
     slope, mu, ratios = np.radians(20.0), 0.3, []
@@ -480,7 +476,6 @@ def test_a_block_pushed_up_an_incline():
     np.testing.assert_allclose(ratios, exact, atol=1e-6)
 
 
-@pytest.mark.parallel
 def test_a_wheel_rolls_freely():
     """A rubber tread tied to a roller that is pressed by a force, carried along, and free to turn: no torque."""
     floor, hub = rigid_plane(name="floor"), rigid_hub("hub", (0, 0, 4.0))
@@ -497,7 +492,6 @@ def test_a_wheel_rolls_freely():
     assert result.audit().right
 
 
-@pytest.mark.parallel
 def test_arc_length_turns_a_hub():
     """Twisted by a growing moment and pulled by a force, along the arc as by load steps to the same loads."""
     hub = rigid_hub("hub", (0, 0, 1.0))
