@@ -332,7 +332,6 @@ def test_arc_length_turns_a_shaft():
         np.testing.assert_allclose(along.column(name), there.column(name), rtol=1e-6)
 
 
-@pytest.mark.parallel
 @pytest.mark.parametrize("points", ["averages", 2])
 def test_a_meshed_ball_is_twisted(points):
     """By a moment: the contact's is its opposite, and forces, torques and rates are right on any number of ranks."""
