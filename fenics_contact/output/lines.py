@@ -71,7 +71,8 @@ def _plane(surface: SlaveNodes, cut: Mapping[str, float] | None) -> tuple[int, f
     wide = np.max(comm.allgather(np.maximum(inside, thinnest)), axis=0) > ON_PLANE * size
     wide |= high - low <= ON_PLANE * size
     if wide.all():
-        letter, middle = AXES[int(np.argmin(np.where(high > low, high - low, np.inf)))], 0.5 * (low + high)
+        letter = AXES[int(np.argmin(np.where(high - low > ON_PLANE * size, high - low, np.inf)))]
+        middle = 0.5 * (low + high)
         raise SceneError(
             f"contact '{surface.contact.name}': its slave surface is more than one facet wide, no line; give the plane that "
             f'cuts it, cut={{"{letter}": {middle[AXES.index(letter)]:.6g}}} for instance'
