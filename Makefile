@@ -31,7 +31,7 @@ suite: setup
 # when, files and restarts decide
 suite-beside: setup
 	@$(ENV) python3 -m pytest -n 2 -m "not parallel"
-	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_surfaces_on_ranks.py tests/test_output.py tests/test_field_files.py tests/test_plane.py"
+	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_plane.py"
 
 FILES := tests/test_faults.py tests/test_restart.py tests/test_steppers.py
 suite-ranks: setup
