@@ -1,7 +1,8 @@
 """gmsh script or .msh file -> distributed mesh whose volumes and surfaces are known by name, or the facets of a tool."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import gmsh
 import numpy as np
@@ -12,6 +13,8 @@ from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import Source, known_group
 from fenics_contact.meetings import Meeting, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
+
+Taken = TypeVar("Taken")
 
 
 @dataclass
@@ -138,19 +141,7 @@ def read_surface(
     source as for read_gmsh, no volume is needed; a triangle repeats its third node. Raises ValueError, on all ranks, for a
     failing script, an unknown group, a surface without facets, and facets with nodes on their edges.
     """
-    found, failure = None, None
-    if comm.rank == 0:
-        try:
-            gmsh_model.draw(source, parameters)
-            found = _facets(group)
-        except (Exception, SystemExit) as error:
-            failure = _refusal(source, error)
-        finally:
-            gmsh_model.close()
-    failure, found = comm.bcast((failure, found))
-    if failure:
-        raise ValueError(failure)
-    return found
+    return _drawn(source, parameters, comm, lambda: _facets(group))
 
 
 def read_curve(
@@ -161,11 +152,16 @@ def read_curve(
     source as for read_gmsh; of a curve around a surface the surface lies on the left. Raises ValueError, on all ranks, for a
     failing script, an unknown group, a curve without sides, sides of order 2 and places off the plane.
     """
+    return _drawn(source, parameters, comm, lambda: _sides(group))
+
+
+def _drawn(source: Source, parameters: dict[str, Any], comm: MPI.Comm, take: Callable[[], Taken]) -> Taken:
+    """What `take` gives of the model that rank 0 draws, on every rank; ValueError, on all ranks, where either fails."""
     found, failure = None, None
     if comm.rank == 0:
         try:
             gmsh_model.draw(source, parameters)
-            found = _sides(group)
+            found = take()
         except (Exception, SystemExit) as error:
             failure = _refusal(source, error)
         finally:

@@ -8,6 +8,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.exchange import lasting
 from fenics_contact.assembly.facet_points import skin_of
+from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.term import FormTerm, State
 from fenics_contact.types import Floats, Ints, Ints64, Space
 
@@ -64,16 +65,8 @@ class Moment(FormTerm):
         turned -= np.einsum("jc,d->jcd", r, a)
         rate = -np.einsum("cd,j,jde->jce", inverse, w, turned)
         mine = np.arange(len(w))[self._mine]
-        values = -np.einsum("icd,jde->ijce", _cross(r[mine]), rate) - _cross(a[None])[0] * (w / w.sum())[None, :, None, None]
-        values[np.arange(len(mine)), mine] += _cross(a[None])[0]
+        values = -np.einsum("icd,jde->ijce", skew(r[mine]), rate) - skew(a) * (w / w.sum())[None, :, None, None]
+        values[np.arange(len(mine)), mine] += skew(a)
         values *= -w[mine, None, None, None]
         rows, columns = np.repeat(self._blocks[mine], len(w)), np.tile(self._blocks, len(mine))
         return Blocks(pairs=(rows, columns, np.ascontiguousarray(values.reshape(-1, 3, 3))))
-
-
-def _cross(v: Floats) -> Floats:
-    """Matrices (n, 3, 3) of the cross products v x of vectors (n, 3)."""
-    out = np.zeros((len(v), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[:, j, i], out[:, i, j] = v[:, k], -v[:, k]
-    return out

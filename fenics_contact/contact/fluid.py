@@ -11,6 +11,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, ToolBlocks
 from fenics_contact.assembly.facet_points import Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import ContactTerm, FormTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
@@ -212,20 +213,15 @@ def _rates(skin: Skin, x: Floats, factors: Floats) -> Blocks:
     """Element matrices of factors (n, 3, 3) times the rates of the nodes' area vectors, where nodes are at x (n, 3)."""
     first, second = _tangents(skin, x[skin.nodes])
     # d(x_1 x x_2) = x_1 x dx_2 - x_2 x dx_1
-    turns = -np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 0], _cross(second))
+    turns = -np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 0], skew(second))
     if skin.section is None:
-        turns += np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 1], _cross(first))
+        turns += np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 1], skew(first))
     elif skin.section.axisymmetric:  # the way round grows with x
         turns[..., 0] += 2.0 * np.pi * np.einsum("eqk,eqa->eqka", skin.N, np.cross(first, ACROSS))
     rates = np.einsum("eq,eqi,eqkab->eiakb", _weights(skin), skin.N, turns)
     matrices = np.einsum("eica,eiakb->eickb", factors[skin.nodes], rates)
     k = 3 * skin.nodes.shape[1]
     return Blocks(cells=(skin.nodes, np.ascontiguousarray(matrices.reshape(-1, k, k))))
-
-
-def _cross(v: Floats) -> Floats:
-    """Matrices (..., 3, 3) of v x."""
-    return np.cross(v[..., None, :], np.eye(3)[:, :], axis=-1).swapaxes(-1, -2)
 
 
 def _scaled(blocks: Blocks, lifted: Floats, known: tuple[Ints64, Floats]) -> Blocks:

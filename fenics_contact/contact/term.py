@@ -89,17 +89,21 @@ class Contact:
     # -- evaluation -----------------------------------------------------------------------------------------------
     def response(self, state: State, trial: Trial | None = None) -> Response:
         """What the points do at a state; trial: by default the present one."""
+        return self._evaluated(state, trial)[1]
+
+    def _evaluated(self, state: State, trial: Trial | None) -> tuple[Any, Response]:
+        """The points' feet at a state and what they do there."""
         trial = trial or self.trial
         feet = self.partner.feet(state)
         last = self._last
         if last is None or last[0] is not feet or last[1] is not trial:
             with self.timers("contact kernel"):
                 last = self._last = feet, trial, self.partner.response(feet, trial)
-        return last[2]
+        return feet, last[2]
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Trial | None = None) -> None:
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
-        feet, response = self.partner.feet(state), self.response(state, trial)
+        feet, response = self._evaluated(state, trial)
         with self.timers("insertion"):
             self.partner.add_forces(feet, response, residual, tool_residual)
 
