@@ -82,9 +82,10 @@ def samples_for(size: float, master: float) -> int:
 
 def sampled(m: int, count: int, across: int = 0) -> tuple[Floats, Floats, Floats, Floats]:
     """Places (nq, 2), weights (nq,), shape functions (nq, m) and gradients (nq, 2, m) of facets with m corners, which run
-    counter-clockwise: at count Gauss points along the first side and `across` it, or with 0 at the corners."""
+    counter-clockwise: at count Gauss points along the first side and across it (0: as many), or at the corners."""
     if m == 4:
-        (s, w), (t, v) = (basix.make_quadrature(basix.CellType.interval, 2 * max(n, 1) - 1) for n in (count, across))
+        along = (max(count, 1), max(across or count, 1))
+        (s, w), (t, v) = (basix.make_quadrature(basix.CellType.interval, 2 * n - 1) for n in along)
         s, w = 2.0 * np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2) - 1.0, 4.0 * np.outer(w, v).ravel()
         ring = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         s = s if count else ring
