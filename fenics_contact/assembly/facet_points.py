@@ -1,6 +1,7 @@
 """Points on the exterior facets of a group: shape functions, their gradients and areas; and the skin made of them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import basix
 import numpy as np
@@ -11,6 +12,7 @@ from fenics_contact.types import Floats, Ints, Mesh, Space
 
 # a facet's corners one after the other around it; dolfinx numbers quadrilaterals like a grid
 RINGS = {"hexahedron": [0, 1, 3, 2], "tetrahedron": [0, 1, 2], "quadrilateral": [0, 1], "triangle": [0, 1]}
+ACROSS = np.array([0.0, 0.0, 1.0])  # a plane mesh
 
 
 @dataclass(frozen=True)
@@ -34,14 +36,21 @@ class Skin:
 
     def current_area(self, x: Floats) -> Floats:
         """Areas (ne, nq) of the points where the nodes (ne, k, 3) are at x [length]."""
-        return self.area * self._stretched(x) / self._stretched(self.X)
+        return self.weights * np.linalg.norm(np.cross(*self.tangents(x)), axis=-1)
 
-    def _stretched(self, x: Floats) -> Floats:
-        if self.section is not None:
-            along = np.linalg.norm(np.einsum("eqk,ekc->eqc", self.slopes[:, :, 0], x), axis=-1)
-            return along * self.section.depth(np.einsum("eqk,ekc->eqc", self.N, x))
-        first, second = np.einsum("eqtk,ekc->teqc", self.slopes, x)
-        return np.linalg.norm(np.cross(first, second), axis=-1)
+    @cached_property
+    def weights(self) -> Floats:
+        """(ne, nq): quadrature weights of the cross product of the tangents."""
+        return self.area / np.linalg.norm(np.cross(*self.tangents(self.X)), axis=-1)
+
+    def tangents(self, x: Floats) -> tuple[Floats, Floats]:
+        """Tangents (ne, nq, 3) in the points where the nodes (ne, k, 3) are at x; the second one across a plane, as long as
+        the bodies are deep."""
+        if self.section is None:
+            first, second = np.einsum("eqtk,ekc->teqc", self.slopes, x)
+            return first, second
+        depth = self.section.depth(np.einsum("eqk,ekc->eqc", self.N, x))
+        return np.einsum("eqk,ekc->eqc", self.slopes[:, :, 0], x), depth[..., None] * ACROSS
 
 
 def skin_of(space: Space, facets: Ints, section: Section | None = None) -> Skin:
@@ -125,5 +134,5 @@ def _side_quadrature(
 
 
 def geometry_degree(mesh: Mesh) -> int:
-    corners = {"hexahedron": 8, "tetrahedron": 4, "quadrilateral": 4, "triangle": 3}[compat.cell_name(mesh)]
+    corners = len(basix.geometry(getattr(basix.CellType, compat.cell_name(mesh))))
     return 1 if compat.geometry_dofmap(mesh).shape[1] == corners else 2

@@ -345,7 +345,7 @@ class System:
     def _extend_border(self, border: Border) -> None:
         """Let tools carry along what is tied to them. Collective."""
         forces, state = np.zeros_like(self.state.u.x.array), self.state
-        forces[self.supports.dofs] = self.reactions
+        self.supports.put(forces, self.reactions)
         self.supports.ties.extend(border, self.matrix, state.poses, state.q, self.tools.free, forces)
 
     def _provide_couplings(self) -> None:

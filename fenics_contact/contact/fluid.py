@@ -9,14 +9,12 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, ToolBlocks
-from fenics_contact.assembly.facet_points import Skin, skin_of
+from fenics_contact.assembly.facet_points import ACROSS, Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import ContactTerm, FormTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
-
-ACROSS = np.array([0.0, 0.0, 1.0])
 
 
 class Fluid(FormTerm):
@@ -79,9 +77,9 @@ class Fluid(FormTerm):
 
     def _areas(self, skin: Skin, x: Floats) -> Floats:
         """Present area vectors (n, 3) of a skin at the local nodes [length^2]. Collective."""
-        first, second = _tangents(skin, x[skin.nodes])
+        first, second = skin.tangents(x[skin.nodes])
         out = np.zeros_like(x)
-        np.add.at(out, skin.nodes, np.einsum("eq,eqk,eqc->ekc", _weights(skin), skin.N, np.cross(first, second)))
+        np.add.at(out, skin.nodes, np.einsum("eq,eqk,eqc->ekc", skin.weights, skin.N, np.cross(first, second)))
         return self._summed(out)
 
     def _contact_forces(self, state: State) -> Floats:
@@ -193,32 +191,16 @@ class Fluid(FormTerm):
             self.reached = self._accepted = self._anywhere(marks)
 
 
-def _tangents(skin: Skin, x: Floats) -> tuple[Floats, Floats]:
-    """Tangents (ne, nq, 3) in the points where the nodes are at x (ne, k, 3); the second one across a plane, as long as the
-    bodies are deep."""
-    if skin.section is None:
-        first, second = np.einsum("eqtk,ekc->teqc", skin.slopes, x)
-        return first, second
-    depth = skin.section.depth(np.einsum("eqk,ekc->eqc", skin.N, x))
-    return np.einsum("eqk,ekc->eqc", skin.slopes[:, :, 0], x), depth[..., None] * ACROSS
-
-
-def _weights(skin: Skin) -> Floats:
-    """(ne, nq): quadrature weights of the cross product of the slopes."""
-    first, second = _tangents(skin, skin.X)
-    return skin.area / np.linalg.norm(np.cross(first, second), axis=-1)
-
-
 def _rates(skin: Skin, x: Floats, factors: Floats) -> Blocks:
     """Element matrices of factors (n, 3, 3) times the rates of the nodes' area vectors, where nodes are at x (n, 3)."""
-    first, second = _tangents(skin, x[skin.nodes])
+    first, second = skin.tangents(x[skin.nodes])
     # d(x_1 x x_2) = x_1 x dx_2 - x_2 x dx_1
     turns = -np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 0], skew(second))
     if skin.section is None:
         turns += np.einsum("eqk,eqab->eqkab", skin.slopes[:, :, 1], skew(first))
     elif skin.section.axisymmetric:  # the way round grows with x
         turns[..., 0] += 2.0 * np.pi * np.einsum("eqk,eqa->eqka", skin.N, np.cross(first, ACROSS))
-    rates = np.einsum("eq,eqi,eqkab->eiakb", _weights(skin), skin.N, turns)
+    rates = np.einsum("eq,eqi,eqkab->eiakb", skin.weights, skin.N, turns)
     matrices = np.einsum("eica,eiakb->eickb", factors[skin.nodes], rates)
     k = 3 * skin.nodes.shape[1]
     return Blocks(cells=(skin.nodes, np.ascontiguousarray(matrices.reshape(-1, k, k))))

@@ -115,9 +115,8 @@ class EnergyBalance:
         forces = -vector.array
         vector.destroy()
         reactions = np.zeros_like(forces)
-        system.supports.put(
-            reactions, np.where(system.supports.tied, 0.0, system.reactions)
-        )  # what tools hold is their work
+        # what tools hold is their work
+        system.supports.put(reactions, np.where(system.supports.tied, 0.0, system.reactions))
         forces += reactions
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
         wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)

@@ -16,7 +16,7 @@ from fenics_contact.output.vtu import (
     TRIANGLE_6,
     GridFile,
 )
-from fenics_contact.types import Array, Floats, Function, Ints, Ints64, Space
+from fenics_contact.types import Array, Floats, Function, Ints64, Space
 
 TYPES = {
     "hexahedron": (HEXAHEDRON, HEXAHEDRON_27),
@@ -55,7 +55,7 @@ class Grid:
         corners = self._nodes_of_cells(compat.lagrange_space(mesh, 1, (3,)), 1)
         cells = corners if scene.degree == 1 else self._nodes_of_cells(space, scene.degree)
         self._nodal = _dofs(space)
-        self.body = self._gathered(1, _bodies(scene))
+        self.body = self._gathered(1, bodies_of_cells(scene))
         self.points = self._gathered(self._nodal, space.tabulate_dof_coordinates())
         self.file: GridFile | None = None
         self._between: list[tuple[Ints64, Ints64]] = []  # of degree 2: (nodes, corners they lie between), corners too
@@ -121,10 +121,10 @@ def _order(cell: str, degree: int) -> Ints64:
     return np.argmin(np.linalg.norm(places[:, None] - of_dofs, axis=2), axis=1)
 
 
-def _bodies(scene: Solved) -> Ints:
+def bodies_of_cells(scene: Solved) -> Ints64:
     """Number of its body for every local cell, -1 where it has none."""
     tags, index_map = scene.mesh.cell_tags, compat.cell_map(scene.mesh.domain)
-    out = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
+    out = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
     for number, body in enumerate(scene.bodies):
         out[tags.indices[tags.values == scene.mesh.volume_tag(body.group)]] = number
     return out

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.grid import bodies_of_cells
 from fenics_contact.output.names import plain_name
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.tool_surfaces import tool_surface
@@ -150,7 +151,7 @@ def skin(fields: Fields, chosen: Look) -> Skin | None:
     slaves = sorted({name for contact in shown for name in contact.slave})
     touching = _keys(*compat.cells_of_exterior_facets(mesh, scene.mesh.facets(*slaves))) if slaves else np.empty(0)
     cells, local = compat.cells_of_exterior_facets(mesh)
-    body, number = _bodies(scene), compat.original_cells(mesh).astype(np.int64)
+    body, number = bodies_of_cells(scene), compat.original_cells(mesh).astype(np.int64)
     low, high = extremes(mesh.comm, X)
     behind = np.zeros((4, 3))
     behind[[2, 3], 2] = -LAYER * float(np.max(high - low))  # a plane mesh is drawn as the face of a thin layer
@@ -188,15 +189,6 @@ def _inside_out(corners: Floats, middle: Floats) -> Bools:
 def normals(corners: Floats) -> Floats:
     """Normal times area (n, 3) of facets (n, 4, 3)."""
     return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-
-
-def _bodies(scene: Solved) -> Ints64:
-    """Number of the body that each local cell belongs to, -1 for none."""
-    tags, cells = scene.mesh.cell_tags, compat.cell_map(scene.mesh.domain)
-    found = np.full(cells.size_local + cells.num_ghosts, -1, dtype=np.int64)
-    for number, body in enumerate(scene.bodies):
-        found[tags.indices[tags.values == scene.mesh.volume_tag(body.group)]] = number
-    return found
 
 
 # -- tools --------------------------------------------------------------------------------------------------------------
