@@ -1,7 +1,7 @@
 """What a run gives back: its history, its verdict, its final state, and pictures of them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from fenics_contact.output.curves import history_figure, line_figure
 from fenics_contact.output.history import Summary
 from fenics_contact.output.lines import Along, Table, line, zones
 from fenics_contact.output.pictures import Drawing, picture_format, save
-from fenics_contact.output.plot import drawing, refuse_limits
+from fenics_contact.output.plot import drawing, refuse_backend, refuse_limits
 from fenics_contact.output.results import Results
 from fenics_contact.output.slave_nodes import SlaveNodes
 from fenics_contact.output.views import Angles
@@ -99,10 +99,20 @@ class Result:
         return self.measured.surfaces[names.index(contact)]
 
     # -- pictures -------------------------------------------------------------------------------------------------
-    def drawing(self, field: str | None = None, *, mirror: str = "", view: str | Angles | None = None) -> Drawing | None:
+    def drawing(
+        self,
+        field: str | None = None,
+        *,
+        mirror: str = "",
+        view: str | Angles | None = None,
+        backend: str | None = None,
+    ) -> Drawing | None:
         """What `plot` draws, for axes of one's own: `drawing.draw(axes)`. On rank 0; None on the others. Collective."""
+        refuse_backend(backend, self.system.comm)
         found = drawing(self.scene, self.system, field, mirror, view)
-        return found if found is None or self.converged else found.stopped_early()
+        if found is None:
+            return None
+        return replace(found if self.converged else found.stopped_early(), backend=backend)
 
     def plot(
         self,
@@ -113,6 +123,7 @@ class Result:
         view: str | Angles | None = None,
         limits: tuple[float, float] | None = None,
         title: str | None = None,
+        backend: str | None = None,
     ) -> Figure | None:
         """Picture of the final state: deformed bodies coloured by a field, with the tools.
 
@@ -121,13 +132,16 @@ class Result:
         "displacement_x", "_y", "_z", "von_mises", "stress_xx", "stress_xy", ..., "J". path: file to write, by its ending
         .png, .pdf or .svg; mirror: axes of symmetry planes behind which the model is drawn too, "x" or "xy"; view: "x",
         "y", "z" (along that axis) or (elevation, azimuth) in degrees, by default along the thin axis of a plane-strain
-        slice, else from where most of the field is seen; limits: of the colours, in the field's unit; title: by default t.
+        slice, else from where most of the field is seen; limits: of the colours, in the field's unit; title: by default t;
+        backend: "pyvista" or "matplotlib" paints models in space, by default the first where it is installed and draws
+        without a screen.
 
-        A Matplotlib Figure on rank 0, None on the others. Collective. SceneError for a field that the scene does not have,
-        a mirror without a plane of symmetry, limits that do not rise and an ending that is none, on all ranks.
+        A Matplotlib Figure on rank 0, None on the others. Collective. SceneError, on all ranks, for a field that the scene
+        does not have, a mirror without a plane of symmetry, limits that do not rise, an ending that is none and a backend
+        that does not work.
         """
         refuse_limits(limits)
-        found = self.drawing(field, mirror=mirror, view=view)
+        found = self.drawing(field, mirror=mirror, view=view, backend=backend)
         return self._figure(path, lambda: found.figure(limits, title) if found else Figure())
 
     def plot_history(

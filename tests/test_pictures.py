@@ -1,5 +1,7 @@
 """Pictures by what they hold, not by their pixels: facets, tools, view, colours, letters; on any number of ranks."""
 
+from itertools import pairwise
+
 import gmsh
 import numpy as np
 import pytest
@@ -30,6 +32,7 @@ from fenics_contact.output.curves import along_line, times, words
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.pictures import LETTERS, WIDTH
 from fenics_contact.output.plot import drawing
+from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import normals, symmetry_planes
 from fenics_contact.values import SceneError
 from meshes import box, punch_plate, two_blocks
@@ -88,7 +91,7 @@ def holds(figure):
 
 
 def test_pressure_under_a_punch(punched):
-    drawn, figure = punched.drawing(), punched.plot("contact_pressure")
+    drawn, figure = punched.drawing(), punched.plot("contact_pressure", backend="matplotlib")
     fields = Fields(punched.scene, punched.system)
     fields.update()
     highest = COMM.allreduce(float(np.nanmax(fields.contact_pressure.x.array)), op=MPI.MAX)
@@ -183,7 +186,46 @@ def test_wrong_wishes_are_refused_on_all_ranks(punched, tmp_path):
         refused("ending|ends in '.xyz'.*svg", lambda path=path: punched.plot(path=COMM.bcast(tmp_path) / path))
     refused("factors", lambda: punched.plot_history("t", "top_load_N", factors=(1, 2, 3)))
     assert not list(COMM.bcast(tmp_path).glob("a*"))
+    refused("backend = 'vtk'", lambda: punched.plot(backend="vtk"))
     refused("picture.*No such file", lambda: punched.plot(path=COMM.bcast(tmp_path) / "nowhere" / "a.png"))
+
+
+def colours_seen(figure, blocks=10):
+    """Mean colours (blocks, blocks, 3) of the parts of a figure's axes."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    box, image = figure.axes[0].get_window_extent(), np.asarray(canvas.buffer_rgba())[::-1, :, :3] / 255.0
+    rows, columns = (np.linspace(*ends, blocks + 1).astype(int) for ends in ((box.y0, box.y1), (box.x0, box.x1)))
+    return np.array([[image[i:j, k:m].mean(axis=(0, 1)) for k, m in pairwise(columns)] for i, j in pairwise(rows)])
+
+
+@pytest.mark.parametrize("name", ["contact_pressure", "status", "displacement_z"])
+def test_pyvista_paints_what_matplotlib_does(punched, name):
+    """The same places in the same colours."""
+    if not COMM.bcast(ROOT and pyvista_works()):
+        refused("it is not installed, or cannot draw here", lambda: punched.plot(name, backend="pyvista"))
+        pytest.skip("pyvista is not installed, or cannot draw here")
+    figures = [punched.plot(name, backend=backend) for backend in ("pyvista", "matplotlib")]
+    if not ROOT:
+        return
+    assert len(figures[0].axes[0].images) == 1 and not figures[1].axes[0].images
+    places = [(figure.axes[0].get_xlim(), figure.axes[0].get_ylim()) for figure in figures]
+    assert places[0] == places[1]
+    first, second = (colours_seen(figure) for figure in figures)
+    # a tool seen through takes 0.14 x (1 - 0.45) of the white behind it; Matplotlib's facets and pyvista's smooth colours
+    # have the same mean up to the facets that two parts share
+    assert np.abs(first - second).mean() < 0.01 and np.abs(first - second).max() < 0.07
+    assert (first < 0.5).any()  # neither is empty
+    holds(figures[0])
+
+
+def test_a_pyvista_that_cannot_draw_is_none(monkeypatch):
+    """Some builds of VTK abort where there is no display: that ends a trial's process, not this one."""
+    monkeypatch.setattr("fenics_contact.output.render.importlib.util.find_spec", lambda name: True)
+    monkeypatch.setattr("fenics_contact.output.render.TRIAL", "import os; os.abort()")
+    assert pyvista_works.__wrapped__() is False
+    monkeypatch.setattr("fenics_contact.output.render.TRIAL", "pass")
+    assert pyvista_works.__wrapped__() is True
 
 
 def test_a_slice_is_seen_along_its_thin_axis(rolled, tmp_path):
@@ -228,7 +270,7 @@ def test_what_is_a_slice(size, cells, held, axis):
 
 
 def test_a_status_map_has_a_legend_of_its_four_words(rolled, punched):
-    slice_map, whole = rolled.plot("status"), punched.plot("status", mirror="x")
+    slice_map, whole = rolled.plot("status"), punched.plot("status", mirror="x", backend="matplotlib")
     if not ROOT:
         return
     for figure in (slice_map, whole):

@@ -14,7 +14,7 @@ from fenics_contact.agreement import agreed
 from fenics_contact.assembly.system import System
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.pictures import Drawing
-from fenics_contact.output.plot import drawing, refuse_limits
+from fenics_contact.output.plot import drawing, refuse_backend, refuse_limits
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles
 from fenics_contact.values import SceneError, count
@@ -25,14 +25,21 @@ DOTS = 110  # per inch
 class Film:
     """Takes a drawing after every accepted step, or every n-th: solve(..., record={"frame": film}), then film.save("a.gif").
 
-    field, mirror, view as for `Result.plot`; its column in the history is the number of drawings so far. drawings: those of
-    this run, in the order of its steps, on rank 0; a drawing holds the bodies' surface, not the volume.
+    field, mirror, view, backend as for `Result.plot`; its column in the history is the number of drawings so far.
+    drawings: those of this run, in the order of its steps, on rank 0; a drawing holds the bodies' surface, not the volume.
     """
 
     def __init__(
-        self, field: str | None = None, *, mirror: str = "", view: str | Angles | None = None, every: int = 1
+        self,
+        field: str | None = None,
+        *,
+        mirror: str = "",
+        view: str | Angles | None = None,
+        every: int = 1,
+        backend: str | None = None,
     ) -> None:
         self.field, self.mirror, self.view, self.every = field, mirror, view, count(every, "Film: every")
+        self.backend = backend
         self.drawings: list[Drawing] = []
         self._steps = self._taken = 0
         self._fields: Fields | None = None
@@ -48,13 +55,14 @@ class Film:
         if (self._steps - 1) % self.every:
             return
         if self._fields is None or self._fields.system is not system:
+            refuse_backend(self.backend, system.comm)
             self._fields, self._comm = Fields(scene, system), system.comm
         self._fields.update()
         box = self.drawings[-1].box if self.drawings else None
         found = drawing(scene, system, self.field, self.mirror, self.view, self._fields, box)
         self._taken += 1
         if found is not None:
-            self.drawings.append(found)
+            self.drawings.append(replace(found, backend=self.backend))
 
     def save(self, path: str | PathLike[str], seconds: float = 0.15, limits: tuple[float, float] | None = None) -> None:
         """Write all drawings as an animated GIF, in one view and one range of colours; seconds: of each. Collective.

@@ -10,16 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from fenics_contact.output.colours import TOOL, Colours, shade
-from fenics_contact.output.skin import AXES, FLAT, Skin, normals, quarters
+from fenics_contact.output.colours import TOOL, Colours
+from fenics_contact.output.layers import cut_facets, facets, mean, seen_through, sharp_edges, unit
+from fenics_contact.output.render import pyvista_works, rendered
+from fenics_contact.output.skin import AXES, FLAT, Skin, normals
 from fenics_contact.output.views import View, slice_axis
 from fenics_contact.types import Array, Bools, Floats
 from fenics_contact.values import SceneError
 
 WIDTH, LETTERS = 6.3, 9.0  # inches (16 cm, a page's width), points
 TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
-SEE_THROUGH = 0.14  # opacity of tools, and of bodies that would hide the surface the field lives on
-SHARP = np.cos(np.radians(30.0))  # of the angle between a tool's facets from which on their edge is drawn
 BAND = 0.02  # of the picture's size: thickness of a tool's wall in a slice
 STRIPE = 0.008  # of the picture's size: thickness of the band of a contact field in a slice
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
@@ -27,7 +27,6 @@ MANY = 3000  # facets with a field beyond which each has one colour
 
 Box = tuple[Floats, Floats]  # least and largest places (2,)
 Neighbourhood = tuple[Floats, Floats]  # least and largest places (3,)
-Layer = tuple[Floats, Floats, Floats, Floats]  # corners (n, 4, 3), colours of faces and edges (n, 4), by which to sort (n,)
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,8 @@ class Drawing:
     """A model at one state, ready to draw on any axes.
 
     body: facets with the field; tools: tiles (n, 4, 3) of each [length]; hidden (bodies,): seen through, for the field is
-    behind them; length: the unit's name; box: in which tools are drawn.
+    behind them; length: the unit's name; box: in which tools are drawn; backend: "matplotlib" or "pyvista", which draws in
+    space alone, None: the latter where it works.
     """
 
     body: Skin
@@ -46,6 +46,7 @@ class Drawing:
     title: str
     length: str
     box: Neighbourhood
+    backend: str | None = None
 
     @property
     def is_slice(self) -> bool:
@@ -67,7 +68,7 @@ class Drawing:
             axes.set_xlabel(f"{AXES[first]} [{self.length}]")
             axes.set_ylabel(f"{AXES[second]} [{self.length}]")
         else:
-            _paint_space(axes, self, tint)
+            _paint_space(axes, self, tint, low, high)
             axes.set_axis_off()
             low = low - [0.0, _triad(axes, self.view, low, high, self.length)]
         axes.set_xlim(low[0], high[0]), axes.set_ylim(low[1], high[1])
@@ -132,87 +133,24 @@ def save(figure: Figure, path: str | Path, kind: str = "png") -> None:
 
 
 # -- in space -------------------------------------------------------------------------------------------------------------
-def _paint_space(axes: Any, drawing: Drawing, tint: Colours) -> None:
-    """All facets in one collection, the farthest first; of bodies that are not seen through those that face the eye."""
+def _paint_space(axes: Any, drawing: Drawing, tint: Colours, low: Floats, high: Floats) -> None:
+    """Of bodies that are not seen through the facets that face the eye, and what is seen through: by Matplotlib all in one
+    collection, the farthest first; by pyvista as an image of the places from low to high (2,)."""
     view, hidden = drawing.view, drawing.hidden[drawing.body.body]
     body = drawing.body.part(~hidden & (normals(drawing.body.x) @ view.towards > 0.0))
+    glass = [*drawing.tools, drawing.body.part(hidden).x]
+    if drawing.backend == "pyvista" or (drawing.backend is None and pyvista_works()):
+        axes.imshow(rendered(body, glass, view, tint, low, high), extent=np.column_stack([low, high]).ravel())
+        return
     coloured = np.isfinite(body.values).any(axis=1)
     fine = coloured & (tint.kind == "status" or np.count_nonzero(coloured) < MANY)
-    layers = [_facets(body.part(~fine), view, tint), _cut_facets(body.part(fine), view, tint)]
-    glass = [*drawing.tools, drawing.body.part(hidden).x]
-    layers += [part for tiles in glass for part in (_tiles(tiles, view), _edges(tiles, view))]
+    layers = [facets(body.part(~fine), view, tint), cut_facets(body.part(fine), view, tint)]
+    layers += [part for tiles in glass for part in (seen_through(tiles, view), sharp_edges(tiles, view))]
     corners, face, edge, place = (np.concatenate(column) for column in zip(*layers, strict=True))
     order = np.argsort(place, kind="stable")
     widths = np.where(face[:, 3] == 0.0, 0.5, 0.25)
     axes.add_collection(PolyCollection(view.flat(corners[order]), facecolors=face[order], edgecolors=edge[order],
                                        linewidths=widths[order]))  # fmt: skip
-
-
-def _facets(body: Skin, view: View, tint: Colours) -> Layer:
-    """Whole facets, each in the colour of its mean."""
-    bright = shade(normals(body.x) @ np.column_stack([view.right, view.up, view.towards]))
-    face = tint.of(_mean(body.values), bright)
-    return body.x, face, np.broadcast_to(np.array([0.0, 0.0, 0.0, 0.3]), face.shape), view.depth(body.x).mean(axis=1)
-
-
-def _cut_facets(body: Skin, view: View, tint: Colours) -> Layer:
-    """Facets in quarters, each in the colour of its own corner's part; then the facets' edges."""
-    values, cut = quarters(body.values), quarters(body.x)
-    face = tint.of(values[:, 0] if tint.kind == "status" else _mean(values))
-    corners, lines = np.concatenate([cut, body.x]), np.zeros((len(body.x), 4))
-    edges = np.concatenate([face, np.broadcast_to([0.0, 0.0, 0.0, 0.35], lines.shape)])  # of the same colour: no seams
-    return corners, np.concatenate([face, lines]), edges, np.concatenate([view.depth(cut).mean(axis=1), _over(body.x, view)])
-
-
-def _over(corners: Floats, view: View) -> Floats:
-    """Place of lines that lie over the quarters of the facets they bound, the nearest half-way to the nearest corner."""
-    depth = view.depth(corners)
-    return (
-        0.5 * (depth.mean(axis=1) + depth.max(axis=1, initial=-np.inf)) + 1e-3 * np.ptp(depth) if len(depth) else depth[:, 0]
-    )
-
-
-def _mean(values: Floats) -> Floats:
-    """Means (n,) over the corners of (n, 4) that have a value; NaN where none has."""
-    there = np.isfinite(values)
-    count = there.sum(axis=1)
-    return np.where(count > 0, np.where(there, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
-
-
-def _tiles(tiles: Floats, view: View) -> Layer:
-    """Facets to be seen through. Those that face away lie behind surfaces they touch, whose colours they leave alone."""
-    normal = normals(tiles)
-    face = np.column_stack([TOOL * shade(normal @ np.column_stack([view.right, view.up, view.towards]))[:, None],
-                            np.full(len(tiles), SEE_THROUGH)])  # fmt: skip
-    place = view.depth(tiles).mean(axis=1) - np.where(normal @ view.towards < 0.0, 0.5 * _side(tiles), 0.0)
-    return tiles, face, np.zeros_like(face), place
-
-
-def _edges(tiles: Floats, view: View) -> Layer:
-    """Edges at which a surface that is seen through ends or turns sharply, as facets without area, over what they touch."""
-    ends = np.stack([tiles, np.roll(tiles, -1, axis=1)], axis=2).reshape(-1, 2, 3)
-    normal = np.repeat(_unit(normals(tiles)), 4, axis=0)
-    there = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 0.0
-    ends, normal = ends[there], normal[there]
-    size = max(float(np.ptp(ends)) if len(ends) else 1.0, 1e-300)
-    spot = np.round(ends.mean(axis=1) / size * 1e6 + 0.123).astype(np.int64)
-    _, first, which, count = np.unique(spot, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    total = np.zeros((len(first), 3))
-    np.add.at(total, which.ravel(), normal)
-    # of two unit normals with the cosine c the sum is sqrt(2 + 2 c) long
-    sharp = (count == 1) | ((count == 2) & (np.linalg.norm(total, axis=1) < np.sqrt(2 + 2 * SHARP)))
-    chosen = ends[first[sharp]][:, [0, 1, 1, 0]]
-    lines = np.tile([*(0.7 * TOOL), 0.9], (len(chosen), 1))
-    return chosen, np.zeros((len(chosen), 4)), lines, view.depth(chosen).mean(axis=1) + _side(tiles)
-
-
-def _side(tiles: Floats) -> float:
-    """Side of the largest facet, if it were a square."""
-    return float(np.sqrt(np.linalg.norm(normals(tiles), axis=1).max(initial=0.0)))
-
-
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
 def _triad(axes: Any, view: View, low: Floats, high: Floats, unit: str) -> float:
@@ -240,7 +178,7 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
     near = view.depth(body.X) >= view.depth(body.X).max() - FLAT * np.ptp(body.X)
     side = body.part(near.all(axis=1))
     wall = body.part(~near.all(axis=1))
-    face = tint.of(_mean(side.values))
+    face = tint.of(mean(side.values))
     axes.add_collection(PolyCollection(view.flat(side.x), facecolors=face, edgecolors=(0, 0, 0, 0.22), linewidths=0.25))
     for tiles in drawing.tools:
         ends, normal = _section(tiles, drawing)
@@ -286,8 +224,8 @@ def _normals_at_ends(ends: Floats, normal: Floats) -> Floats:
     spot = np.round(ends.reshape(-1, 2) / max(float(np.ptp(ends)) if len(ends) else 1.0, 1e-300) * 1e6 + 0.123)
     _, which = np.unique(spot, axis=0, return_inverse=True)
     total = np.zeros((len(spot), 2))
-    np.add.at(total, which.ravel(), np.repeat(_unit(normal), 2, axis=0))
-    return _unit(total[which.ravel()]).reshape(ends.shape)
+    np.add.at(total, which.ravel(), np.repeat(unit(normal), 2, axis=0))
+    return unit(total[which.ravel()]).reshape(ends.shape)
 
 
 def _surface_lines(wall: Skin, near: Bools) -> tuple[Floats, Floats, Floats]:
@@ -313,7 +251,7 @@ def _section(tiles: Floats, drawing: Drawing) -> tuple[Floats, Floats]:
     first, second = np.argmax(crossed, axis=1), 2 - np.argmax(crossed[:, ::-1], axis=1)
     ends = np.stack([_crossing(triangles, height, edge) for edge in (first, second)], axis=1)
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return ends, _unit(normal - np.outer(normal @ view.towards, view.towards))
+    return ends, unit(normal - np.outer(normal @ view.towards, view.towards))
 
 
 def _crossing(triangles: Floats, height: Floats, edge: Array) -> Floats:

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact.assembly.system import System
 from fenics_contact.output.colours import colours
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.pictures import Drawing, Neighbourhood
+from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import AXES, look, mirrored, skin, symmetry_planes, tool_tiles
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles, choose, slice_axis
@@ -101,3 +103,14 @@ def _refuse(mirror: str, view: str | Angles | None, planes: dict[int, float]) ->
     angles = isinstance(view, tuple | list) and len(view) == 2 and np.all(np.isfinite(np.array(view, dtype=float)))
     if view is not None and not angles and view not in list(AXES):
         raise SceneError(f"view = {view!r}: give 'x', 'y', 'z' or (elevation, azimuth) in degrees")
+
+
+def refuse_backend(backend: str | None, comm: MPI.Comm) -> None:
+    """SceneError, on all ranks, for a backend that is unknown or does not work here. Collective."""
+    if backend not in (None, "matplotlib", "pyvista"):
+        raise SceneError(f"backend = {backend!r}: give 'matplotlib' or 'pyvista', or nothing for the latter where it works")
+    if backend == "pyvista" and not comm.bcast(comm.rank == 0 and pyvista_works()):
+        raise SceneError(
+            "backend = 'pyvista': it is not installed, or cannot draw here without a display; install python3-pyvista "
+            "(Debian 13, or pip's pyvista with a vtk of 9.4 or newer), start the run under xvfb-run, or leave backend out"
+        )
