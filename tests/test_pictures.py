@@ -1,10 +1,12 @@
 """Pictures by what they hold, not by their pixels: facets, tools, view, colours, letters; on any number of ranks."""
 
+import sys
 from itertools import pairwise
 
 import gmsh
 import numpy as np
 import pytest
+from matplotlib import rcParams
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -431,7 +433,20 @@ def test_pressure_along_a_line_leaves_out_what_is_not_there():
     np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 1.0], [1.0, 2.0], [2.0, 0.0]])
 
 
-def test_a_film_draws_the_steps_of_a_run(tmp_path):
+def ffmpeg(folder):
+    """A program that takes frames as ffmpeg does, and writes its arguments and their number of bytes for a film."""
+    program = folder / "ffmpeg"
+    program.write_text(f"""#!{sys.executable}
+import sys
+frames = sys.stdin.buffer.read() if len(sys.argv) > 2 else b""
+if frames:
+    open(sys.argv[-1], "w").write(" ".join([*sys.argv[1:-1], str(len(frames))]))
+""")
+    program.chmod(0o755)
+    return str(program)
+
+
+def test_a_film_draws_the_steps_of_a_run(tmp_path, monkeypatch):
     path = COMM.bcast(tmp_path) / "press.gif"
     mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(3, 3, 2))
     scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)))
@@ -450,6 +465,16 @@ def test_a_film_draws_the_steps_of_a_run(tmp_path):
     with Image.open(path) as picture:
         assert picture.n_frames == 4
     refused("animation.*No such file", lambda: film.save(tmp_path / "nowhere" / "a.gif"))
+    refused("the ending .gif or .mp4", lambda: film.save(path.with_suffix(".avi")))
+    monkeypatch.setitem(rcParams, "animation.ffmpeg_path", "no such program")
+    refused("Debian's package ffmpeg", lambda: film.save(path.with_suffix(".mp4")))
+    monkeypatch.setitem(rcParams, "animation.ffmpeg_path", ffmpeg(tmp_path))
+    film.save(path.with_suffix(".mp4"))
+    if ROOT:
+        words = path.with_suffix(".mp4").read_text().split()
+        width, height = (int(side) for side in words[words.index("-s") + 1].split("x"))
+        assert width % 2 == height % 2 == 0  # 4:2:0 halves them
+        assert "yuv420p" in words and int(words[-1]) == 4 * 4 * width * height  # four frames of RGBA
     assert (len(film.drawings), len(seldom.drawings)) == ((4, 2) if ROOT else (0, 0))
     if ROOT:
         np.testing.assert_array_equal(film.drawings[-1].body.values, last.body.values)

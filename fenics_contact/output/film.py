@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from matplotlib.animation import PillowWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -65,9 +65,10 @@ class Film:
             self.drawings.append(replace(found, backend=self.backend))
 
     def save(self, path: str | PathLike[str], seconds: float = 0.15, limits: tuple[float, float] | None = None) -> None:
-        """Write all drawings as an animated GIF, in one view and one range of colours; seconds: of each. Collective.
+        """Write all drawings as an animation, .gif or .mp4, in one view and range of colours; seconds: of each. Collective.
 
-        SceneError, on all ranks, where nothing was taken, limits do not rise, or the file cannot be written.
+        SceneError, on all ranks, where nothing was taken, limits do not rise, the file cannot be written, or it is
+        .mp4 and there is no ffmpeg.
         """
         refuse_limits(limits)
         if self._comm is None:
@@ -80,16 +81,29 @@ class Film:
 def animate(
     drawings: Sequence[Drawing], path: Path, seconds: float = 0.15, limits: tuple[float, float] | None = None
 ) -> None:
-    """Write drawings of one model as an animated GIF. The view is that of the drawing with the largest value."""
+    """Write drawings of one model as a GIF or MP4. The view is that of the drawing with the largest value."""
+    writer = _writer(path, 1.0 / seconds)
     best = max(drawings, key=lambda one: one.colours.high)
     frames = [replace(one, view=best.view) for one in drawings]
     ends = np.array([one.extent() for one in frames])
     extent = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     limits = limits or (min(one.colours.low for one in frames), best.colours.high)
     figure: Figure = frames[0].figure(limits, extent=extent)
-    writer = PillowWriter(fps=1.0 / seconds)
     writer.setup(figure, path, dpi=DOTS)
     for frame in frames:
         frame.fill(figure, limits, extent=extent)
         writer.grab_frame()
     writer.finish()
+
+
+def _writer(path: Path, per_second: float) -> PillowWriter | FFMpegWriter:
+    """What writes an animation with the ending of this path."""
+    ending = path.suffix.lower()
+    if ending not in (".gif", ".mp4"):
+        raise SceneError(f"animation '{path}': give it the ending .gif or .mp4")
+    if ending == ".gif":
+        return PillowWriter(fps=per_second)
+    if not FFMpegWriter.isAvailable():
+        raise SceneError(f"animation '{path}': MP4 takes ffmpeg, Debian's package ffmpeg; install it, or save a .gif")
+    # frames for players that know 4:2:0 alone
+    return FFMpegWriter(fps=per_second, codec="h264", extra_args=["-pix_fmt", "yuv420p"])
