@@ -48,7 +48,7 @@ TABLE = {
     "output": {"numpy", "mpi4py", "basix", "matplotlib", "agreement", "compat", "assembly", "contact", "kernels", "solid",
                "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "meshes", "assembly", "compat", "solid",
-                "mesh_io", "contact", "packages", "result", "solvers", "scene", "run"},
+                "mesh_io", "contact", "packages", "output", "result", "solvers", "scene", "run"},
     "options": {"numpy", "solvers", "values"},
     "restart": {"mpi4py", "agreement", "assembly", "solvers", "output", "scene", "values"},
     "recording": {"tqdm", "output", "scene", "solvers", "restart", "values"},
@@ -61,6 +61,7 @@ TABLE = {
 # narrower than the room: what an outer room may use of another one
 ONLY = {
     ("studies", "assembly"): {"system", "term"},  # their names
+    ("studies", "output"): {"curves", "units"},  # names and units of columns
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"exchange", "facet_points", "numbering", "pose", "section", "system", "term"},
     ("output", "contact"): {"tools"},  # their shapes, to draw them

@@ -2,12 +2,17 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
-from fenics_contact.studies import Study, answer, expand, grid, stability_map, work_precision
+from fenics_contact.studies import Study, answer, curves, expand, failures, grid, stability_map, work_precision
 from fenics_contact.studies.__main__ import NAMES, run
 from fenics_contact.studies.charts import StudyError, _short_panels, cheapest, hold_slope, medians, pareto, savings
 from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
@@ -68,6 +73,92 @@ def test_a_parameter_may_not_hide_a_metric():
         Study("clash", case, [{"error": 1.0}])
 
 
+def outputs_of(depth_mm, stiff, way):
+    """Force and width of an invented indentation."""
+    if way == "gives up":
+        raise SystemExit("limit point: the dome snaps")
+    return {"force_N": depth_mm**2 * stiff, "width_mm": 2.0 * depth_mm} if way == "good" else {"force_N": 1.0}
+
+
+def test_a_case_may_give_outputs_alone(folder):
+    runs = [*grid(depth_mm=[1.0, 2.0], stiff=[3.0], way=["good"]), {"depth_mm": 3.0, "stiff": 3.0, "way": "gives up"},
+            {"depth_mm": 4.0, "stiff": 3.0, "way": "less"}]  # fmt: skip
+    study = Study("outputs", outputs_of, runs, shared=True, outputs=["force_N", "width_mm"])
+    rows = read(study.run(folder, progress=False))
+    assert [row["force_N"] for row in rows] == [3.0, 12.0, "", ""] and rows[1]["width_mm"] == 4.0
+    assert [row["converged"] for row in rows] == [True, True, False, False]
+    before = (folder / "outputs.csv").read_text()
+    study.run(folder, progress=False)
+    assert (folder / "outputs.csv").read_text() == before
+    assert failures(rows, ["depth_mm"]) == [
+        "depth_mm 3: limit point: the dome snaps",
+        "depth_mm 4: refused: the case gives no 'width_mm'; it gives converged, verdict, t_reached, force_N",
+    ]
+    with pytest.raises(ValueError, match="no column 'torque_Nmm'; move it away"):
+        Study("outputs", outputs_of, runs, outputs=["force_N", "torque_Nmm"]).run(folder, progress=False)
+    with pytest.raises(ValueError, match="'stiff' is a parameter and an output"):
+        Study("clash", outputs_of, runs, outputs=["stiff"])
+    with pytest.raises(StudyError, match="differ in 'way' too"):
+        curves(folder / "mixed.png", rows, "depth_mm", ["force_N"])
+    with pytest.raises(StudyError, match="no column 'torque_N'"):
+        curves(folder / "none.png", rows, "depth_mm", ["torque_N"])
+    with pytest.raises(StudyError, match="'way' is not a number"):
+        curves(folder / "words.png", rows, "way", ["force_N"])
+
+
+def invented(stiffs):
+    """Rows of a sweep over depth and stiffness in which some of the deep ones failed."""
+    rows = []
+    for one in grid(depth_mm=[0.5, 1.0, 1.5, 2.0, 2.5], stiff_MPa=stiffs):
+        number = stiffs.index(one["stiff_MPa"]) + 1.0
+        good = one["depth_mm"] < 2.5 or number % 3
+        end = {"converged": True, "verdict": "converged"} if good else {"converged": False, "verdict": "limit point"}
+        forces = {"force_N": number * one["depth_mm"] ** 1.5, "peak_pressure_MPa": number, "width_x_mm": one["depth_mm"]}
+        rows.append({**one, "repeat": 0, **(forces if good else dict.fromkeys(forces, "")), **end, "t_reached": 0.75})
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("stiffs", "panels"), [([1.0, 2.0, 3.0], 1), ([1.0 * i for i in range(1, 8)], 1), (list("abcdefg"), 2)]
+)
+def test_curves_of_a_sweep(folder, stiffs, panels, monkeypatch):
+    """A panel for each output, at most four names beside it, all within a page's width; failures are hatched and named."""
+    drawn = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *a, **k: drawn.append(figure))
+    rows, outputs = invented(stiffs), ["force_N", "peak_pressure_MPa", "width_x_mm"]
+    said = curves(folder / f"sweep{len(stiffs)}{panels}.png", rows, "depth_mm", outputs, by="stiff_MPa", title="A sweep")
+    assert len(said) == len(stiffs) // 3 and all(
+        "depth_mm 2.5" in words and "limit point at t = 0.75" in words for words in said
+    )
+    (figure,) = drawn
+    axes = [one for one in figure.axes if one.get_ylabel() != "stiff [MPa]"]
+    assert len(axes) == 3 * panels and len(figure.axes) == len(axes) + (len(stiffs) > 4 and panels == 1)
+    assert axes[0].get_ylabel() == "force [N]" and axes[-1].get_xlabel() == "depth [mm]"
+    assert all(len(one.get_legend().get_texts()) <= 4 + 1 for one in axes)  # and "failed"
+    first = axes[0].lines[2].get_ydata()
+    np.testing.assert_allclose(first[:4], 3.0 * np.array([0.5, 1.0, 1.5, 2.0]) ** 1.5)
+    assert np.isnan(first[4]) and any(patch.get_hatch() for patch in axes[0].patches)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) >= 9.0 and figure.get_size_inches()[0] <= 6.3
+    box, (width, height) = figure.get_tightbbox(canvas.get_renderer()), figure.get_size_inches()
+    assert box.x0 > -0.01 and box.y0 > -0.01 and box.x1 < width + 0.01 and box.y1 < height + 0.01
+    assert "limit point" in figure._supxlabel.get_text()
+
+
+def test_the_example_of_the_documents(folder):
+    """The first block of code in docs/studies.md, as a script."""
+    text = (Path(__file__).parents[1] / "docs" / "studies.md").read_text()
+    (folder / "example.py").write_text(text.split("```python\n")[1].split("```")[0])
+    subprocess.run([sys.executable, "example.py"], cwd=folder, check=True, timeout=300.0, stderr=subprocess.DEVNULL)
+    rows = read(folder / "results" / "ball.csv")
+    assert len(rows) == 6 and all(row["converged"] is True for row in rows)
+    smooth = [row["lid_load_N"] for row in rows if row["friction"] == 0.0]
+    assert 0.0 < smooth[0] < smooth[1] < smooth[2]
+    assert (folder / "results" / "ball.png").stat().st_size > 20_000
+
+
 def test_charts(folder):
     """Front, medians, slope and the answer to "what for 1 %" on rows whose truth is known; all pictures are drawn."""
     base = {"h": 1.0, "way": "a"}
@@ -91,6 +182,8 @@ def test_charts(folder):
     assert {row["way"] for row in front} == {"a"}
     apart = [row | {"error": float("nan"), "value": row["h"]} for row in rows]
     assert work_precision(folder / "values.png", apart, base, panels, parameters=["h", "way"]) == []
+    with pytest.raises(StudyError, match="neither errors nor values"):
+        work_precision(folder / "none.png", [row | {"value": float("nan")} for row in apart], base, panels)
     assert "no reference" in answer(apart, base, panels, ["h", "way"])
     many = _short_panels({"many": dict.fromkeys("abcdefghi", {}), "few": {"a": {}}})
     assert [len(curves) for curves in many.values()] == [3, 3, 3, 1]

@@ -142,7 +142,11 @@ def work_precision(
     unit = _unit(rows, base)
     good = [r for r in rows if r["converged"] is True and r["error"] > 0.0]
     key = "error" if good else "value"
-    good = good or [r for r in rows if r["converged"] is True]
+    good = good or [
+        r for r in rows if r["converged"] is True and isinstance(r["value"], float | int) and r["value"] == r["value"]
+    ]
+    if not good:
+        raise StudyError("the rows have neither errors nor values: give metrics(result, value=...)")
     front = pareto([(_seconds(r) / unit, r["error"]) for r in good]) if key == "error" else []
     parts = _short_panels(panels)
     figure = Figure(figsize=(WIDTH, 0.6 + 2.6 * len(parts)), layout="constrained")

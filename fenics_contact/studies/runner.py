@@ -83,29 +83,44 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
     }
 
 
+def row_of(found: Result | Row, outputs: Sequence[str]) -> Row:
+    """A row of what a case returned. Collective. ValueError where it lacks an output."""
+    row = (
+        metrics(found) if isinstance(found, Result) else {"converged": True, "verdict": "converged", "t_reached": ""} | found
+    )
+    last = found.history[-1] if isinstance(found, Result) and found.history else row
+    if row["converged"] and (lacking := [name for name in outputs if name not in last]):
+        raise ValueError(f"the case gives no '{lacking[0]}'; it gives {', '.join(last)}")
+    return row | {name: last.get(name, "") for name in outputs}
+
+
 @dataclass
 class Study:
     """A case and the parameters it is run over.
 
-    case: function of JSON values that returns `metrics(...)`, at the top level of an importable file; runs: list of its
-    keyword arguments, where `processes` is the number of MPI processes and not given to it; repeats: runs of each, for
-    medians of times; limit: seconds after which a run counts as failed; shared: one process for run after run until one
-    fails in it, which saves each its start but makes memory_MB the largest of them.
+    case: function of JSON values, at the top level of an importable file, that returns a Result, a dict of the outputs, or
+    `metrics(...)`; runs: list of its keyword arguments, where `processes` is the number of MPI processes and not given to
+    it; repeats: runs of each, for medians of times; limit: seconds after which a run counts as failed; shared: one process
+    for run after run until one fails in it, which saves each its start but makes memory_MB the largest of them; outputs:
+    columns of the table, of a Result those of its history, at the end.
     """
 
     name: str
-    case: Callable[..., Row]
+    case: Callable[..., Result | Row]
     runs: list[Run]
     repeats: int = 1
     limit: float = 600.0
     shared: bool = False
+    outputs: Sequence[str] = ()
     parameters: list[str] = field(init=False)
     _worker: "_Worker | None" = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.parameters = list(dict.fromkeys(key for run in self.runs for key in run))
-        if clash := set(self.parameters) & set(METRICS) - {"processes"}:
-            raise ValueError(f"study '{self.name}': parameter '{clash.pop()}' has the name of a metric; rename it")
+        if clash := {*self.parameters, *self.outputs} & set(METRICS) - {"processes"}:
+            raise ValueError(f"study '{self.name}': parameter or output '{clash.pop()}' has the name of a metric; rename it")
+        if clash := set(self.parameters) & set(self.outputs):
+            raise ValueError(f"study '{self.name}': '{clash.pop()}' is a parameter and an output; rename one")
 
     def run(self, folder: str | Path, progress: bool = True, isolated: bool = True) -> Path:
         """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
@@ -116,6 +131,8 @@ class Study:
         path = Path(folder) / f"{self.name}.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
         before = read(path) if path.exists() else []
+        if before and (lacking := [name for name in self.outputs if name not in before[0]]):
+            raise ValueError(f"study '{self.name}': {path} has no column '{lacking[0]}'; move it away, or rename the study")
         done = {self._key(row) for row in before}
         failed = {self._key(row, False) for row in before if row["converged"] is not True}
         todo = []
@@ -131,7 +148,7 @@ class Study:
         return path
 
     def _write(self, path: Path, rows: list[Row], numbers: list[int]) -> None:
-        columns = [*self.parameters, "repeat", *(m for m in METRICS if m not in self.parameters)]
+        columns = [*self.parameters, "repeat", *self.outputs, *(m for m in METRICS if m not in self.parameters)]
         new = not path.exists()
         if not new:  # an older file keeps its columns
             with open(path, newline="") as file:
@@ -156,7 +173,9 @@ class Study:
         processes = int(run.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
             answer, limit = Path(scratch) / "metrics.json", repeats * self.limit
-            task = json.dumps([inspect.getfile(self.case), self.case.__name__, _arguments(run), repeats, str(answer)])
+            task = json.dumps(
+                [inspect.getfile(self.case), self.case.__name__, _arguments(run), list(self.outputs), repeats, str(answer)]
+            )
             if processes > 1:
                 self._dismiss()
             self._worker = self._worker or _Worker(processes, task)
@@ -173,7 +192,7 @@ class Study:
         self._worker = None
 
     def _measure_here(self, run: Run, repeats: int) -> list[Row]:
-        return [self.case(**_arguments(run)) for _ in range(repeats)]
+        return [row_of(self.case(**_arguments(run)), self.outputs) for _ in range(repeats)]
 
 
 class _Worker:

@@ -1,6 +1,6 @@
 """Runs cases of a study: `python -m fenics_contact.studies.worker TASK`, or `-` for a task on each line of its input.
 
-TASK: '[file, function, arguments, repeats, answer]' in JSON; `answer` is the file for the list of metrics.
+TASK: '[file, function, arguments, outputs, repeats, answer]' in JSON; `answer` is the file for the list of metrics.
 """
 
 import importlib.util
@@ -12,8 +12,10 @@ from typing import Any
 
 from mpi4py import MPI
 
+from fenics_contact.studies.runner import row_of
 
-def run(file: str, name: str, arguments: dict[str, Any], repeats: int, answer: str) -> None:
+
+def run(file: str, name: str, arguments: dict[str, Any], outputs: list[str], repeats: int, answer: str) -> None:
     """Metrics of a case's repeats, as a list in JSON, into the file `answer`: as many as converge, and a refusal as one."""
     spec = importlib.util.spec_from_file_location("study_case", file)
     if spec is None or spec.loader is None:
@@ -25,10 +27,12 @@ def run(file: str, name: str, arguments: dict[str, Any], repeats: int, answer: s
     try:
         while len(found) < repeats and all(one["converged"] for one in found):
             wall, busy = time.perf_counter(), time.process_time()
-            found.append(getattr(module, name)(**arguments))
+            found.append(row_of(getattr(module, name)(**arguments), outputs))
             found[-1]["busy"] = (time.process_time() - busy) / (time.perf_counter() - wall)
     except ValueError as refusal:  # a scene refused before it starts is an answer too
         found.append({"converged": False, "verdict": f"refused: {refusal}"})
+    except SystemExit as end:  # of a case that requires its run to converge
+        found.append({"converged": False, "verdict": str(end)})
     if MPI.COMM_WORLD.rank == 0:
         with open(f"{answer}.part", "w") as out:
             json.dump(found, out, default=float)
