@@ -17,6 +17,7 @@ from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
 from fenics_contact.scene.fingerprint import Statement, first_difference
 from fenics_contact.solvers.continuation import Path as Continuation
+from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.values import SceneError
 
@@ -25,7 +26,8 @@ class Keeper:
     """Keeps the accepted steps of a run in its folder: `verdict` and `rows` are those so far, from the start or `resumed`.
 
     path: a continuation's Path, or None: it remembers more than the System, memory() -> ({name: local array like u}, {name:
-    plain values}) and recall(fields, numbers), which raises ValueError where they do not fit.
+    plain values}) and recall(fields, numbers), which raises ValueError where they do not fit; softened: the Newton stepper
+    that remembers whether softer penalties have helped, or None.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class Keeper:
         folder: Path,
         system: System,
         path: Continuation | None,
+        softened: Softened | None,
         stated: Callable[[float], Statement],
         every: int,
         resume: bool,
@@ -40,6 +43,7 @@ class Keeper:
         """stated: function of the largest t reached -> `statement` of the run, the same where it is resumed; every: steps
         from one checkpoint to the next."""
         self.comm, self._path, self.every, self._folder = system.comm, path, every, folder
+        self._softened = softened
         self.verdict, self.resumed = Verdict(), False
         self.rows: list[HistoryRow] = []
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
@@ -90,6 +94,8 @@ class Keeper:
                 f"the checkpoint in '{self._folder}' does not fit: {error}; start anew with overwrite=True in the place of "
                 "resume"
             ) from None
+        if self._softened:
+            self._softened.helps = content["softened"]
         self.verdict, self.rows, self.resumed = Verdict(**content["verdict"]), content["rows"], True
 
     def _statement(self) -> Statement:
@@ -103,7 +109,9 @@ class Keeper:
             arrays, stated = self._memory.collect(fields), self._statement()
             with writing(self.comm, self._folder, "a checkpoint"):
                 if arrays:
-                    content = {"scene": stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers}
+                    helps = self._softened is not None and self._softened.helps
+                    content = {"scene": stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers,
+                               "softened": helps}  # fmt: skip
                     self._files.write(len(self.rows), arrays, content)
 
 

@@ -126,12 +126,12 @@ def solve(
     if continuation and not depends_on_load(system):
         raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
     solver = LinearSolver(system, linear, afresh=continuation)
-    plain, stepper = _stepper(method, solver, tolerance, built)
+    plain, softened, stepper = _stepper(method, solver, tolerance, built)
     path = None
     if isinstance(plain, ArcLength) and arcs:
         path = Path(system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system))
     stated = partial(statement, scene, system, method, extra)
-    keeper = Keeper(folder, system, path, stated, every, resume) if every and folder else None
+    keeper = Keeper(folder, system, path, softened, stated, every, resume) if every and folder else None
     kept = Recorder(scene, built, folder, keeper, (columns, extra), continuation, progress)
     setup = timers.table()["total"]
     verdict = kept.verdict
@@ -169,8 +169,10 @@ def _refuse_nan(system: System, times: Floats) -> None:
     system.set_loads(0.0)
 
 
-def _stepper(method: str, solver: LinearSolver, tolerance: float | None, built: Built) -> tuple[ArcLength | Stepper, Any]:
-    """The method's stepper, and the same with all that corrects its states."""
+def _stepper(
+    method: str, solver: LinearSolver, tolerance: float | None, built: Built
+) -> tuple[ArcLength | Stepper, Softened | None, Any]:
+    """The method's stepper, Newton's with softer penalties where these help, and all that with what corrects its states."""
     system = built.system
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     plain = STEPPERS[method](solver, **options)
@@ -189,11 +191,12 @@ def _stepper(method: str, solver: LinearSolver, tolerance: float | None, built: 
             f"pressure with where=\"open\" needs steps that end in balance, method 'newton' or 'snes', not '{method}'; "
             "choose one of these, or leave where= out"
         )
-    stepper = Softened(plain) if isinstance(plain, Newton) else plain
+    softened = Softened(plain) if isinstance(plain, Newton) else None
+    stepper = softened or plain
     stepper = Augmented(stepper) if system.augmented else stepper
     stepper = Entering(stepper, built.fluids) if built.fluids else stepper
     springs = system.grounding if steady else None
-    return plain, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
+    return plain, softened, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
 
 
 def _summary(

@@ -53,6 +53,22 @@ def test_a_thin_strap_with_no_number_typed():
         assert abs(plain.history[-1][name] - typed.history[-1][name]) < 0.02 * size
 
 
+def test_a_resumed_run_knows_that_softer_penalties_help(tmp_path):
+    """It would fail in its first step, and solve that with other iterates."""
+    out, steps = COMM.bcast(tmp_path), [0.5, 0.6, 0.7, 0.8]
+
+    def go(folder, upto, resume=False):
+        options = {"out": out / folder, "checkpoint": True, "resume": resume, "progress": False}
+        return solve(strap(), steps=steps[:upto], **options).require()
+
+    whole, part = go("whole", 4), go("parts", 3)
+    assert any("softer penalties first" in note for note in part.verdict.notes)
+    resumed = go("parts", 4, resume=True)
+    if COMM.size == 1:  # on several the solver's sums differ from run to run
+        assert resumed.column("iterations").tolist() == whole.column("iterations").tolist()
+    assert resumed.verdict.notes == whole.verdict.notes
+
+
 def ball():
     """A rough ball pressed into a block on a rough floor and drawn, which Newton solves as it is."""
     mesh = read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2), origin=(-4.0, -4.0, -4.0))
