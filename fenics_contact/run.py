@@ -19,6 +19,8 @@ from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
     Summary,
     energy_line,
+    energy_notes,
+    energy_summary,
     limit_points,
     penalty_lines,
     penalty_notes,
@@ -149,6 +151,8 @@ def solve(
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
+    summary["energy"] = energy_summary(kept.history, scene.units)
+    kept.remark(energy_notes(summary["energy"], len(kept.history), scene.units) if verdict.converged else [])
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:
         kept.writer.finish(summary)

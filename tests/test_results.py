@@ -25,6 +25,7 @@ from fenics_contact import (
 from fenics_contact.output.chains import chains
 from fenics_contact.output.columns import Columns
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.history import energy_notes, energy_summary
 from fenics_contact.output.lines import zones
 from fenics_contact.output.names import plain_name
 from fenics_contact.output.units import Units
@@ -183,6 +184,11 @@ def test_the_energy_balance_closes_with_the_square_of_the_step(options):
 
 
 def pressed(steps, friction, **contact):
+    """The last row of `punched`."""
+    return punched(steps, friction, **contact).history[-1]
+
+
+def punched(steps, friction, **contact):
     """A block under a round punch that is pressed in and then drawn, on a rough floor."""
     mesh = read_gmsh(box.build, size=(10.0, 6.0, 3.0), cells=(6, 4, 2))
     scene = Scene(Body(mesh, "box", RUBBER))
@@ -190,7 +196,39 @@ def pressed(steps, friction, **contact):
     roll = rigid_cylinder(4.0, (5.0, 0.0, 7.0), (0, 1, 0), name="roll")
     scene.contact("zmax", roll, friction, name="top", **contact)
     path = lambda t: (0.3 * max(2 * t - 1, 0), 0.0, -0.4 * min(2 * t, 1))  # noqa: E731
-    return solve(scene, move={roll: path}, steps=steps, progress=False).require().history[-1]
+    return solve(scene, move={roll: path}, steps=steps, progress=False).require()
+
+
+def test_the_summary_says_what_the_energy_balance_leaves_open():
+    """Of two steps 4 % of the work, a quarter of that of twice as many; no more than steps explain."""
+    shares = []
+    for steps in (2, 4):
+        result = punched(steps, 0.0)
+        found, work = result.summary["energy"], result.column("external_work_Nmm")
+        assert found["work_done_Nmm"] == pytest.approx(np.abs(np.diff(work, prepend=0.0)).sum())
+        assert found["error_Nmm"] == result.history[-1]["energy_error_Nmm"] and found["worst_step"] in range(1, steps + 1)
+        assert found["error_share"] == pytest.approx(abs(found["error_Nmm"]) / found["work_done_Nmm"])
+        assert not any(note.startswith("energy: ") for note in result.verdict.notes)
+        shares.append(found["error_share"])
+    assert 0.04 < shares[0] < 0.05 and 3.0 < shares[0] / shares[1] < 5.0
+    uneven = punched([*np.arange(0.02, 0.1, 0.01), 0.5, 1.0], 0.0)
+    (note,) = (note for note in uneven.verdict.notes if note.startswith("energy: "))
+    assert "more than 10 steps leave" in note and "in step 9 to t = 0.5: take more steps there" in note
+
+
+@pytest.mark.parametrize(("power", "jump", "said"), [(1.5, 0.0, False), (3.0, 0.0, False), (3.0, 0.1, True)])
+def test_the_energy_note_is_for_more_than_steps_explain(power, jump, said):
+    """Forces that grow with a power of the way, summed by the trapezoidal rule in ten steps; a jump lets a part of it go."""
+    way = np.linspace(0.0, 1.0, 11)
+    work = np.append(0.0, np.cumsum(0.5 * (way[1:] ** power + way[:-1] ** power) * 0.1))
+    error = work - way ** (power + 1) / (power + 1) + jump * work[-1] * (way > 0.65)
+    rows = [{"t": t, "external_work_Nmm": w, "energy_error_Nmm": e} for t, w, e in zip(way, work, error, strict=True)][1:]
+    summary = energy_summary(rows, Units())
+    notes = energy_notes(summary, 10, Units())
+    assert bool(notes) == said
+    if said:
+        assert "11.0% of the work done" in notes[0] and "in step 7 to t = 0.7" in notes[0] and "penetration=" in notes[0]
+    assert energy_summary([{"t": 1.0, "external_work_Nmm": 0.0, "energy_error_Nmm": 0.0}], Units()) == {}
 
 
 def test_without_friction_the_penalties_keep_what_the_body_does_not():

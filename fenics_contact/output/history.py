@@ -14,6 +14,7 @@ import numpy as np
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.files import complete
+from fenics_contact.output.names import energy_unit
 from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
@@ -94,6 +95,40 @@ def energy_line(energies: Energies, units: Units) -> str:
     whole = max(abs(work), *map(abs, went.values()), 1e-300)
     shares = ", ".join(f"{name} {part / whole:.2%}" for name, part in went.items() if part)
     return f"external work {work:.4g} {units.force} {units.length}: {shares}"
+
+
+def energy_summary(rows: Sequence[HistoryRow], units: Units) -> Summary:
+    """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, and the
+    step that left most of it; {} where no work was done."""
+    unit = energy_unit(units)
+    work, error = (np.array([0.0, *(row[f"{name}_{unit}"] for row in rows)]) for name in ("external_work", "energy_error"))
+    done, left = float(np.abs(np.diff(work)).sum()), np.abs(np.diff(error))
+    if not done > 0.0:
+        return {}
+    share, most = abs(error[-1]) / done, int(left.argmax())
+    return {
+        f"work_done_{unit}": done, f"error_{unit}": error[-1], "error_share": share,
+        "worst_step": most + 1, "worst_step_t": rows[most]["t"], "worst_step_share": left[most] / max(left.sum(), 1e-300),
+    }  # fmt: skip
+
+
+def energy_notes(summary: Summary, steps: int, units: Units) -> list[str]:
+    """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
+
+    Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
+    1 / steps^2 at most up to the cube.
+    """
+    share = summary.get("error_share", 0.0)
+    if share <= max(COSTLY, 1.0 / steps**2):
+        return []
+    done = f"{summary[f'work_done_{energy_unit(units)}']:.4g} {units.force} {units.length}"
+    worst, where = summary["worst_step_share"], f"step {summary['worst_step']} to t = {summary['worst_step_t']:.6g}"
+    return [
+        f"energy: {share:.1%} of the work done, {done}, is not accounted for, more than {steps} steps leave on a smooth "
+        f"path, {worst:.0%} of it in {where}: take more steps there; what stays then went into a sudden motion within a "
+        "step (damping=True carries it) or into penetrations of contacts with friction, which multipliers take away, "
+        "penetration="
+    ]
 
 
 def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units) -> list[str]:
