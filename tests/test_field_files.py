@@ -283,7 +283,8 @@ def test_other_readers(tmp_path, kind, degree):
         for part, data in (("PointData", mesh.point_data), ("CellData", mesh.cell_data)):
             for name, values in grid[part].items():
                 np.testing.assert_array_equal(data[name], values)
-        volume = mesh.compute_cell_sizes()["Volume"]
+        corners = {TYPES[kind, 1]: cells[:, : 8 if kind == "hexahedra" else 4]}  # VTK 9.3 finds no volume of 27 nodes
+        volume = pyvista.UnstructuredGrid(corners, mesh.points).compute_cell_sizes()["Volume"]
         assert volume.min() > 0.0
         np.testing.assert_allclose(volume.sum(), np.ptp(mesh.points, axis=0).prod(), rtol=1e-9)
         assert pyvista.get_reader(tmp_path / "tools" / "ball.pvd").read()[0].n_cells > 100
