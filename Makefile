@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test suite suite-beside suite-ranks test-rounding nightly bench study lint setup test-debian13 test-newest
+.PHONY: demo test suite suite-beside suite-ranks test-rounding nightly bench study docs lint setup test-debian13 test-newest
 setup: fenics_contact/kernels/__pycache__/fresh
 	@bash .ci/setup
 
@@ -16,6 +16,11 @@ demo: setup
 # Runs what the committed CSV files lack and draws again: make study NAME=sphere (tubes punch cylinder hertz maps economy all)
 study: setup
 	@$(ENV) python3 -m fenics_contact.studies $(NAME)
+
+# HTML in build/docs, without a network; a warning is an error
+docs: setup
+	@bash .ci/setup docs
+	@$(ENV) python3 -m sphinx -W --keep-going -q -b html docs build/docs && echo "documents: build/docs/index.html"
 
 lint: setup
 	@$(ENV) ruff check . && ruff format --check . && mypy

@@ -28,6 +28,8 @@ from fenics_contact.solid.materials import from_elastic, mooney_paper, mooney_ri
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.values import SceneError
 
+__version__ = "0.1.0"
+
 __all__ = [
     "ArcSteps",
     "Body",

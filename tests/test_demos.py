@@ -32,7 +32,7 @@ def last(folder, column):
 def punch_on_plate(results, said):
     """Pushed by the force that moving it took, the frictionless punch travels as far: 2 mm, to the solver's tolerance."""
     assert abs(last(results / "pushed_mu1_0_mu2_0", "punch_travel_z_mm") + 2.0) < 1e-5
-    # the statements that README draws from this demo hold on any mesh
+    # the statements that docs/choices.md draws from this demo hold on any mesh
     free, rough_top, rough_bottom = (
         -last(results / f"moved_mu1_{top}_mu2_{bottom}", "top_force_z_N") for top, bottom in ((0, 0), (1, 0), (0, 1))
     )
@@ -84,7 +84,7 @@ def block_on_block(results, said):
 
 
 def nested_tubes(results, said):
-    """Contact pressure on the coarsest mesh: README's 2 %, at second order a sixteenth of it at four times the cells."""
+    """Contact pressure on the coarsest mesh: 2 % (docs/evidence.md), at second order a sixteenth at four times the cells."""
     inside, contact = (float(e) for e in re.search(r"errors p_inner (\S+)%, p_contact (\S+)%", said).groups())
     assert inside < 2.0 and contact < 4.0
 

@@ -294,7 +294,7 @@ def test_cook_s_membrane(degree, cells):
     assert abs(uy / 14.740 - 1) < 0.01
     u = membrane(rubber(), 0.02, cells, (48, 60), degree)
     assert abs(u[1] / 5.0763 - 1) < 0.01
-    assert degree == 1 or abs(u[0] / -4.1432 - 1) < 0.01  # README: degree 1 needs 48 hexahedra per edge for this one
+    assert degree == 1 or abs(u[0] / -4.1432 - 1) < 0.01  # docs/limits.md: degree 1 needs 48 hexahedra per edge for this one
 
 
 @pytest.mark.serial

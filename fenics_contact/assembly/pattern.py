@@ -34,7 +34,7 @@ class MatrixPattern:
         theirs_more = np.bincount(rows[~inside] - first, minlength=end - first)
         nnz = [n.astype(PETSc.IntType) for n in (ours + ours_more, count - ours + theirs_more)]
         size = (3 * (end - first), 3 * total)
-        # blocks of three: a cell's matrix goes in eight times as fast as by scalars (README, speed)
+        # blocks of three: a cell's matrix goes in eight times as fast as by scalars (docs/speed.md)
         matrix = PETSc.Mat().createBAIJ((size, size), 3, nnz=tuple(nnz), comm=self.comm)
         local = PETSc.LGMap().create(self._blocks.astype(PETSc.IntType), bsize=3, comm=self.comm)
         matrix.setLGMap(local, local)

@@ -30,7 +30,7 @@ def coulomb(
     across: float | None = None,
     along: Sequence[float] | None = None,
 ) -> Friction:
-    """|T_T| <= mu(p) p with mu(p) = mu (p/reference)^exponent, and |T_T| <= shear_limit [pressure] where one is given.
+    """`|T_T| <= mu(p) p` with mu(p) = mu (p/reference)^exponent, and `|T_T| <= shear_limit` [pressure] where one is given.
 
     exponent: 0 for Coulomb's constant mu; -1/3 for smooth rubber, whose true area of contact grows as p^(2/3) (Hertz);
     above -1, so that more pressure allows more friction; reference: the pressure at which mu(p) = mu [pressure].
@@ -38,7 +38,7 @@ def coulomb(
     polynomials in ln p, of which the tangent is exact; a state under more pressure is refused; under less than a millionth
     of a millionth of it mu is that of the least.
     across: the coefficient across the direction `along` (3,), along which mu holds; both directions are fixed to the master,
-    a tool. |T_T| lies on the ellipse of both; it acts against the way slid, so that slip is not associated with the ellipse.
+    a tool. `|T_T|` lies on the ellipse of both; it acts against the way slid: slip is not associated with the ellipse.
     SceneError for anything else.
     """
     law = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), NO_TABLE)

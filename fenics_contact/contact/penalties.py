@@ -18,12 +18,12 @@ from fenics_contact.types import Floats
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
-# Default penalty over (Young's modulus at rest / distance of nodes below each other): the force it costs is reported in the
-# README.
+# Default penalty over (Young's modulus at rest / distance of nodes below each other): the force it costs is in
+# docs/evidence.md.
 PENALTY_FACTOR = 100.0
 # Default tangential over normal penalty: ten times more elastic slip, for far fewer iterations, as long as a point on the
 # Coulomb cone has slipped elastically no further than SLIPS times its penetration, mu / share: beyond a friction of 0.3 the
-# share grows with it, or the elastic slip would cost several percent of the force (README, penalties).
+# share grows with it, or the elastic slip would cost several percent of the force (docs/choices.md).
 TANGENTIAL_SHARE = 0.1
 SLIPS = 3.0
 # Of the height of the cell beneath: a deeper point raises a default penalty. The default gets there where the pressure is

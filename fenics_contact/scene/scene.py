@@ -184,7 +184,7 @@ class Scene:
         value: reached at t = 1, a function of t, or a function value(X, t) -> (n,) of reference positions X (n, 3) of all
         nodes of the surface, on every rank; between nodes it is interpolated.
         where: "open": where no contact presses, and where one presses by less what is missing, so that the greater of both
-        pressures acts (`contact.fluid`); from_: names of surfaces, from whose common nodes with this one the fluid comes
+        pressures acts (`contact.fluid`); `from_`: names of surfaces, from whose common nodes with this one the fluid comes
         in, through facets that contact presses by less than the fluid's pressure. That must not be negative then.
         """
         facets, what = self._facets(group), f"pressure on '{group}'"

@@ -1,0 +1,62 @@
+"""The documents: their links lead somewhere, the README stays short and its scene runs, the package says what it is."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fenics_contact import __main__ as itself
+from fenics_contact import __version__
+
+pytestmark = pytest.mark.serial
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
+        assert "://" in target or (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_contents():
+    listed = set(re.findall(r"^(\w+)$", (ROOT / "docs" / "index.md").read_text(), re.M))
+    assert {page.stem for page in PAGES[1:]} - {"index"} | {"reference"} == listed
+
+
+def test_the_readme_is_short_and_its_scene_runs(tmp_path):
+    """As it stands, on fewer cells."""
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 120
+    script = text.split("```python\n")[1].split("```")[0]
+    assert "inside=12, outside=10" in script and "steps=10" in script
+    script = script.replace("inside=12, outside=10", "inside=4, outside=3").replace("steps=10", "steps=2")
+    (tmp_path / "scene.py").write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{script}")
+    run = subprocess.run([sys.executable, "scene.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300.0)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("converged [-1. -2.]")
+    assert (tmp_path / "pressure.png").stat().st_size > 20_000
+    assert {"history.csv", "summary.json", "results.pvd"} <= {
+        path.name for path in (tmp_path / "results" / "punch").iterdir()
+    }
+
+
+def test_the_package_checks_its_installation(capsys):
+    itself.main()
+    said = capsys.readouterr().out
+    assert f"fenics_contact {__version__}: dolfinx" in said and "forces are in balance and all tangents are right" in said
+    assert len(re.findall(r"^  python3 -m fenics_contact \w+ +\S", said, re.M)) == len(list((ROOT / "demos").glob("*.py")))
+
+
+def test_what_is_out_of_balance_is_told(monkeypatch):
+    monkeypatch.setattr(itself, "SHUT", -1.0)
+    with pytest.raises(SystemExit, match="something is wrong: the plate presses with .* N"):
+        itself.check()
+
+
+def test_an_unknown_demo_is_named():
+    with pytest.raises(SystemExit, match="no demo 'punch'; there are: .*punch_on_plate"):
+        itself.main("punch")
