@@ -9,6 +9,7 @@ import pytest
 
 from fenics_contact import __main__ as itself
 from fenics_contact import __version__
+from fenics_contact.assembly import finding
 
 pytestmark = pytest.mark.serial
 
@@ -20,6 +21,12 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
         assert "://" in target or (page.parent / target).exists(), target
+
+
+def test_every_kind_of_verdict_has_its_section():
+    kinds = {value for name, value in vars(finding).items() if name.isupper() and isinstance(value, str)}
+    text = (ROOT / "docs" / "when_a_run_fails.md").read_text()
+    assert finding.LIMIT_POINT in kinds and set(re.findall(r"^## (.*)$", text, re.M)) == kinds
 
 
 def test_every_page_is_in_the_contents():
