@@ -24,7 +24,15 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.scene.targets import Displacement, Load, Travel
 from fenics_contact.scene.tool_mesh import rigid_curve, rigid_surface
-from fenics_contact.solid.materials import from_elastic, mooney_paper, mooney_rivlin, neo_hooke, user_energy, yeoh
+from fenics_contact.solid.materials import (
+    arruda_boyce,
+    from_elastic,
+    mooney_paper,
+    mooney_rivlin,
+    neo_hooke,
+    user_energy,
+    yeoh,
+)
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.values import SceneError
 
@@ -44,6 +52,7 @@ __all__ = [
     "SceneError",
     "Travel",
     "Units",
+    "arruda_boyce",
     "coulomb",
     "from_elastic",
     "mooney_paper",

@@ -18,11 +18,14 @@ pytestmark = pytest.mark.serial
 
 A1, A2, K = 0.1863, 0.0098, 5.0
 YEOH = (0.2, -0.01, 0.003)
+CHAIN = (0.4, 2.5)
+SERIES = [c / CHAIN[1] ** (2 * i) for i, c in enumerate((1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750))]
 LAWS = {
     "A": materials.mooney_paper(A1, A2, K),
     "B": materials.mooney_rivlin(A1, A2, K),
     "neo-Hooke": materials.neo_hooke(0.4, K),
     "Yeoh": materials.yeoh(*YEOH, K),
+    "Arruda-Boyce": materials.arruda_boyce(*CHAIN, K),
 }
 
 
@@ -41,6 +44,8 @@ def energy(law, F):
         return A1 * (I1 - 3) + A2 * ((I1**2 - trace2) / 2 - 3) + volume
     if law == "neo-Hooke":
         return 0.2 * (I1 - 3) + volume
+    if law == "Arruda-Boyce":
+        return CHAIN[0] * sum(c * (I1 ** (i + 1) - 3.0 ** (i + 1)) for i, c in enumerate(SERIES)) + volume
     return sum(c * (I1 - 3) ** (i + 1) for i, c in enumerate(YEOH)) + volume
 
 
@@ -64,6 +69,8 @@ def principal_kirchhoff(law, stretches):
         part = 2 * A1 * b - 2 * A2 / b  # for the isochoric part I2 is the sum of 1/b
     elif law == "neo-Hooke":
         part = 0.4 * b
+    elif law == "Arruda-Boyce":
+        part = 2 * CHAIN[0] * sum((i + 1) * c * b.sum() ** i for i, c in enumerate(SERIES)) * b
     else:
         I = b.sum() - 3
         part = 2 * (YEOH[0] + 2 * YEOH[1] * I + 3 * YEOH[2] * I**2) * b
@@ -303,6 +310,8 @@ BAD = {
     "K  ": lambda v: materials.neo_hooke(0.4, v),
     "c1": lambda v: materials.yeoh(v, 0.0, 0.0, K),
     "K   ": lambda v: materials.yeoh(0.2, 0.0, 0.0, v),
+    "mu ": lambda v: materials.arruda_boyce(v, 2.5, K),
+    "locking": lambda v: materials.arruda_boyce(0.4, v, K),
     "E": lambda v: materials.from_elastic(v, 0.3),
     "shear_modulus": lambda v: materials.user_energy(users_mooney, v, K),
     "bulk_modulus": lambda v: materials.user_energy(users_mooney, 0.4, v),
@@ -323,6 +332,7 @@ def test_a_bad_modulus_is_refused_by_name(name, value):
         ("a2", lambda: materials.mooney_rivlin(A1, np.nan, K)),
         ("c2", lambda: materials.yeoh(0.2, np.nan, 0.0, K)),
         ("c3", lambda: materials.yeoh(0.2, 0.0, np.inf, K)),
+        ("locking", lambda: materials.arruda_boyce(0.4, 1.0, K)),
         ("nu", lambda: materials.from_elastic(1.0, 0.5)),
         ("nu", lambda: materials.from_elastic(1.0, np.nan)),
         ("shear modulus", lambda: materials.mooney_paper(0.1, -0.03, K)),

@@ -17,6 +17,7 @@ from ufl.corealg.traversal import traverse_unique_terminals
 from fenics_contact.types import Constant, Expr
 from fenics_contact.values import finite, function, positive, text
 
+CHAINS = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)  # of the series of the inverse Langevin function
 Swelling = tuple[Constant, Expr]  # volume without stress over that at the start, and the variable that energies have for it
 
 
@@ -112,6 +113,11 @@ def energy_parts(material: Material) -> tuple[Callable[[Expr, Expr], Expr], Call
     return material.isochoric, material.volumetric
 
 
+def isochoric_energy(material: Material, I1: float, I2: float) -> float:
+    """Its value [pressure]; TypeError as of `energy_parts`."""
+    return float(ufl.as_ufl(energy_parts(material)[0](I1, I2)))
+
+
 def _with_energy(material: Material, psi: Callable[[Expr, Expr, Expr], Expr]) -> Isotropic:
     """Another energy in the place of the sum of its parts."""
     return Isotropic(material.name, psi, material.shear_modulus, material.bulk_modulus, *energy_parts(material))
@@ -192,6 +198,26 @@ def yeoh(c1: float, c2: float, c3: float, K: float, volumetric: Volumetric = mod
         return c1 * (I1 - 3) + c2 * (I1 - 3) ** 2 + c3 * (I1 - 3) ** 3
 
     return _split(f"Yeoh, c1 = {c1}, c2 = {c2}, c3 = {c3}", isochoric, volumetric, 2 * c1, K)
+
+
+def arruda_boyce(mu: float, locking: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
+    """Psi = mu sum C_i (I1^i - 3^i) / locking^(2 i - 2) + K/2 (J - 1)^2: eight chains, whose stress grows without bound near
+    their locking stretch, in five terms of its series (Arruda & Boyce 1993, doi:10.1016/0022-5096(93)90013-6).
+
+    mu [pressure]: shear modulus of endless chains; the law's own at rest is larger by 1 + 3/(5 locking^2) + ...; locking:
+    stretch of a whole chain, sqrt(I1/3), above 1.
+    """
+    _positive("arruda_boyce", mu=mu, K=K)
+    _finite("arruda_boyce", locking=locking)
+    if not locking > 1.0:
+        raise ValueError(f"arruda_boyce: locking = {locking} must be a stretch above 1")
+    factors = [C * locking ** (-2 * i) for i, C in enumerate(CHAINS)]
+
+    def isochoric(I1: Expr, I2: Expr) -> Expr:
+        return sum(mu * factor * (I1 ** (i + 1) - 3.0 ** (i + 1)) for i, factor in enumerate(factors))
+
+    at_rest = 2 * mu * sum((i + 1) * factor * 3.0**i for i, factor in enumerate(factors))
+    return _split(f"Arruda-Boyce, mu = {mu}, locking stretch {locking}", isochoric, volumetric, at_rest, K)
 
 
 def from_elastic(E: float, nu: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:

@@ -4,8 +4,22 @@ python3 -m fenics_contact.studies NAME [--quick]        # sphere, tubes, punch, 
 """
 
 from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.fit import Fit, fit
 from fenics_contact.studies.runner import Study, expand, grid, metrics, read
 from fenics_contact.studies.stability import stability_map
 from fenics_contact.studies.sweep import curves, failures
 
-__all__ = ["Study", "answer", "curves", "expand", "failures", "grid", "metrics", "read", "stability_map", "work_precision"]
+__all__ = [
+    "Fit",
+    "Study",
+    "answer",
+    "curves",
+    "expand",
+    "failures",
+    "fit",
+    "grid",
+    "metrics",
+    "read",
+    "stability_map",
+    "work_precision",
+]

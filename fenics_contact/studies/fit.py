@@ -1,0 +1,115 @@
+"""Parameters of a law from tests of a rubber: least squares of the nominal stresses of an incompressible body."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import least_squares
+
+from fenics_contact.solid.materials import Isotropic, isochoric_energy
+from fenics_contact.studies.charts import COLOURS, MARKERS, StudyError
+from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH
+from fenics_contact.types import Floats
+
+# of each test: the three stretches at one of them, and how many of these do the same work
+TESTS: dict[str, tuple[Callable[[float], tuple[float, float, float]], int]] = {
+    "uniaxial": (lambda s: (s, s**-0.5, s**-0.5), 1),
+    "equibiaxial": (lambda s: (s, s, s**-2), 2),
+    "shear": (lambda s: (s, 1.0, 1.0 / s), 1),
+}
+STEP = 1e-3  # relative, of a stretch in differences of the energy, of fourth order: errors of 1e-11, and round-off of 1e-12
+REFUSED = 1e3  # stands for parameters that a law refuses, in largest stresses of a test
+
+
+@dataclass(frozen=True)
+class Fit:
+    """material: the law with the parameters found; parameters: those; errors: {test: root mean square of the nominal
+    stress's error over its largest value}; tests: {test: table (n, 2) of stretch and nominal stress [pressure]}."""
+
+    material: Isotropic
+    parameters: dict[str, float]
+    errors: dict[str, float]
+    tests: dict[str, Floats]
+
+    def plot(self, path: str | Path, pressure: str = "MPa") -> Figure:
+        """The tests' points and the law's curves, as a picture; pressure: the unit's name."""
+        figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+        axes = figure.subplots()
+        for i, (name, table) in enumerate(self.tests.items()):
+            at = np.linspace(table[:, 0].min(), table[:, 0].max(), 200)
+            axes.plot(at, nominal_stress(self.material, name, at), color=COLOURS[i])
+            label = f"{name}, {100 * self.errors[name]:.2g} %"
+            axes.plot(*table.T, MARKERS[i], color=COLOURS[i], markersize=4, label=label)
+        axes.set_xlabel("stretch", fontsize=LETTERS), axes.set_ylabel(f"nominal stress [{pressure}]", fontsize=LETTERS)
+        axes.tick_params(labelsize=LETTERS), axes.grid(alpha=0.3)
+        axes.legend(fontsize=LETTERS, title="test, error of its largest stress", title_fontsize=LETTERS)
+        found = ", ".join(f"{name} = {value:.4g}" for name, value in self.parameters.items())
+        axes.set_title(f"{self.material.name.split(',')[0]}: {found}", fontsize=LETTERS + 1)
+        figure.savefig(path, dpi=DOTS)
+        return figure
+
+
+def fit(law: Callable[..., Isotropic], tests: Mapping[str, object], K: float, **start: float) -> Fit:
+    """The parameters of a law, from tests of an incompressible rubber, each of which counts alike.
+
+    law: `neo_hooke`, `yeoh`, ..., or a function of parameters and K that returns an isotropic material; tests: {"uniaxial",
+    "equibiaxial" or "shear": table (n, 2) of stretch and nominal stress [pressure]}, shear being pure, of a wide sheet; K:
+    bulk modulus that the law is to have [pressure]; start: {parameter: where the search begins}. StudyError for tables
+    that are none, and where no parameters are found.
+    """
+    tables = {name: _table(name, table) for name, table in tests.items()}
+    names, scale = list(start), {name: float(np.abs(table[:, 1]).max()) for name, table in tables.items()}
+    if not tables or not names:
+        raise StudyError("fit: give at least one test, and where the search for each parameter begins: mu=0.4")
+    law(**start, K=K)  # says what it thinks of the start, before the search does
+
+    def residuals(values: Floats) -> Floats:
+        try:
+            material = law(**dict(zip(names, values.tolist(), strict=True)), K=K)
+            parts = [
+                (nominal_stress(material, name, table[:, 0]) - table[:, 1]) / (scale[name] * len(table) ** 0.5)
+                for name, table in tables.items()
+            ]
+            return np.concatenate(parts)
+        except ValueError:
+            return np.full(sum(map(len, tables.values())), REFUSED)
+
+    first = np.array(list(start.values()), dtype=float)
+    found = least_squares(residuals, first, x_scale=np.maximum(np.abs(first), 1e-3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    if not found.success or not np.isfinite(found.cost) or found.cost > REFUSED:
+        raise StudyError(f"fit: no parameters found from {start} ({found.message}); begin elsewhere, or take another law")
+    parameters = dict(zip(names, found.x.tolist(), strict=True))
+    material, errors = law(**parameters, K=K), residuals(found.x)
+    ends = np.cumsum([len(table) for table in tables.values()])[:-1]
+    each = {name: float(np.linalg.norm(part)) for name, part in zip(tables, np.split(errors, ends), strict=True)}
+    return Fit(material, parameters, each, tables)
+
+
+def nominal_stress(material: Isotropic, test: str, stretches: Floats) -> Floats:
+    """Nominal stress (n,) [pressure] of the incompressible law at stretches (n,) of a test of TESTS: the rate of the energy
+    with the stretch, shared by those that do its work."""
+    ways, share = TESTS[test]
+
+    def energy(stretch: float) -> float:
+        b = np.square(ways(stretch))
+        return isochoric_energy(material, float(b.sum()), float((b**2).sum()))
+
+    steps = STEP * stretches
+    # of fourth order: (8 (W(s + h) - W(s - h)) - (W(s + 2 h) - W(s - 2 h))) / 12 h
+    near, far = (np.array([energy(s + k * h) - energy(s - k * h) for s, h in zip(stretches, steps, strict=True)])
+                 for k in (1, 2))  # fmt: skip
+    return (8 * near - far) / (12 * steps) / share
+
+
+def _table(name: str, table: object) -> Floats:
+    if name not in TESTS:
+        raise StudyError(f"fit: no test '{name}'; there are {', '.join(TESTS)}")
+    values = np.array(table, dtype=float)
+    is_table = values.ndim == 2 and values.shape[1] == 2 and len(values) > 1
+    if not is_table or not np.isfinite(values).all() or values[:, 0].min() <= 0.0:
+        raise StudyError(f"fit: test '{name}' needs a table (n, 2) of stretches above zero and nominal stresses")
+    if not np.abs(values[:, 1]).max() > 0.0:
+        raise StudyError(f"fit: test '{name}' has no stress")
+    return values
