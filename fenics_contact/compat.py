@@ -1,5 +1,6 @@
 """Every difference between dolfinx 0.5, 0.9 and newer, chosen once at import by what the library can do."""
 
+import ctypes
 import inspect
 import logging
 import platform
@@ -298,7 +299,19 @@ def degree(space: Space) -> int:
     return element.degree() if callable(element.degree) else element.degree
 
 
+def blas() -> str:
+    """The BLAS that PETSc calls and the processor whose kernels it runs: those for others are up to four times as slow, and
+    those of the reference BLAS more."""
+    try:
+        core_of = ctypes.CDLL("libblas.so.3").openblas_get_corename
+    except (OSError, AttributeError):  # none of this name, or none that says
+        return "not OpenBLAS, or not found"
+    core_of.restype = ctypes.c_char_p
+    return f"OpenBLAS for {core_of().decode()}"
+
+
 def versions() -> dict[str, str]:
-    """Versions of what a result depends on, for summaries."""
+    """Versions of what a result and its time depend on, for summaries."""
     modules = {"dolfinx": dolfinx, "petsc4py": petsc4py, "numba": numba, "numpy": np}
-    return {name: module.__version__ for name, module in modules.items()} | {"python": platform.python_version()}
+    known = {name: module.__version__ for name, module in modules.items()}
+    return known | {"python": platform.python_version(), "blas": blas()}

@@ -12,7 +12,7 @@ import pytest
 pytestmark = pytest.mark.serial
 
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
-STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "contextlib", "csv", "dataclasses", "errno",
+STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "contextlib", "csv", "ctypes", "dataclasses", "errno",
             "functools", "gc", "importlib", "inspect", "io", "itertools", "json", "logging", "math", "numbers", "os",
             "pathlib", "platform", "re", "resource", "runpy", "statistics", "subprocess", "sys", "tempfile", "textwrap",
             "time", "types", "typing", "warnings", "xml", "zipfile", "zlib"}  # fmt: skip

@@ -1,5 +1,8 @@
 """The linear solvers' objects: what a failed factorisation leaves behind, and memory over many solves."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_plane, solve
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
 from fenics_contact.solvers.choice import OTHER, Choice, foreseen_costs
@@ -183,3 +186,32 @@ def test_a_run_that_changes_its_solver_gives_the_same(monkeypatch):
         told = result.summary["method"]["seconds_per_digit"]
         assert set(told) == ({"direct", "iterative"} if method == "auto" else set())
     np.testing.assert_allclose(found[0], found[1], rtol=1e-7)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("taken", "flags", "better"),
+    [
+        ("Prescott", "sse2 avx2 fma avx512f avx512dq avx512cd avx512bw avx512vl", "SkylakeX"),
+        ("Prescott", "sse2 avx2 fma avx512f", "Haswell"),
+        ("Nehalem", "sse2 avx", ""),
+        ("Haswell", "sse2 avx2 fma avx512f avx512dq avx512cd avx512bw avx512vl", ""),
+    ],
+)
+def test_kernels_for_a_processor_that_the_blas_does_not_know(taken, flags, better):
+    """Set-up's answer to OpenBLAS' fallback; what it has chosen by itself it keeps."""
+    script = Path(__file__).parents[1] / ".ci" / "coretype"
+    said = subprocess.run([str(script), taken, flags], capture_output=True, text=True, check=True).stdout
+    assert said.strip() == better
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("core", ["Prescott", "Haswell"])
+def test_the_blas_in_use_is_said(core):
+    """OpenBLAS takes the kernels that it is told to, if the processor has what they need; another BLAS says so."""
+    if "OpenBLAS" not in compat.blas() or "not" in compat.blas():
+        pytest.skip("another BLAS")
+    script = "from fenics_contact import compat; print(compat.versions()['blas'])"
+    environment = os.environ | {"OPENBLAS_CORETYPE": core, "PYTHONPATH": str(Path(__file__).parents[1])}
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment).stdout
+    assert said.split()[-1] == core
