@@ -30,6 +30,7 @@ from fenics_contact.solid.materials import (
     mooney_paper,
     mooney_rivlin,
     neo_hooke,
+    ogden,
     user_energy,
     yeoh,
 )
@@ -58,6 +59,7 @@ __all__ = [
     "mooney_paper",
     "mooney_rivlin",
     "neo_hooke",
+    "ogden",
     "read_gmsh",
     "rigid_cone",
     "rigid_curve",

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fenics_contact import arruda_boyce, mooney_rivlin, neo_hooke, yeoh
+from fenics_contact import arruda_boyce, mooney_rivlin, neo_hooke, ogden, yeoh
 from fenics_contact.solid.materials import Hyperelastic
 from fenics_contact.studies import fit
 from fenics_contact.studies.charts import StudyError
@@ -71,6 +71,25 @@ def test_all_of_treloar_s_tests_at_once(tmp_path):
     figure = found.plot(tmp_path / "fit.png")
     assert (tmp_path / "fit.png").stat().st_size > 20_000
     assert [text.get_text().split(",")[0] for text in figure.axes[0].get_legend().get_texts()] == list(TESTS)
+
+
+def test_ogden_s_own_parameters_of_treloar_s_rubber():
+    """Ogden (1972), 6.3, 0.012, -0.1 kg/cm2: nearer to the tests than eight chains that were fitted to them, but for the
+    last points in tension; a fit that begins there is nearer in all three together."""
+
+    def three_terms(a, b, c, e, f, g, K):
+        return ogden([a, b, c], [e, f, g], K)
+
+    start = {"a": 0.618, "b": 0.00118, "c": -0.00981, "e": 1.3, "f": 5.0, "g": -2.0}
+    own = three_terms(**start, K=1000.0)
+    errors = {
+        name: np.sqrt(np.mean((nominal_stress(own, name, table[:, 0]) - table[:, 1]) ** 2)) / table[:, 1].max()
+        for name, table in TESTS.items()
+    }
+    chains = fit(arruda_boyce, TESTS, K=1000.0, mu=0.3, locking=5.0).errors
+    assert errors["equibiaxial"] < chains["equibiaxial"] and errors["shear"] < chains["shear"]
+    found = fit(three_terms, TESTS, K=1000.0, **start)
+    assert np.linalg.norm(list(found.errors.values())) < 0.7 * np.linalg.norm(list(errors.values()))
 
 
 def law_of_any_f(mu, K):

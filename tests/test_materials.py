@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from fenics_contact import compat
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.solid import materials, virtual_power
+from fenics_contact.solid.powers import power_sum
 from meshes import box
 
 pytestmark = pytest.mark.serial
@@ -281,6 +282,53 @@ def test_a_user_s_energy_is_the_built_in_law(seed):
     assert np.abs(K_mine - K_built_in).max() < 1e-13 * np.abs(K_built_in).max() * 10
 
 
+OGDEN = (0.63, 0.0012, -0.01), (1.3, 5.0, -2.0)
+
+
+@pytest.mark.parametrize("exponent", [0.05, 0.5, 0.95, 1.0, 2.0, 2.5, 5.75, 12.5, -0.3, -1.0, -1.65, -3.2])
+def test_sums_of_powers_of_eigenvalues(exponent):
+    """Whole ones exactly, any other to 2e-8, also where eigenvalues are equal."""
+    stretches = np.exp(np.random.default_rng(0).uniform(-1.0, 1.0, (200, 2)))
+    stretches[:20, 1], stretches[20] = stretches[:20, 0], 1.0
+    for one, two in stretches:
+        b = np.array([one, two, 1.0 / (one * two)]) ** 2
+        error = abs(power_sum(exponent, b.sum(), (1.0 / b).sum()) / (b**exponent).sum() - 1.0)
+        assert error < (1e-12 if exponent == round(exponent) else 2e-8)
+
+
+@cache
+def ogden_cube():
+    return make_cube(lambda weights: materials.ogden(*OGDEN, K))
+
+
+@pytest.mark.parametrize(
+    "stretches", [(1.0, 1.0, 1.0), (0.5, 1.3, 1.3), (3.0, 0.6, 0.55), (1.2, 1.2, 1.2), (7.0, 0.38, 0.38)]
+)
+def test_ogden_in_principal_stretches(stretches):
+    """tau_i = sum mu_p l_i^alpha_p less its mean, plus the volume's, in a frame that is none of the cube's."""
+    J, cube = np.prod(stretches), ogden_cube()
+    part = sum(m * (np.array(stretches) / J ** (1 / 3)) ** a for m, a in zip(*OGDEN, strict=True))
+    exact = np.diag((part - part.mean() + K * J * (J - 1)) / stretches)
+    Q, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    P = cube.nominal(Q @ np.diag(stretches) @ Q.T)
+    assert np.abs(P - Q @ exact @ Q.T).max() < 2e-7 * max(np.abs(part / stretches).max(), 1.0)  # 2e-8, and the rates'
+
+
+def test_ogden_with_whole_exponents_is_mooney_rivlin():
+    """mu = 2 a1 with alpha 2, -2 a2 with alpha -2."""
+    law, mooney = materials.ogden([2 * A1, -2 * A2], [2.0, -2.0], K), LAWS["B"]
+    assert abs(law.psi(3.4, 4.1, 1.1) - mooney.psi(3.4, 4.1, 1.1)) < 1e-14
+    assert abs(law.shear_modulus - mooney.shear_modulus) < 1e-15
+
+
+def test_ogden_s_modulus_at_rest():
+    cube = ogden_cube()
+    stiffness, shear = cube.evaluate(np.eye(3), want_tangent=True), np.zeros((8, 3))
+    shear[:, 0] = cube.X[:, 1]
+    stated = materials.ogden(*OGDEN, K).shear_modulus
+    assert abs(stated - 0.4225) < 1e-12 and abs(shear.ravel() @ stiffness @ shear.ravel() / stated - 1) < 1e-7
+
+
 @pytest.mark.parametrize("J", [0.7, 1.0, 1.2])
 def test_the_barrier_in_pure_swelling(J):
     """No isochoric stress in F = J^(1/3) I, and the pressure U' = K/2 (J - 1/J): any law may take another volume energy."""
@@ -333,6 +381,10 @@ def test_a_bad_modulus_is_refused_by_name(name, value):
         ("c2", lambda: materials.yeoh(0.2, np.nan, 0.0, K)),
         ("c3", lambda: materials.yeoh(0.2, 0.0, np.inf, K)),
         ("locking", lambda: materials.arruda_boyce(0.4, 1.0, K)),
+        ("mu", lambda: materials.ogden([np.nan], [2.0], K)),
+        ("alpha", lambda: materials.ogden([1.0], [0.0], K)),
+        ("alpha", lambda: materials.ogden([1.0, 2.0], [2.0], K)),
+        ("shear modulus", lambda: materials.ogden([1.0], [-2.0], K)),
         ("nu", lambda: materials.from_elastic(1.0, 0.5)),
         ("nu", lambda: materials.from_elastic(1.0, np.nan)),
         ("shear modulus", lambda: materials.mooney_paper(0.1, -0.03, K)),

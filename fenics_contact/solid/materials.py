@@ -5,15 +5,17 @@ the left Cauchy-Green tensor: I1 = tr B^, I2 = tr(B^ . B^) and J (paper, section
 units of pressure (MPa with lengths in mm and forces in N).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import ufl
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.constantvalue import ConstantValue
 from ufl.core.multiindex import MultiIndex
 from ufl.corealg.traversal import traverse_unique_terminals
 
+from fenics_contact.solid.powers import power_sum
 from fenics_contact.types import Constant, Expr
 from fenics_contact.values import finite, function, positive, text
 
@@ -198,6 +200,27 @@ def yeoh(c1: float, c2: float, c3: float, K: float, volumetric: Volumetric = mod
         return c1 * (I1 - 3) + c2 * (I1 - 3) ** 2 + c3 * (I1 - 3) ** 3
 
     return _split(f"Yeoh, c1 = {c1}, c2 = {c2}, c3 = {c3}", isochoric, volumetric, 2 * c1, K)
+
+
+def ogden(mu: Sequence[float], alpha: Sequence[float], K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
+    """Psi = sum mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3) + K/2 (J - 1)^2 of isochoric principal stretches l
+    (Ogden 1972, doi:10.1098/rspa.1972.0026), with any exponents; stretches of 0.1 to 10 to 2e-8 (`powers`).
+
+    mu [pressure], alpha: as many of each; the shear modulus at rest is sum mu_p alpha_p / 2. ValueError if not positive.
+    """
+    _positive("ogden", K=K)
+    moduli, exponents = (finite(values, f"ogden: {name}", (len(np.atleast_1d(values)),)).tolist()
+                         for name, values in (("mu", mu), ("alpha", alpha)))  # fmt: skip
+    if len(moduli) != len(exponents) or 0.0 in exponents:
+        raise ValueError(f"ogden: mu = {moduli} and alpha = {exponents} must be as many, and no exponent zero")
+    at_rest = sum(m * a for m, a in zip(moduli, exponents, strict=True)) / 2
+    _stable("ogden", at_rest)
+
+    def isochoric(I1: Expr, I2: Expr) -> Expr:
+        inverse = (I1**2 - I2) / 2
+        return sum(m / a * (power_sum(a / 2, I1, inverse) - 3) for m, a in zip(moduli, exponents, strict=True))
+
+    return _split(f"Ogden, mu = {moduli}, alpha = {exponents}", isochoric, volumetric, at_rest, K)
 
 
 def arruda_boyce(mu: float, locking: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
