@@ -186,7 +186,7 @@ def tetrahedra():
 def test_corners_without_area_are_refused():
     scene = Scene(Body(read_gmsh(tetrahedra), "box", neo_hooke(MU, K)), degree=2)
     scene.contact("zmin", rigid_plane())
-    refused(lambda: scene.pressure("zmin", 1.0, where="open"), "pressure on 'zmin'", "degree=1 on tetrahedra")
+    refused(lambda: scene.pressure("zmin", 1.0, where="open"), "pressure on 'zmin'", "degree=1 here")
 
 
 # ---- a ring

@@ -417,11 +417,19 @@ def off_the_plane():
     gmsh.model.mesh.setNode(tags[0], places[:3] + [0.0, 0.0, 0.1], [])
 
 
-def met(tool, plane="strain", **drive):
+def solid_on_a_curve():
+    scene = Scene(Body(read_gmsh(box.build), "box", RUBBER))
+    scene.contact("zmax", rigid_curve(rectangles.build, "lid_ymin", rectangles={"lid": ((0.0, 1.0), (1.0, 2.0), (2, 2))}))
+
+
+def met(tool, plane="strain", move_apart=None, **drive):
     scene = block(plane=plane)
     scene.fix("box_ymin")
     scene.contact("box_ymax", tool)
-    solve(scene, **{word: {tool: way} for word, way in drive.items()}, progress=False)
+    given = {word: {tool: way} for word, way in drive.items()}
+    if move_apart is not None:
+        given = {"move": {rigid_sphere(1.0, (5.0, 5.0, 0.0), name="apart"): move_apart}}
+    solve(scene, **given, progress=False)
 
 
 def cut_a_line():
@@ -449,9 +457,59 @@ BAD = {
     "moment": (lambda: block(plane="strain").moment("box_ymax", (0.0, 0.0, 1.0)), "traction"),
     "force outwards": (lambda: block(plane="axisymmetric").force("box_ymax", (1.0, 0.0, 0.0)), "cancels"),
     "spin about x": (lambda: block(plane="strain").spin(1.0, 1.0, axis=(1.0, 0.0, 0.0)), "turn about z"),
+    "force along z": (lambda: block(plane="strain").force("box_ymax", (0.0, 0.0, 1.0)), "along z"),
+    "traction along z": (lambda: block(plane="axisymmetric").traction("box_ymax", lambda t: (0.0, t, t)), "along z"),
+    "traction of places along z": (
+        lambda: block(plane="strain").traction("box_ymax", lambda X, t: (X + 1.0) * t),
+        "along z",
+    ),
+    "body force along z": (lambda: block(plane="strain").body_force((0.0, 0.0, 1.0)), "along z"),
+    "spring along z": (lambda: block(plane="strain").spring("box_ymax", 1.0, direction=(0.0, 0.0, 1.0)), "along z"),
+    "curve in space": (lambda: solid_on_a_curve(), "plane scenes"),
+    "turned apart": (lambda: met(FLOOR, move_apart=Motion(rz=0.1)), "in no contact"),
     "cut of a line": (cut_a_line, "line itself"),
     "pushed outwards": (lambda: met(FLOOR, plane="axisymmetric", push=(0.1, -1.0, 0.0)), "along x"),
 }
+
+
+@pytest.mark.parametrize("plane", [{"plane": "strain", "thickness": 3.0}, {"plane": "axisymmetric"}])
+def test_forces_and_springs_in_all_are_what_they_say(plane):
+    """Of the whole thickness, or all the way round: reactions, and what springs of 2 N/mm take moved by 0.2 mm."""
+    for degree in (1, 2):
+        scene = block(**plane, degree=degree)
+        scene.fix("box_ymin", normal=True)
+        scene.force("box_ymax", (0.0, -0.3, 0.0))
+        if plane["plane"] == "strain":
+            scene.fix("box_xmin", "x")
+        result = solve(scene, steps=1, progress=False)
+        assert result.column("box_ymin_reaction_y_N")[-1] == pytest.approx(0.3, rel=1e-7)  # a solve's 1e-8 of the forces
+        scene = block(**plane, degree=degree)
+        scene.prescribe("box_ymin", "y", 0.2)
+        scene.spring("box_ymax", 2.0, direction=(0.0, 1.0, 0.0))
+        if plane["plane"] == "strain":
+            scene.fix("box_xmin", "x")
+        way = {"way_mm": lambda view: float(view.at("box_ymax").displacement[1])}  # mean over the area
+        result = solve(scene, steps=1, progress=False, record=way)
+        assert 0.1 < result.column("way_mm")[-1] < 0.2
+        assert result.column("box_ymin_reaction_y_N")[-1] == pytest.approx(2.0 * result.column("way_mm")[-1], rel=1e-7)
+
+
+@pytest.mark.parametrize("degree, points", [(1, "nodes"), (1, 3), (2, 3)])
+def test_a_lid_on_a_disc_presses_alike_up_to_the_axis(degree, points):
+    """Without friction the pressure is the same everywhere, also at the node on the axis, which has no area at degree 2."""
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (4.0, 2.0), (8, 4))})
+    scene = Scene(Body(mesh, "box", RUBBER), plane="axisymmetric", degree=degree)
+    scene.fix("box_ymin", normal=True)
+    lid = rigid_plane((0.0, 2.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+    scene.contact("box_ymax", lid, name="top", points=points)
+    result = solve(scene, move={lid: (0.0, -0.3, 0.0)}, steps=1, progress=False)
+    line = result.line("top", along="x")
+    # the disc stays one, and the column of the peak is that of the line
+    radius = line["x_mm"].max()
+    even = result.column("top_load_N")[-1] / (np.pi * radius**2)
+    np.testing.assert_allclose(line["pressure_MPa"], even, rtol=1e-6)
+    assert result.column("top_peak_pressure_MPa")[-1] == pytest.approx(even, rel=1e-6)
+    assert abs(line["x_mm"].min()) < 1e-9 and (line["status"] == 1).all() and np.abs(line["gap_mm"]).max() < 0.05
 
 
 @pytest.mark.parallel

@@ -98,7 +98,10 @@ def _table(mu: Callable[[float], Any], up_to: float) -> Floats:
 
 
 def _asked(mu: Callable[[float], Any], p: float) -> float:
-    value = mu(float(p))
+    try:
+        value = mu(float(p))
+    except Exception as error:
+        raise SceneError(f"friction: mu(p) fails at p = {p:.6g}: {type(error).__name__}: {error}") from error
     if not (is_number(value) and np.isfinite(value) and value >= 0.0):
         raise SceneError(f"friction: mu(p) = {shown(value)} at p = {p:.6g} must be zero or a positive number")
     return float(value)

@@ -35,12 +35,14 @@ class Tool(ABC):
 class MeshedTool(Tool):
     """A rigid tool given by facets that are counter-clockwise seen from outside it, so that normals point at the body.
 
-    nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length].
+    nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length]; is_curve:
+    its facets stand for the sides of a curve in a plane scene.
     """
 
     nodes: Ints64
     size: Ints64
     X: Floats
+    is_curve: bool = False
 
     @property
     def reach(self) -> float:

@@ -19,7 +19,7 @@ RANK_OF_STATUS = np.empty(4)
 RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
 STATUS_OF_RANK = np.argsort(RANK_OF_STATUS)
 ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in common
-SUMS = 11  # numbers that are summed at a node
+SUMS = 12  # numbers that are summed at a node
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,10 @@ class SlaveNodes:
         self.contact, self._system, space = contact, system, system.space
         self.skin = skin_of(space, facets, section)
         self._sums = compat.Function(_sums_space(space))
-        s = contact.surface
-        self._share = s.area[..., None] * _lumped(s.a, s.X)
+        s, bare = contact.surface, section if compat.degree(space) == 2 else None
+        self._share = (s.area * _over_depth(s.a, s.X, bare))[..., None] * _lumped(s.a, s.X)
         self._lumped = _lumped(self.skin.N, self.skin.X)
+        self._over_depth = _over_depth(self.skin.N, self.skin.X, bare)
         self._owned = space.dofmap.index_map.size_local
         self._keys: Ints64 | None = None
 
@@ -78,18 +79,19 @@ class SlaveNodes:
         values = np.concatenate([values, friction], axis=-1)
         sums = self._sums.x.array.reshape(-1, SUMS)
         sums[:] = 0.0
-        np.add.at(sums[:, 1:], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
-        np.add.at(sums[:, 0], self.skin.nodes, self._areas())
+        np.add.at(sums[:, 2:], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
+        areas = self._areas()
+        np.add.at(sums[:, 0], self.skin.nodes, np.einsum("eq,eqk->ek", areas, self._lumped))
+        np.add.at(sums[:, 1], self.skin.nodes, np.einsum("eq,eqk->ek", areas * self._over_depth, self._lumped))
         compat.sum_to_owners(self._sums)
         compat.copy_to_ghosts(self._sums)
-        area, weight = sums[:, 0], sums[:, 1]
+        area, now, weight, means = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:]
         on = weight > 0.0
-        mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, area))
-        status = STATUS_OF_RANK[np.clip(np.rint(sums[:, 4] * mean), 0, 3).astype(int)]
-        return NodalContact(
-            on, area.copy(), sums[:, 2] * per_area, sums[:, 8:] * per_area[:, None], sums[:, 3] * mean, sums[:, 7] * mean,
-            status, sums[:, 5] * mean, sums[:, 6] * mean,
-        )  # fmt: skip
+        mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, now))
+        pressure, gap, rank, closed, covered, slip = (means[:, :6] * mean[:, None]).T
+        status = STATUS_OF_RANK[np.clip(np.rint(rank), 0, 3).astype(int)]
+        pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
+        return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered)
 
     @property
     def extent(self) -> float:
@@ -120,9 +122,8 @@ class SlaveNodes:
         return self.reference() + self._system.state.u.x.array.reshape(-1, 3)
 
     def _areas(self) -> Floats:
-        """Current area (ne, k) of the facets that belongs to each of their nodes [length^2]."""
-        x = self.skin.X + self._system.state.u.x.array.reshape(-1, 3)[self.skin.nodes]
-        return np.einsum("eq,eqk->ek", self.skin.current_area(x), self._lumped)
+        """Current areas (ne, nq) of the facets' points [length^2]."""
+        return self.skin.current_area(self.skin.X + self._system.state.u.x.array.reshape(-1, 3)[self.skin.nodes])
 
     def zone(self, at: NodalContact) -> Zone:
         """Where the contact presses. Collective."""
@@ -130,7 +131,7 @@ class SlaveNodes:
         # a facet between nodes that all touch is in contact as a whole, though single points of it may be open just now
         whole = touched[self.skin.corners].all(axis=1)
         share = np.where(whole[:, None], at.covered[self.skin.nodes], at.closed[self.skin.nodes])
-        area = comm.allreduce(float((share * self._areas()).sum()))
+        area = comm.allreduce(float(np.einsum("ek,eq,eqk->", share, self._areas(), self._lumped)))
         peak, place = self._peak(at, x)
         return Zone(peak, place, area, self._width(touched, x))
 
@@ -157,6 +158,12 @@ class SlaveNodes:
 
 def _sums_space(space: Space) -> Space:
     return compat.lagrange_space(space.mesh, compat.degree(space), (SUMS,))
+
+
+def _over_depth(N: Floats, X: Floats, section: Section | None) -> Floats | float:
+    """One over the reference depth (ne, nq) of a plane mesh in points with shape functions N (ne, nq, k), nodes at X (ne, k,
+    3): values at a node of degree 2 are means over lengths, for on the axis of a turned plane it has no area."""
+    return 1.0 if section is None else 1.0 / section.depth(np.einsum("eqk,ekc->eqc", N, X))
 
 
 def _lumped(N: Floats, X: Floats) -> Floats:

@@ -106,8 +106,10 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
     if isinstance(master, RigidTool) and points == "corners":
         raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
     if bare_corners and isinstance(points, str):
-        text = f'points="{points}" needs degree=1 on tetrahedra, whose corners have no area of their own at degree {degree}'
-        raise SceneError(f"{what}: {text}; use Gauss points, points=3, which is the default there")
+        raise SceneError(
+            f'{what}: points="{points}" needs degree=1 here: at degree 2 corners of tetrahedra, and nodes on the axis of an '
+            "axisymmetric scene, have no area of their own; use Gauss points, points=3, which is the default there"
+        )
     if isinstance(master, MeshedTool) and degree != 1 and isinstance(points, str):
         raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use Gauss points, e.g. points=3")
     meets_facets = points in ("nodes", "corners") and not isinstance(master, RigidTool)
@@ -150,7 +152,12 @@ def section_of(mesh: NamedMesh, plane: object, thickness: object) -> Section | N
 
 
 def refuse_on_plane(contact: ContactStatement, section: Section | None) -> None:
-    """Curves of a plane mesh meet curves by averages."""
+    """Curves of a plane mesh meet curves by averages, and are met in no other scene."""
+    if section is None and isinstance(contact.master, MeshedTool) and contact.master.is_curve:
+        raise SceneError(
+            f"contact '{contact.name}': rigid_curve '{contact.master.name}' belongs to plane scenes; in space give "
+            "rigid_surface or rigid_extrusion"
+        )
     if section is not None and not isinstance(contact.master, RigidTool) and contact.points != "averages":
         raise SceneError(
             f"contact '{contact.name}': in a plane scene curves are met by points=\"averages\", which need degree=1"

@@ -132,7 +132,10 @@ def springs_of(
     chosen(None, direction, normal, what)
     names = group_names(group)
     if direction is not None:
-        return [Spring(names, float(stiffness), unit(direction, what))]
+        along = unit(direction, what)
+        if scene.section is not None and along[2] != 0.0:
+            raise SceneError(f"{what} along z: nothing moves out of a plane mesh; give a direction in the plane")
+        return [Spring(names, float(stiffness), along)]
     if not normal:
         return [Spring(names, float(stiffness), None)]
     ways, whole = normals(scene.mesh, scene.space, group, what), scene.area(names)

@@ -30,7 +30,7 @@ from fenics_contact.scene.checks import (
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.drives import Moves
 from fenics_contact.scene.field_loads import MomentLoad, Spin, Spring, Swelling, spin_of, springs_of, swelling_of
-from fenics_contact.scene.functions import Drive, Place, load_path, ramp
+from fenics_contact.scene.functions import Drive, Place, load_path, ramp, whole
 from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support, Tie
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
@@ -169,7 +169,9 @@ class Scene:
         of (X, t), as of `pressure`, that gives (n, 3)."""
         facets, what = self._facets(group), f"traction on '{group}'"
         refuse_inside(self.mesh, facets, what)
-        self.loads.append(Load(group_names(group), *load_path(self.mesh, self.space, facets, vector, what, (3,))))
+        path, nodes = load_path(self.mesh, self.space, facets, vector, what, (3,))
+        self._refuse_out_of_plane(path, what)
+        self.loads.append(Load(group_names(group), path, nodes))
 
     def pressure(
         self,
@@ -199,7 +201,8 @@ class Scene:
             return
         if self._bare_corners:
             raise SceneError(
-                f'{what}: where="open" needs degree=1 on tetrahedra, whose corners have no area of their own at 2'
+                f'{what}: where="open" needs degree=1 here: at degree 2 corners of tetrahedra, and nodes on the axis of an '
+                "axisymmetric scene, have no area of their own"
             )
         if from_ is not None:
             refuse_apart(self.mesh, self.space, facets, self._facets(from_), f"{what}: from_ = '{from_}'")
@@ -208,7 +211,14 @@ class Scene:
     def body_force(self, vector: Drive | Place) -> None:
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1, or a function of t or of (X, t), as of
         `pressure`, that gives (n, 3)."""
-        self.loads.append(Load(None, *load_path(self.mesh, self.space, None, vector, "body force", (3,))))
+        path, nodes = load_path(self.mesh, self.space, None, vector, "body force", (3,))
+        self._refuse_out_of_plane(path, "body force")
+        self.loads.append(Load(None, path, nodes))
+
+    def _refuse_out_of_plane(self, path: Callable[[float], Floats], what: str) -> None:
+        """Nothing may push out of a plane mesh. Collective."""
+        if self.section is not None and any((whole(path, t)[..., 2] != 0.0).any() for t in (0.25, 0.5, 1.0)):
+            raise SceneError(f"{what} along z: nothing moves out of a plane mesh; leave that component out")
 
     def force(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
@@ -216,6 +226,7 @@ class Scene:
         what = f"force on '{group}'"
         refuse_inside(self.mesh, self._facets(group), what)
         names, path = group_names(group), ramp(self.mesh.comm, vector, what)
+        self._refuse_out_of_plane(path, what)
         if self.section is not None and self.section.axisymmetric and any(path(t)[0] != 0.0 for t in (0.5, 1.0)):
             raise SceneError(f"{what} along x: all the way round it cancels; state a traction, per area")
         area = self.area(names)
@@ -361,8 +372,8 @@ class Scene:
         return vp.integral(measure(self.mesh.surface_tags(*group_names(group))), self.section)
 
     def area(self, group: str | Sequence[str]) -> float:
-        """Area of a surface at the start [length^2]. Collective."""
-        skin = skin_of(self.space, self.mesh.facets(*group_names(group)))
+        """Area of a surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
+        skin = skin_of(self.space, self.mesh.facets(*group_names(group)), self.section)
         return self.mesh.comm.allreduce(float(skin.area.sum()))
 
     def volume_ratio(self, u: Function) -> VolumeRatio:

@@ -55,7 +55,7 @@ def rigid_curve(
         raise ValueError(f"{name}: a side at {X[ends[lengths.argmin(), 0]]} has no length; mesh that curve again")
     deep = np.array([0.0, 0.0, 0.5 * lengths.mean()])  # the same at either side of the plane, as of a scene's own curves
     nodes = np.ascontiguousarray(np.column_stack([ends, ends[:, ::-1] + len(X)]))
-    return MeshedTool(name, nodes, np.full(len(nodes), 4, dtype=np.int64), np.concatenate([X - deep, X + deep]))
+    return MeshedTool(name, nodes, np.full(len(nodes), 4, dtype=np.int64), np.concatenate([X - deep, X + deep]), True)
 
 
 def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:
