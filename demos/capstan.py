@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_cylinder, solve
+from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, solve
 from meshes import box
 
 OUT = Path("results/capstan")
@@ -22,16 +22,22 @@ EXACT = np.exp(FRICTION * TURN)
 RADIUS, TAIL = 25.0, 10.0  # mm, of the drum and of the strap's straight ends
 RIGHT = RADIUS * TURN + TAIL  # mm, from the point where it first touches to the end that is moved
 THICKNESSES = (2.0, 1.0, 0.5)  # mm
-STRETCH = (1.0, 1.4, 1.4, 1.7)  # of the moved part at the times 0 ... 3: stretched, wound, pulled till it slides
-STEPS = (3, 18, 10)
+STRETCH = (1.0, 1.4, 1.4, 1.7)  # of the moved part at the times 0 ... 3
+STEPS = {"stretch": 3, "wind": 18, "pull": 10}  # the last till it slides
 
 
 def end(X, t):
     """Displacement (n, 3) of the moved end: a rigid face that stays normal to the straight part between drum and end."""
-    angle = np.interp(3 * t, [1, 2], [0, TURN])
+    angle = np.interp(t, [1, 2], [0, TURN])
     along, normal = np.array([np.cos(angle), -np.sin(angle), 0]), np.array([np.sin(angle), np.cos(angle), 0])
-    length = np.interp(3 * t, range(4), STRETCH) * RIGHT - RADIUS * angle
+    length = np.interp(t, range(4), STRETCH) * RIGHT - RADIUS * angle
     return RADIUS * normal + length * along + (X[:, 1:2] - RADIUS) * normal - X * [1, 1, 0]
+
+
+def stage(name, number):
+    """One of the three, from time `number` on; what the end moves by counts from there."""
+    ways = {("xmax", axis): lambda X, s, i=i: (end(X, number + s) - end(X, number))[:, i] for i, axis in enumerate("xy")}
+    return Stage(name, prescribe=ways, steps=STEPS[name])
 
 
 def wind(thickness):
@@ -43,16 +49,15 @@ def wind(thickness):
     scene.fix("xmin", "xy")
     scene.fix("zmin", "z")
     scene.fix("zmax", "z")
-    scene.prescribe("xmax", "x", lambda X, t: end(X, t)[:, 0])
-    scene.prescribe("xmax", "y", lambda X, t: end(X, t)[:, 1])
+    scene.fix("xmax", "xy")
     drum = rigid_cylinder(RADIUS, point=(0, 0, 0), axis=(0, 0, 1), name="drum")
     scene.contact("ymin", drum, friction=FRICTION, name="wrap")
-    times = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate(STEPS)]) / len(STEPS)
-    result = solve(scene, steps=times, out=OUT / f"thickness_{thickness:g}", overwrite=True, progress=False).require()
+    stages = [stage(name, i) for i, name in enumerate(STEPS)]
+    result = solve(scene, stages=stages, out=OUT / f"thickness_{thickness:g}", overwrite=True, progress=False).require()
     # wound by 90 degrees, one end pulls along -y and the other along -x; the drum balances both
-    wound = 3 * result.column("t") > 2 - 1e-9
+    wound = result.column("t") > 2 - 1e-9
     ratio = (result.column("wrap_force_y_N") / np.maximum(result.column("wrap_force_x_N"), 1e-12))[wound]
-    return result, 3 * result.column("t")[wound] - 2, ratio
+    return result, result.column("t")[wound] - 2, ratio
 
 
 def figure(curves, last, strap):

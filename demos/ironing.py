@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Film, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Film, Scene, Stage, from_elastic, read_gmsh, solve
 from meshes import ironing
 
 OUT = Path("results/ironing")
@@ -29,26 +29,21 @@ QUICK = {"length": 8.0, "foundation": (32, 8), "left": 3.4}
 SHORT = 0.5  # mm
 
 
-def path(turns):
-    """Displacement [mm] of the indenter's top: `turns` at the times 0 ... 3, which the load parameter 0 ... 1 stands for."""
-    return lambda X, t: np.full(len(X), np.interp(3 * t, range(4), turns))
-
-
 def iron(quick):
     """Result, and drawings of all steps."""
     mesh, way = read_gmsh(ironing.build, **(QUICK if quick else {})), SHORT if quick else DRAW
     bodies = Body(mesh, "foundation", from_elastic(BLOCK, NU)), Body(mesh, "indenter", from_elastic(INDENTER, NU))
     scene = Scene(*bodies, plane="strain", thickness=1.0)
     scene.fix("foundation_bottom")
-    scene.prescribe("indenter_top", "x", path([0, 0, way, way]))
-    scene.prescribe("indenter_top", "y", path([0, -PRESS, -PRESS, 0]))
+    scene.fix("indenter_top")
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), friction=FRICTION, name="interface")
     film = Film("contact_pressure")
-    steps = (10, round(80 * way / DRAW), 5 if quick else 10)
-    press, draw, lift = (np.linspace(i, i + 1, n + 1)[1:] for i, n in enumerate(steps))
-    result = solve(
-        scene, steps=np.concatenate([press, draw, lift]) / 3, out=OUT, overwrite=True, progress=False, record={"frame": film}
-    ).require()
+    stages = [
+        Stage("press", prescribe={("indenter_top", "y"): -PRESS}, steps=10),
+        Stage("draw", prescribe={("indenter_top", "x"): way}, steps=round(80 * way / DRAW)),
+        Stage("lift", prescribe={("indenter_top", "y"): PRESS}, steps=5 if quick else 10),
+    ]
+    result = solve(scene, stages=stages, out=OUT, overwrite=True, progress=False, record={"frame": film}).require()
     return result, film
 
 
@@ -72,7 +67,7 @@ def figure(time, vertical, horizontal, bodies):
 
 def main(quick=False):
     result, film = iron(quick)
-    time = 3 * result.column("t")
+    time = result.column("t")
     vertical, horizontal = -result.column("interface_force_y_N"), result.column("interface_force_x_N")  # of 1 mm
     plateau = (time > PLATEAU[0]) & (time < PLATEAU[1])
     if quick:

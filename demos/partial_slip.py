@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Scene, Stage, from_elastic, read_gmsh, solve
 from meshes import two_cylinders
 
 OUT = Path("results/partial_slip")
@@ -33,10 +33,12 @@ def press_and_draw(size, points):
     scene = Scene(Body(mesh, "lower", from_elastic(E, NU)), Body(mesh, "upper", from_elastic(E, NU)))
     scene.fix("lower_axis")
     scene.fix("ends", "y")
-    scene.prescribe("upper_axis", "x", lambda X, t: np.full(len(X), ALONG * max(2 * t - 1, 0.0)))
-    scene.prescribe("upper_axis", "z", lambda X, t: np.full(len(X), -DOWN * min(2 * t, 1.0)))
+    scene.fix("upper_axis", "xz")
     scene.contact("upper_rim", "lower_rim", FRICTION, points=points, name="rim")
-    result = solve(scene, steps=4, linear="direct", out=OUT / f"points_{points}", overwrite=True, progress=False).require()
+    ways = {"press": ("z", -DOWN), "draw": ("x", ALONG)}
+    stages = [Stage(name, prescribe={("upper_axis", axis): way}, steps=2) for name, (axis, way) in ways.items()]
+    kept = {"out": OUT / f"points_{points}", "overwrite": True, "progress": False}
+    result = solve(scene, stages=stages, linear="direct", **kept).require()
     contact = result.system.contacts[0]
     pressure, along = contact.split_traction(result.system.state)
     rows = np.stack([contact.spots()[:, 0], pressure.ravel(), np.linalg.norm(along, axis=2).ravel()], axis=1)

@@ -21,8 +21,9 @@ from fenics_contact.result import Result
 from fenics_contact.run import solve
 from fenics_contact.scene.motion import Motion
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.statements import Body
-from fenics_contact.scene.targets import Displacement, Load, Travel
+from fenics_contact.scene.targets import Branch, Displacement, Load, Travel
 from fenics_contact.scene.tool_mesh import rigid_curve, rigid_surface
 from fenics_contact.solid.materials import (
     arruda_boyce,
@@ -42,6 +43,7 @@ __version__ = "0.1.0"
 __all__ = [
     "ArcSteps",
     "Body",
+    "Branch",
     "Displacement",
     "Film",
     "Load",
@@ -51,6 +53,7 @@ __all__ = [
     "Result",
     "Scene",
     "SceneError",
+    "Stage",
     "Travel",
     "Units",
     "arruda_boyce",

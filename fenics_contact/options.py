@@ -1,14 +1,56 @@
 """The options of a run: steps, shares, checkpoints, and what only a continuation takes; checked, or a SceneError."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
+from fenics_contact.contact.tools import Tool
+from fenics_contact.scene.functions import Drive
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.stage import Moves, Only, Stage
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, count, finite, is_number, positive, shown
 
 Steps = int | float | Sequence[float] | Floats | ArcSteps
+
+
+def stated_stages(
+    scene: Scene, stages: Sequence[Stage] | None, drives: tuple[Moves | None, Mapping[Tool, Drive] | None],
+    ends: Sequence[object], steps: Steps, method: str,
+) -> list[Stage]:  # fmt: skip
+    """The stages of a run, each with its steps and method; the only one where none are stated. drives: move, push; ends:
+    until, back, which without stages are the run's own."""
+    move, push = drives
+    if stages is None:
+        until, back = ends
+        return [Only(move=move or {}, push=push or {}, steps=steps, method=method, until=until, back=back)]
+    if any(one is not None for one in (*drives, *ends)):
+        raise SceneError("stages= beside move, push, until or back: each stage states its own, Stage(..., move=...)")
+    if not isinstance(stages, list | tuple) or not stages or not all(isinstance(stage, Stage) for stage in stages):
+        raise SceneError(f'stages = {shown(stages)}: give a list of Stage("name", ...)')
+    names = [stage.name for stage in stages]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise SceneError(f"two stages are named '{twice[0]}'; give each a name of its own")
+    first, *later = stages
+    given = [*scene.loadings, *(one for one in scene.supports if one.value != 0.0)]
+    if idle := [stage for stage in ([] if given else [first]) + later if stage.idle]:
+        raise SceneError(f"{idle[0]} has nothing to do: state what is moved, pushed or loaded in it, or leave it out")
+    return [
+        replace(stage, steps=steps if stage.steps is None else stage.steps, method=stage.method or method)
+        for stage in stages
+    ]
+
+
+@contextmanager
+def within(stage: Stage) -> Iterator[None]:
+    """What is wrong in a stage is said with its name."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(stage.says(str(error))) from None
 
 
 def refuse_shares(method: str, tolerance: float | None, smallest_step: float | None) -> None:

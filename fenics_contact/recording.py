@@ -38,19 +38,20 @@ class Recorder:
         folder: pathlib.Path | None,
         keeper: Keeper | None,
         named: tuple[Columns, Recorded],
-        continuation: bool,
+        arcs: bool,
         progress: bool,
     ) -> None:
+        """named: the history's columns, and what the user adds; arcs: whether a stage is a continuation."""
         self.scene, self.system, self.keeper = scene, built.system, keeper
         self.columns, self.extra = named
         system = self.system
-        self.continuation, self._augments = continuation, bool(system.augmented) or system.stabilised
+        self.arcs, self._augments = arcs, bool(system.augmented) or system.stabilised
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
         self._told = len(self.verdict.notes)  # those that have been printed
         with system.timers("compile"):
             self._smallest_J = scene.volume_ratio(system.state.u).smallest
         with system.timers("output"):
-            clock = (lambda: len(self.history)) if continuation else (lambda: system.state.t)
+            clock = (lambda: len(self.history)) if arcs else (lambda: system.state.t)
             if folder and not (keeper and keeper.resumed):
                 self._start_anew(folder)
             so_far = self.columns.energies(self.history)
@@ -59,9 +60,9 @@ class Recorder:
             if folder:
                 fields = Fields(scene, system, self.results.surfaces)
                 self.writer = Writer(folder, scene, fields, clock, list(self.history))
-        layout = "{elapsed} {postfix}" if continuation else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
+        layout = "{elapsed} {postfix}" if arcs else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
         self.silent = not progress or system.comm.rank != 0
-        self.bar = tqdm(total=1.0, disable=self.silent, bar_format=layout)
+        self.bar = tqdm(total=sum(system.stages.durations), disable=self.silent, bar_format=layout)
 
     def _start_anew(self, folder: pathlib.Path) -> None:
         """An earlier run's files go; then comes a checkpoint of the start: what is killed from here on can be resumed."""
@@ -83,15 +84,17 @@ class Recorder:
             if self.writer:
                 self.writer.write_row(self.history[-1])
         t = self.system.state.t
-        self.bar.set_postfix_str(self._words(report), refresh=self.continuation)
+        self.bar.set_postfix_str(self._words(report), refresh=self.arcs)
         news, self._told = self.verdict.notes[self._told :], len(self.verdict.notes)
         if not self.bar.disable and news:
             tqdm.write("\n".join(news), file=sys.stderr)
-        if not self.continuation:
+        if not self.arcs:
             self.bar.update(t - self.bar.n)
 
     def _words(self, report: StepReport) -> str:
-        words = f"step {len(self.history)}, t = {self.system.state.t:.4g}, {report.iterations} iterations"
+        name = self.system.stages.name
+        words = f"step {len(self.history)}, {f'{name}, ' if name else ''}t = {self.system.state.t:.4g}"
+        words += f", {report.iterations} iterations"
         if cuts := self.verdict.cuts:
             words += f", {cuts} cut-backs so far"
         if loads := [contact.load for contact in self.view.contacts.values()]:
@@ -110,13 +113,18 @@ class Recorder:
         state, result = self.system.state, self.results.of_step(report.work)
         view = self.view.show(result)
         row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), result)
+        if name := self.system.stages.name:
+            row = {"step": row["step"], "stage": name} | row
         if self._augments:
             row["augmentations"] = report.augmentations
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
         if self.system.damping:
             row[damping_column(self.scene.units)] = report.work
-        of_arc = {"limit_point": report.limit_point, "station": report.station} if isinstance(report, ArcReport) else {}
-        return row | of_arc
+        if self.arcs:
+            of_arc = report if isinstance(report, ArcReport) else ArcReport()
+            row |= {"limit_point": of_arc.limit_point, "station": of_arc.station}
+            row |= {"negative_pivots": of_arc.negative, "bifurcation": of_arc.bifurcation}
+        return row
 
 
 def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> Columns:

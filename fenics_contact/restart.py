@@ -1,21 +1,24 @@
 """Checkpoints of a run, and the way back from one: on any number of ranks, refused where the scene is another."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
+from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.system import System
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
 from fenics_contact.scene.fingerprint import Statement, first_difference
+from fenics_contact.scene.start import Drives, Start
 from fenics_contact.solvers.continuation import Path as Continuation
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
@@ -25,25 +28,27 @@ from fenics_contact.values import SceneError
 class Keeper:
     """Keeps the accepted steps of a run in its folder: `verdict` and `rows` are those so far, from the start or `resumed`.
 
-    path: a continuation's Path, or None: it remembers more than the System, memory() -> ({name: local array like u}, {name:
-    plain values}) and recall(fields, numbers), which raises ValueError where they do not fit; softened: the Newton stepper
-    that remembers whether softer penalties have helped, or None.
+    steppers: of each stage its continuation's Path, or None: it remembers more than the System, memory() -> ({name: local
+    array like u}, {name: plain values}) and recall(fields, numbers), which raises ValueError where they do not fit; and its
+    Newton stepper, one for all stages, that remembers whether softer penalties have helped, or None.
     """
 
     def __init__(
         self,
         folder: Path,
         system: System,
-        path: Continuation | None,
-        softened: Softened | None,
-        stated: Callable[[float], Statement],
+        steppers: Sequence[tuple[Continuation | None, Softened | None]],
+        stated: Callable[[tuple[float, ...]], Statement],
+        left: Callable[[], Drives],
         every: int,
         resume: bool,
     ) -> None:
-        """stated: function of the largest t reached -> `statement` of the run, the same where it is resumed; every: steps
-        from one checkpoint to the next."""
-        self.comm, self._path, self.every, self._folder = system.comm, path, every, folder
-        self._softened = softened
+        """stated: function of the largest share reached of each stage begun -> `statement` of the run, the same where it is
+        resumed; left: what holds the last state, see `drives_left`; every: steps from one checkpoint to the next."""
+        self.comm, self.every, self._folder = system.comm, every, folder
+        self._paths = [path for path, _ in steppers]
+        self._softened = next((softened for _, softened in steppers if softened), None)
+        self._stages, self._left = system.stages, left
         self.verdict, self.resumed = Verdict(), False
         self.rows: list[HistoryRow] = []
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
@@ -59,13 +64,15 @@ class Keeper:
         if content is None:
             return
         self.rows = content["rows"]
-        found = first_difference(content.get("scene", {}), self._statement())
+        ends = [End(t, *(np.array(one).reshape(-1, 6) for one in tools)) for t, *tools in content.get("ends", [])]
+        found = first_difference(content.get("scene", {}), self._statement([end.t for end in ends]))
         if found:
             what, there, here = found
             raise SceneError(
                 f"the checkpoint in '{self._folder}' is of another scene, {what}: {there} there, {here} here; resume with "
                 "the script that wrote it, or start anew with overwrite=True in the place of resume"
             )
+        self._stages.ends += ends
         self._restore(arrays, content)
 
     def _newest(self) -> tuple[dict[str, Any], dict[str, Any]] | tuple[None, None]:
@@ -87,8 +94,8 @@ class Keeper:
     def _restore(self, arrays: dict[str, Any] | None, content: dict[str, Any]) -> None:
         try:
             fields = self._memory.restore(arrays)
-            if self._path:
-                self._path.recall(fields, content["stepper"])
+            if path := self._path:
+                path.recall(fields, content["stepper"])
         except ValueError as error:
             raise SceneError(
                 f"the checkpoint in '{self._folder}' does not fit: {error}; start anew with overwrite=True in the place of "
@@ -98,21 +105,47 @@ class Keeper:
             self._softened.helps = content["softened"]
         self.verdict, self.rows, self.resumed = Verdict(**content["verdict"]), content["rows"], True
 
-    def _statement(self) -> Statement:
-        """What the run states, as far as it has come. Collective."""
-        return self._stated(max([1.0, *(row["t"] for row in self.rows)]))
+    @property
+    def _path(self) -> Continuation | None:
+        return self._paths[self._stages.index]
+
+    def _statement(self, passed: Sequence[float]) -> Statement:
+        """What the run states, as far as it has come; passed: t at which stages have ended. Collective."""
+        times: dict[str, list[float]] = {} if self.rows else {"": []}
+        for row in self.rows:
+            times.setdefault(row.get("stage", ""), []).append(row["t"])
+        begun = list(times.values())[: len(self._stages)]
+        shares = [[1.0, *(self._stages.share(t, tuple(passed[:i])) for t in ts)] for i, ts in enumerate(begun)]
+        return self._stated(tuple(max(one) for one in shares))
 
     def keep(self) -> None:
         """Call at the start and after every accepted step: writes a checkpoint where one is due. Collective."""
         if len(self.rows) % self.every == 0:
             fields, numbers = self._path.memory() if self._path else (None, None)
-            arrays, stated = self._memory.collect(fields), self._statement()
+            arrays, stated = self._memory.collect(fields), self._statement(self._stages.passed)
+            ends = [[end.t, end.q.tolist(), end.forces.tolist()] for end in self._stages.ends]
+            left = self._left()
             with writing(self.comm, self._folder, "a checkpoint"):
                 if arrays:
                     helps = self._softened is not None and self._softened.helps
                     content = {"scene": stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers,
-                               "softened": helps}  # fmt: skip
+                               "softened": helps, "ends": ends, "left": left}  # fmt: skip
                     self._files.write(len(self.rows), arrays, content)
+
+
+def last_state(folder: str | PathLike[str], comm: MPI.Comm) -> Start:
+    """The last state that a run has kept in a folder. Collective."""
+    name, found = f"'{folder}'", None
+    with agreed(comm, f"reading the checkpoints in {name}", SceneError):
+        if comm.rank == 0:
+            try:
+                found = CheckpointFiles(Path(folder)).read()
+            except Torn as error:
+                raise SceneError(f"start = {name}: {error}; start from another run") from None
+            if found is None:
+                raise SceneError(f"start = {name} holds no checkpoint: run it with checkpoint=True, or give its result")
+    arrays, content = found or (None, {})
+    return Start(name, arrays, comm.bcast(content.get("left")))
 
 
 def results_folder(out: str | PathLike[str], comm: MPI.Comm, overwrite: bool, resume: bool) -> Path:

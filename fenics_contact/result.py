@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fenics_contact.agreement import agreed
+from fenics_contact.assembly.memory import Memory
 from fenics_contact.assembly.system import System
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.curves import history_figure, line_figure
@@ -20,6 +21,7 @@ from fenics_contact.output.results import Results
 from fenics_contact.output.slave_nodes import SlaveNodes
 from fenics_contact.output.views import Angles
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.start import Drives, Start
 from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Array, Floats, Function
@@ -32,7 +34,7 @@ Target = str | PathLike[str] | None  # of a picture
 class Result:
     """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
     summary: what summary.json holds; scene: what was solved; measured: the final state's contacts, reactions and energies;
-    columns: names that a step of the run may have in the history.
+    columns: names that a step of the run may have in the history; left: the loads and tools that hold the final state.
     `result.u` is the displacement Function."""
 
     history: list[HistoryRow]
@@ -42,6 +44,7 @@ class Result:
     scene: Scene
     measured: Results = field(repr=False)
     columns: Sequence[str] = field(repr=False)
+    left: Drives = field(repr=False)
 
     @property
     def u(self) -> Function:
@@ -57,21 +60,30 @@ class Result:
             return self
         raise SystemExit(self.verdict.reason if self.system.comm.rank == 0 else 1)
 
+    def state(self) -> Start:
+        """The final state as another run's start. Collective."""
+        return Start("the result", Memory(self.system).collect(), self.left)
+
     def audit(self) -> Audit:
         """Audit of every block of the tangent at the final state; print it, or ask its `right`. Collective."""
         return audit(self.system, self.verdict.residuals[-1] if self.verdict.residuals else ())
 
-    def column(self, name: str) -> Array:
-        """A history column at all accepted steps, an empty one where there is none; KeyError lists the columns."""
+    def column(self, name: str, stage: str | None = None) -> Array:
+        """A history column at all accepted steps, or at those of a stage, an empty one where there is none; KeyError lists
+        the columns, or the stages."""
         known = list(self.history[0]) if self.history else self.columns
         if name not in known:
             raise KeyError(f"no column '{name}' in the history; it has: {', '.join(known)}")
-        return np.array([row[name] for row in self.history])
+        names = list(dict.fromkeys(row.get("stage") for row in self.history))
+        if stage is not None and stage not in names:
+            raise KeyError(f"no stage '{stage}' in the history; it has: {', '.join(filter(None, names)) or 'none'}")
+        return np.array([row[name] for row in self.history if stage is None or row["stage"] == stage])
 
-    def table(self) -> Table:
-        """All history columns as arrays by name: what `pandas.DataFrame` takes. SceneError without an accepted step."""
+    def table(self, stage: str | None = None) -> Table:
+        """All history columns, of a stage or all, as arrays by name: what `pandas.DataFrame` takes. SceneError without an
+        accepted step."""
         self._refuse_empty("table()")
-        return {name: self.column(name) for name in self.history[0]}
+        return {name: self.column(name, stage) for name in self.history[0]}
 
     def _refuse_empty(self, what: str) -> None:
         if not self.history:
@@ -149,14 +161,16 @@ class Result:
     ) -> Figure | None:
         """Curves of history columns y over the column x, as "force over travel"; units come from the columns' names.
 
-        factors: of x and y, (-1, -1) for what goes downwards; names say them. A Figure on rank 0, None on the others.
-        Collective. KeyError lists the columns; SceneError without an accepted step.
+        factors: of x and y, (-1, -1) for what goes downwards; names say them. Where the run has stages, the end of each is
+        marked with its name. A Figure on rank 0, None on the others. Collective. KeyError lists the columns; SceneError
+        without an accepted step.
         """
         columns = [y] if isinstance(y, str) else list(y)
         table = {name: self.column(name) for name in (x, *columns)}
         self._refuse_empty("plot_history()")
-        of_x, of_y = finite(factors, "plot_history: factors", (2,)).tolist()
-        return self._figure(path, lambda: history_figure(table, self.scene.units, of_x, of_y))
+        of = finite(factors, "plot_history: factors", (2,))
+        ends = {one["name"]: one["steps"][1] - 1 for one in self.summary["stages"]}
+        return self._figure(path, lambda: history_figure(table, self.scene.units, (float(of[0]), float(of[1])), ends))
 
     def plot_line(
         self,

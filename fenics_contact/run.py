@@ -1,7 +1,7 @@
 """solve(scene, ...): run a scene along its load path and keep what it gave."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from os import PathLike
 from typing import Any
@@ -14,7 +14,7 @@ from fenics_contact.agreement import ends_together
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.contact.tools import Tool
-from fenics_contact.options import Steps, arc_steps, checkpoint_steps, load_times, refuse_shares
+from fenics_contact.options import Steps, checkpoint_steps, stated_stages
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
     Summary,
@@ -26,35 +26,24 @@ from fenics_contact.output.history import (
     penalty_notes,
     penalty_summary,
     stages_line,
+    stages_summary,
 )
 from fenics_contact.output.units import Units
+from fenics_contact.plans import Plan, carry, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
-from fenics_contact.restart import Keeper, results_folder
+from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
-from fenics_contact.scene.build import Built, build
-from fenics_contact.scene.drives import Moves, turning
+from fenics_contact.scene.build import build
+from fenics_contact.scene.drives import turning
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
-from fenics_contact.scene.targets import distances
-from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
-from fenics_contact.solvers.augmented import Adapted, Augmented
-from fenics_contact.solvers.continuation import Path
-from fenics_contact.solvers.control import run
-from fenics_contact.solvers.entering import Entering
-from fenics_contact.solvers.held import Following, Held
-from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.newton import Incremental, Newton
+from fenics_contact.scene.stage import Moves, Stage
+from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.solvers.penalty_error import penalty_error
-from fenics_contact.solvers.report import Stepper
-from fenics_contact.solvers.snes import Snes
-from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
-from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown
-
-STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
 
 
 @ends_together
@@ -77,8 +66,10 @@ def solve(
     record: Recorded | None = None,
     stabilise: bool = False,
     damping: bool = False,
+    stages: Sequence[Stage] | None = None,
+    start: Result | str | PathLike[str] | None = None,
 ) -> Result:
-    """Carry a scene from t = 0 to t = 1, or by continuation until a target is reached.
+    """Carry a scene from t = 0 to t = 1, through stages, or by continuation until a target is reached.
 
     move: {tool: travel (3,) at t = 1 [length], or a function of t, or a Motion with rotations and loads}; push: {tool: force
     (3,) at t = 1 [force], or a function of t}; steps: number of equal load steps, or the increasing list of their t; out:
@@ -99,6 +90,13 @@ def solve(
     checkpoint of another statement is refused, as are damaged ones. overwrite: replace the results of an earlier run in
     `out`, which otherwise is refused.
 
+    stages: list of Stage, gone through one after another, each from where the one before has ended, over a t of its own
+    `duration`; they state move, push, until and back in the place of the run, and steps and method where these differ.
+
+    start: a result, or the folder of a run with checkpoints, on the same mesh: its last state, with displacements, places
+    of tools and histories of contacts of the same name, is where this run begins, as a stage after it. Loads and supports
+    that the scene states as that run's did stay as they were there; others are reached in the first stage.
+
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
     value), a function of the state that changes its sign there, or a list of these, of which the first reached counts;
@@ -109,45 +107,31 @@ def solve(
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
     """
     timers = Timers()
-    if method not in list(STEPPERS):
-        raise SceneError(f"method {shown(method)} is not one of {', '.join(STEPPERS)}")
-    continuation = method == "arc_length"
-    arcs = arc_steps(steps, until, back, continuation)
+    stated = stated_stages(scene, stages, (move, push), (until, back), steps, method)
+    schedules = [schedule(stage, tolerance, smallest_step) for stage in stated]
     every = checkpoint_steps(checkpoint, resume, out)
-    refuse_shares(method, tolerance, smallest_step)
-    times = np.array([0.5, 1.0]) if continuation else load_times(steps)
-    columns = columns_of(record or {}, scene, turning(move))
+    columns = columns_of(record or {}, scene, turning(stated))
     extra = record or {}
     if out is not None and not isinstance(out, str | PathLike):
         raise SceneError(f"out = {shown(out)} must be the path of a folder")
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
-    built = build(scene, move, push, timers, stabilise, damping)
+    built = build(scene, stated, timers, stabilise, damping, _started(start, scene))
     system = built.system
-    _refuse_nan(system, times)
-    legs = [distances(end, scene, system) for end in (until, back) if end is not None]
-    if continuation and not depends_on_load(system):
-        raise SceneError("arc length without a load to scale: nothing depends on t; state a load, or move or push a tool")
-    solver = LinearSolver(system, linear, afresh=continuation)
-    plain, softened, stepper = _stepper(method, solver, tolerance, built)
-    path = None
-    if isinstance(plain, ArcLength) and arcs:
-        path = Path(system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system))
-    stated = partial(statement, scene, system, method, extra)
-    keeper = Keeper(folder, system, path, softened, stated, every, resume) if every and folder else None
-    kept = Recorder(scene, built, folder, keeper, (columns, extra), continuation, progress)
+    plans = plans_of(scene, built, stated, schedules, linear, tolerance)
+    told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven)
+    steppers = [(plan.path, plan.softened) for plan in plans]
+    keeper = Keeper(folder, system, steppers, told, left, every, resume) if every and folder else None
+    kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), progress)
     setup = timers.table()["total"]
     verdict = kept.verdict
     kept.remark([*scene.notes, *built.notes])
-    if path:
-        path.follow(kept, verdict)
-    else:
-        run(system, stepper, times, kept, smallest_step, verdict)
+    carry(system, plans, kept, verdict, smallest_step)
     kept.bar.close()
     if verdict.converged:
         kept.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
-    summary = _summary(scene, system, solver, method, verdict, kept.history)
+    summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
-        error = penalty_error(system, solver) if verdict.converged else None
+        error = penalty_error(system, plans[system.stages.index].solver) if verdict.converged else None
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
@@ -163,50 +147,21 @@ def solve(
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
-    return Result(kept.history, verdict, system, summary, scene, kept.results, [*columns.all(), *extra])
+    return Result(kept.history, verdict, system, summary, scene, kept.results, [*columns.all(), *extra], left())
 
 
-def _refuse_nan(system: System, times: Floats) -> None:
-    """Paths, forces and supports given as functions check themselves: once at every t the run will visit."""
-    for t in times:
-        system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t), system.supports.values(t)
-    system.set_loads(0.0)
+def _started(start: object, scene: Scene) -> Start | None:
+    """The state that a run begins with, None at rest. Collective."""
+    if start is None or isinstance(start, Result):
+        return start.state() if start else None
+    if not isinstance(start, str | PathLike):
+        raise SceneError(f"start = {shown(start)}: give the result of another run, or the folder of one with checkpoints")
+    return last_state(start, scene.mesh.comm)
 
 
-def _stepper(
-    method: str, solver: LinearSolver, tolerance: float | None, built: Built
-) -> tuple[ArcLength | Stepper, Softened | None, Any]:
-    """The method's stepper, Newton's with softer penalties where these help, and all that with what corrects its states."""
-    system = built.system
-    options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
-    plain = STEPPERS[method](solver, **options)
-    steady = not isinstance(plain, ArcLength | Incremental)
-    if system.stabilised and not steady:
-        raise SceneError(
-            f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
-            "choose one of these"
-        )
-    if system.damping and not steady:
-        raise SceneError(
-            f"damping= belongs to methods 'newton' and 'snes', not '{method}'; leave it out, or choose one of these"
-        )
-    if built.fluids and not steady:
-        raise SceneError(
-            f"pressure with where=\"open\" needs steps that end in balance, method 'newton' or 'snes', not '{method}'; "
-            "choose one of these, or leave where= out"
-        )
-    softened = Softened(plain) if isinstance(plain, Newton) else None
-    stepper = softened or plain
-    stepper = Augmented(stepper) if system.augmented else stepper
-    stepper = Entering(stepper, built.fluids) if built.fluids else stepper
-    springs = system.grounding if steady else None
-    return plain, softened, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
-
-
-def _summary(
-    scene: Scene, system: System, solver: LinearSolver, method: str, verdict: Verdict, history: list[HistoryRow]
-) -> Summary:
+def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdict, history: list[HistoryRow]) -> Summary:
     domain, groups = scene.mesh.domain, dict.fromkeys("+".join(support.group) for support in scene.supports)
+    solver, solvers = plans[system.stages.index].solver, list({id(plan.solver): plan.solver for plan in plans}.values())
     return {
         "verdict": {
             "converged": verdict.converged,
@@ -234,16 +189,17 @@ def _summary(
             "supported_unknowns": system.comm.allreduce(len(system.supports.owned)),
         },
         "method": {
-            "stepper": method,
+            "stepper": ", ".join(dict.fromkeys(str(plan.stage.method) for plan in plans)),
             "linear_solver": solver.method,
             "seconds_per_digit": solver.rates,
-            "solver_changes": solver.fallbacks,
-            "factorisations": solver.builds,
-            "krylov_iterations": solver.iterations,
+            "solver_changes": [words for one in solvers for words in one.fallbacks],
+            "factorisations": sum(one.builds for one in solvers),
+            "krylov_iterations": sum(one.iterations for one in solvers),
             "matrix_patterns": system.patterns,
             "symmetric": system.symmetric,
         },
         "limit_points": limit_points(history),
+        "stages": stages_summary(history),
         "stabilisation": _stabilisation(system, scene.units),
         "damping": _damping(system, scene.units),
         "iterations": verdict.iterations,

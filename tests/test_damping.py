@@ -8,6 +8,7 @@ from by_node import displacements
 from mpi4py import MPI
 
 from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_surface, run, solve
+from fenics_contact.assembly.stages import Stages
 from fenics_contact.scene.build import build
 from fenics_contact.solvers import control
 from fenics_contact.solvers.report import StepReport
@@ -171,7 +172,7 @@ def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
 class Creeping:
     """A system, and its stepper, that no step carries on, only a jump."""
 
-    damping, terms, committed_t = True, (), 0.0
+    damping, terms, committed_t, stages = True, (), 0.0, Stages(("",), (1.0,), 0)
 
     def __init__(self, rests):
         self.state, self.rests, self.jumps, self.steps = SimpleNamespace(t=0.0), rests, [], 0

@@ -172,7 +172,7 @@ def test_what_a_function_of_points_must_give():
 ALONE = """
 import sys, numpy as np
 from mpi4py import MPI
-from fenics_contact import agreement, run, solve
+from fenics_contact import agreement, plans, solve
 sys.path.insert(0, 'tests')
 from test_faults import bar
 agreement.PATIENCE = 1.0
@@ -181,7 +181,7 @@ def inside_a_sum(X, t):
     if MPI.COMM_WORLD.rank == 1:
         raise RuntimeError("alone in the function")
     return np.full(len(X), 0.1 * t * MPI.COMM_WORLD.allreduce(1))
-class Failing(run.LinearSolver):
+class Failing(plans.LinearSolver):
     def __init__(self, *arguments, **options):
         if MPI.COMM_WORLD.rank == 1:
             raise MemoryError("alone in the solver")
@@ -189,7 +189,7 @@ class Failing(run.LinearSolver):
 if sys.argv[1] == "function":
     scene.prescribe("xmax", "x", inside_a_sum)
 else:
-    run.LinearSolver = Failing
+    plans.LinearSolver = Failing
     scene.prescribe("xmax", "x", 0.1)
 solve(scene, steps=1, progress=False)
 print("came to its end")

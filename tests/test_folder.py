@@ -223,7 +223,7 @@ def stiffer(shear):
 OTHERS = {
     "tool 'ball', shape: 20.0 there, 19.0 here": {"radius": 19.0},
     "support of xmin along x: .* there, .* here": {"lid": 0.01},
-    "load 1 on ymax: 0.0 there, 0.003.* here": {"traction": 0.01},
+    "traction on 'ymax': 0.0 there, 0.003.* here": {"traction": 0.01},
     "move of 'ball': -0.3 there, -0.36 here": {"depth": -1.2},
     "contact 'c', penalty normal: None there, 7.0 here": {"penalty": 7.0},
     "contact 'c', friction: 0.3 there, 0.2 here": {"friction": 0.2},

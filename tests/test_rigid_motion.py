@@ -69,7 +69,7 @@ def test_rates_of_rotations():
 
 def test_free_rotations_know_no_whole_turn():
     """Spins of 50 degrees about changing axes, taken up one by one, against their product; and the chart's round-off."""
-    poses, q, turn = Poses(np.zeros((1, 3)), 2.0, np.array([True])), np.zeros((1, 6)), np.eye(3)
+    poses, q, turn = Poses(np.zeros((1, 3)), 2.0, lambda: np.array([True])), np.zeros((1, 6)), np.eye(3)
     for i in range(500):
         way = 0.9 * np.array([np.cos(i), np.sin(2 * i), 1.0]) / 1.5
         q[0, 3:] += 2.0 * way

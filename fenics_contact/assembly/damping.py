@@ -1,5 +1,7 @@
 """Viscous forces that carry bodies and pushed tools through a jump of the load path, to where they come to rest."""
 
+from collections.abc import Callable
+
 from fenics_contact.assembly.spring_term import Springs, SpringTerm
 from fenics_contact.assembly.term import State
 from fenics_contact.types import Bools
@@ -9,7 +11,7 @@ class Damping(SpringTerm):
     """Springs to the last accepted state, a step of implicit Euler for viscous forces; none, as in every load step, where
     the share is zero. most: jumps taken, and the greatest of them [force length]."""
 
-    def __init__(self, springs: Springs, free: Bools) -> None:
+    def __init__(self, springs: Springs, free: Callable[[], Bools]) -> None:
         super().__init__("damping", *springs, free)
         self.most = {"jumps": 0.0, "work": 0.0, "work_share": 0.0}
 

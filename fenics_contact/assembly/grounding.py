@@ -1,5 +1,6 @@
 """Stabilisation of bodies and tools that nothing holds yet: soft springs whose far ends follow until they pull no more."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +29,7 @@ class Grounding(SpringTerm):
     always: asked for by the user, in every step; else in those alone for which `engaged` is set.
     """
 
-    def __init__(self, springs: Springs, free: Bools, always: bool) -> None:
+    def __init__(self, springs: Springs, free: Callable[[], Bools], always: bool) -> None:
         super().__init__("stabilisation", *springs, free)
         self._pull: float | None = None  # at the state evaluated last, and before
         self._before: float | None = None

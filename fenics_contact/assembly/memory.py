@@ -6,6 +6,7 @@ import numpy as np
 
 from fenics_contact.assembly.numbering import gather, node_keys, spread
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import Term
 from fenics_contact.types import Array, Floats, Ints64
 
 COORDINATES = 1e-9  # of the mesh's size: what moving nodes between ranks rounds is 1e-16, another mesh is far from it
@@ -36,9 +37,9 @@ class Memory:
         nodal |= {f"before/{i}/u": u for i, (u, _, _) in enumerate(before)}
         for name, values in nodal.items():
             _put(out, name, gather(comm, self.keys[:owned], values.reshape(-1, 3)[:owned]))
-        for i, term in enumerate(system.terms):
+        for term in system.terms:
             for name, values in term.history().items():
-                _put(out, f"term/{i}/{name}", gather(comm, term.key, values))
+                _put(out, f"{_label(term)}/{name}", gather(comm, term.key, values))
         out |= {"q": system.state.q, "t": system.state.t}
         out |= {"counted": system.state.poses.counted, "turns": system.state.poses.turns}
         out |= {
@@ -55,15 +56,11 @@ class Memory:
         ValueError, on all ranks, if they belong to another mesh or other terms.
         """
         system, comm = self.system, self.system.comm
-        X = self._nodal(arrays, "X")
-        size = np.max(comm.allgather(np.ptp(X, axis=0).max() if len(X) else 0.0))
-        same = bool(np.abs(X - self._X).max(initial=0.0) <= COORDINATES * size)
-        if not all(comm.allgather(same)):
-            raise ValueError("its nodes lie in other places: the mesh was made with other parameters")
+        self._refuse_other_nodes(arrays)
         system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
         kept = [
-            {name: self._rows(arrays, f"term/{i}/{name}", term.key) for name in term.history()}
-            for i, term in enumerate(system.terms)
+            {name: self._rows(arrays, f"{_label(term)}/{name}", term.key) for name in term.history()}
+            for term in system.terms
         ]
         names = ("counted", "turns", "q", "t", "force_scale", "stiffness", "before/q", "before/t")
         counted, turns, *rest = comm.bcast(arrays and [arrays[name] for name in names])
@@ -76,6 +73,38 @@ class Memory:
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 
+    def begin(self, arrays: Arrays, q: Floats) -> list[str]:
+        """Put the displacement of another scene's collected arrays, coordinates q (tools, 6), and the histories of terms of
+        the same name and points there in the place of the state at rest; returns the names of contacts without. Collective.
+
+        ValueError, on all ranks, if the arrays belong to another mesh.
+        """
+        system, comm = self.system, self.system.comm
+        self._refuse_other_nodes(arrays)
+        system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
+        there = comm.bcast(arrays and list(arrays)) or []
+        kept, left = [], []
+        for term in system.terms:
+            own = term.history()
+            try:
+                known = all(f"{_label(term)}/{name}" in there for name in own)
+                values = {name: self._rows(arrays, f"{_label(term)}/{name}", term.key) for name in own} if known else None
+            except ValueError:  # it has other points
+                values = None
+            kept.append(own if values is None else values)
+            left += [term.name] if values is None and term in system.contacts else []
+        system.force_scale, system.stiffness = comm.bcast(arrays and [arrays["force_scale"], arrays["stiffness"]])
+        system.resume(q, 0.0, kept)
+        return left
+
+    def _refuse_other_nodes(self, arrays: Arrays) -> None:
+        """ValueError, on all ranks, where the arrays' nodes are not those of the mesh."""
+        comm, X = self.system.comm, self._nodal(arrays, "X")
+        size = np.max(comm.allgather(np.ptp(X, axis=0).max() if len(X) else 0.0))
+        same = bool(np.abs(X - self._X).max(initial=0.0) <= COORDINATES * size)
+        if not all(comm.allgather(same)):
+            raise ValueError("its nodes lie in other places: the mesh was made with other parameters")
+
     def _nodal(self, arrays: Arrays, name: str) -> Floats:
         return self._rows(arrays, name, self.keys)
 
@@ -84,6 +113,11 @@ class Memory:
             return spread(self.system.comm, None if arrays is None else (arrays[f"{name}/key"], arrays[name]), keys)
         except KeyError:
             raise ValueError(f"it does not hold '{name}' for every point of this scene") from None
+
+
+def _label(term: Term) -> str:
+    """Under what a term's history is kept: contacts bear names of the user's."""
+    return f"term/{type(term).__name__} {term.name}"
 
 
 def _put(out: dict[str, Any], name: str, gathered: tuple[Ints64, Array] | None) -> None:

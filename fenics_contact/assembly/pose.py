@@ -1,5 +1,6 @@
 """Where rigid bodies are: the place of a reference point and a rotation, by the six coordinates that solvers move."""
 
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -63,12 +64,13 @@ class Poses:
     """From the coordinates q (tools, 6) of rigid bodies to their poses.
 
     q are the travel of the reference point and a rotation vector times the lever, so that all of them are lengths and what
-    works on them are forces. starts (tools, 3): reference points at the start [length]; spherical (tools,): all rotations
-    free. There the rotation vector is counted from the last accepted pose, R = exp((q - q_last)/lever) R_last, for a vector
-    is no coordinate from a whole turn on; elsewhere from the start: a path of the user's, or the angle about one axis.
+    works on them are forces. starts (tools, 3): reference points at the start [length]; spherical: which (tools,) may turn
+    about all axes in the stage that is on. There the rotation vector is counted from the last accepted pose,
+    R = exp((q - q_last)/lever) R_last, for a vector is no coordinate from a whole turn on; elsewhere from where the stage
+    began: a path of the user's, or the angle about one axis.
     """
 
-    def __init__(self, starts: Floats, lever: float, spherical: Bools) -> None:
+    def __init__(self, starts: Floats, lever: float, spherical: Callable[[], Bools]) -> None:
         self.starts, self.lever, self._spherical = starts, lever, spherical
         self.counted = np.zeros_like(starts)  # q[:, 3:] of the pose from which rotations are counted,
         self.turns = np.tile(np.eye(3), (len(starts), 1, 1))  # and the rotation there
@@ -81,7 +83,14 @@ class Poses:
 
     def accept(self, q: Floats) -> None:
         """Count from the poses of q (tools, 6) on, where all rotations are free."""
-        for i in np.flatnonzero(self._spherical):
+        self._count(np.flatnonzero(self._spherical()), q)
+
+    def begin(self, q: Floats) -> None:
+        """Count from the poses of q (tools, 6) on, where a stage begins: what turns in it turns what it finds."""
+        self._count(range(len(q)), q)
+
+    def _count(self, bodies: Iterable[int], q: Floats) -> None:
+        for i in bodies:
             left, _, right = np.linalg.svd(self.at(i, q[i]).turn)  # products of many rotations stay one
             self.turns[i], self.counted[i] = left @ right, q[i, 3:]
 

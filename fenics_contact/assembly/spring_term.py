@@ -1,5 +1,6 @@
 """Springs on all bodies and free tools as a term of a System: in it only while their share of stiffness is above zero."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ class SpringTerm(FormTerm):
     """Forces kappa (u - u_0) per reference volume, and alike on free tools.
 
     constant: kappa over E/L^2 of a body as a Constant in the forms; reference: Function u_0; forms: (residual, tangent),
-    compiled when first needed; on_tools [force/length]: stiffness at share 1 of free (tools, 6) components of the tools'
-    coordinates.
+    compiled when first needed; on_tools [force/length]: stiffness at share 1 of free components of the tools' coordinates;
+    free: which (tools, 6) these are in the stage that is on.
     """
 
     most: dict[str, float]  # the largest values of all accepted steps
@@ -31,11 +32,11 @@ class SpringTerm(FormTerm):
         reference: Function,
         forms: tuple[Form, Form],
         on_tools: float,
-        free: Bools,
+        free: Callable[[], Bools],
     ) -> None:
         super().__init__(name, None, None)
         self._constant, self._reference, self._forms = constant, reference, forms
-        self._on_tools, self._free, self._q = on_tools, free, np.zeros(free.shape)
+        self._on_tools, self._free, self._q = on_tools, free, np.zeros(free().shape)
 
     def recall(self, most: list[float]) -> None:
         """Go on from the values of `most`, in its order, that a checkpoint held."""
@@ -63,7 +64,7 @@ class SpringTerm(FormTerm):
         return self._reference.function_space.mesh.comm.rank == 0
 
     def _tool_pull(self, state: State) -> Floats:
-        return np.where(self._free, self.share * self._on_tools * (state.q - self._q), 0.0)
+        return np.where(self._free(), self.share * self._on_tools * (state.q - self._q), 0.0)
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
         if self.share > 0.0:
@@ -74,7 +75,7 @@ class SpringTerm(FormTerm):
     def tangent(self, state: State, trial: Any = None) -> Blocks:
         if not self.share > 0.0:
             return Blocks()
-        on_tools = np.where(self._free, self.share * self._on_tools, 0.0).ravel() if self._first_rank else None
+        on_tools = np.where(self._free(), self.share * self._on_tools, 0.0).ravel() if self._first_rank else None
         return Blocks(forms=tuple(self._tangents), free=on_tools)
 
     def spent(self, state: State) -> tuple[float, float]:

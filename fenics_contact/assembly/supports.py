@@ -1,12 +1,13 @@
 """Prescribed dofs and moved or pushed tools as functions of the load parameter t."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.pose import Poses
+from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.assembly.turned import ONE, Turned
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mat, Space
@@ -15,20 +16,28 @@ Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (6,)
 
 
 class Prescribed(Protocol):
-    """Displacements [length] of an entry's dofs (n,) at t, and of a few of its points, the same on all ranks."""
+    """Displacements [length] of an entry's nodes (n,) at t; few: what its stage states at t, the same on all ranks, of a
+    function at a few points; jump: the largest step [length] that it makes on this rank at the very start of the stage;
+    begin, said: see Supports."""
 
     def __call__(self, t: float) -> Floats: ...
 
     def few(self, t: float) -> Floats: ...
 
+    def jump(self) -> float: ...
+
+    def begin(self, origin: Floats, before: Sequence[float]) -> None: ...
+
+    def said(self) -> list[float]: ...
+
 
 class Support(NamedTuple):
-    """Displacement of local nodes (n,), ghosts included, along a unit direction (3,): a number, ramped with t, or a function
-    of t that gives (n,) and that all ranks call [length]."""
+    """Displacement of local nodes (n,), ghosts included, along a unit direction (3,): a function of t that gives (n,) and
+    that all ranks call [length]."""
 
     nodes: Ints
     direction: Floats
-    value: float | Prescribed
+    value: Prescribed
 
 
 class Supports:
@@ -37,7 +46,7 @@ class Supports:
     space: of u; entries: Support; names: of the entries. dofs: 3 node + axis, local, first those of nodes that are not
     turned; owned: those of owned nodes; turned: the nodes where a support along another direction acts, with all supports
     that meet there, None where no rank has one; ties: of nodes in none of the entries, which rigid bodies hold, tied: which
-    of the dofs are theirs; conflict: names of two entries that contradict each other, or None. Construction is collective.
+    of the dofs are theirs. Construction is collective.
     """
 
     def __init__(self, space: Space, entries: Sequence[Support], names: Sequence[str], ties: Ties | None = None) -> None:
@@ -60,7 +69,6 @@ class Supports:
         self._plain, self._nodes = plain, nodes
         self.tied = np.isin(self.dofs, self.ties.dofs)
         self.owned = self.dofs[self.dofs < 3 * space.dofmap.index_map.size_local].astype(PETSc.IntType)
-        self.conflict = self._conflict()
 
     def _turned(self, space: Space, nodes: Ints64, rows: Ints64) -> Turned:
         """The nodes of these rows of all entries."""
@@ -72,25 +80,28 @@ class Supports:
         directions = np.where(there[..., None], self._directions[self._entry[self._rows]], 0.0)
         return Turned(space, known, directions)
 
-    def _conflict(self) -> tuple[str, str] | None:
-        for t in (0.0, 0.5, 1.0):
-            values = self._all(t)
-            allowed = 1e-12 * max(1.0, np.abs(values).max(initial=0.0))
-            along = values[self._straight] * self._sign[self._straight]
-            gap = np.abs(along - along[self._first][self._inverse])
-            if gap.size and gap.max() > allowed:
-                worst = int(gap.argmax())
-                pair = self._straight[[self._first[self._inverse[worst]], worst]]
-                return self._names[self._entry[pair[0]]], self._names[self._entry[pair[1]]]
-            if self.turned is not None and self._rows.size:
-                made = np.einsum("nmk,nm->nk", self.turned.shares, self._at_turned(values))
-                made = np.einsum("nmc,nck,nk->nm", self.turned.directions, self.turned.axes, made)
-                gap = np.abs(made - self._at_turned(values))
-                # directions that count as one may differ by ONE
-                if gap.max() > allowed + ONE * np.abs(values).max():
-                    rows = self._rows[gap.max(axis=1).argmax()]
-                    one, other = _contradicting(self._directions[self._entry[rows[rows >= 0]]], values[rows[rows >= 0]])
-                    return self._names[self._entry[rows[one]]], self._names[self._entry[rows[other]]]
+    def conflict(self, times: Iterable[float]) -> tuple[str, str] | None:
+        """Names of two entries that contradict each other on this rank at one of these t, or None. Collective."""
+        found = [self._contradiction(values) for values in map(self._all, times)]
+        return next((pair for pair in found if pair), None)
+
+    def _contradiction(self, values: Floats) -> tuple[str, str] | None:
+        allowed = 1e-12 * max(1.0, np.abs(values).max(initial=0.0))
+        along = values[self._straight] * self._sign[self._straight]
+        gap = np.abs(along - along[self._first][self._inverse])
+        if gap.size and gap.max() > allowed:
+            worst = int(gap.argmax())
+            pair = self._straight[[self._first[self._inverse[worst]], worst]]
+            return self._names[self._entry[pair[0]]], self._names[self._entry[pair[1]]]
+        if self.turned is not None and self._rows.size:
+            made = np.einsum("nmk,nm->nk", self.turned.shares, self._at_turned(values))
+            made = np.einsum("nmc,nck,nk->nm", self.turned.directions, self.turned.axes, made)
+            gap = np.abs(made - self._at_turned(values))
+            # directions that count as one may differ by ONE
+            if gap.max() > allowed + ONE * np.abs(values).max():
+                rows = self._rows[gap.max(axis=1).argmax()]
+                one, other = _contradicting(self._directions[self._entry[rows[rows >= 0]]], values[rows[rows >= 0]])
+                return self._names[self._entry[rows[one]]], self._names[self._entry[rows[other]]]
         return None
 
     def _at_turned(self, values: Floats) -> Floats:
@@ -98,14 +109,13 @@ class Supports:
         return np.where(self._rows >= 0, values[self._rows], 0.0)
 
     def _all(self, t: float) -> Floats:
-        parts = [value(t) if callable(value) else np.full(len(nodes), value * t) for nodes, _, value in self._entries]
-        return _joined(parts, float)
+        return _joined([entry.value(t) for entry in self._entries], float)
 
     def sampled(self, times: Iterable[float]) -> dict[str, list[float]]:
-        """{name: prescribed displacements [length] at these t, of a function at a few points}. Collective."""
+        """{name: what the stage that is on prescribes [length] at these t, by a function at a few points}. Collective."""
         out: dict[str, list[float]] = {}
         for (_, _, value), name in zip(self._entries, self._names, strict=True):
-            at = [value.few(t) if callable(value) else [value * t] for t in times]
+            at = [value.few(t) for t in times]
             out[name] = out.get(name, []) + [float(x) for x in np.concatenate(at)]
         return out
 
@@ -113,6 +123,19 @@ class Supports:
         """[(name, largest displacement [length] on this rank)] of all entries at t."""
         parts = np.split(np.abs(self._all(t)), np.cumsum([len(entry.nodes) for entry in self._entries]))
         return [(name, float(part.max(initial=0.0))) for name, part in zip(self._names, parts[:-1], strict=True)]
+
+    def jumps(self) -> list[tuple[str, float]]:
+        """[(name, largest step [length] on this rank)] of all entries at the very start of the stage. Collective."""
+        return [(name, value.jump()) for (_, _, value), name in zip(self._entries, self._names, strict=True)]
+
+    def begin(self, u: Floats, before: Mapping[str, Sequence[float]]) -> None:
+        """Start from a displacement u (local array) of another run; before: {name: what its scene said}. Collective."""
+        for (nodes, direction, value), name in zip(self._entries, self._names, strict=True):
+            value.begin(u.reshape(-1, 3)[nodes] @ direction, before.get(name, ()))
+
+    def said(self) -> dict[str, list[float]]:
+        """{name: what the scene states of it}. Collective."""
+        return {name: value.said() for (_, _, value), name in zip(self._entries, self._names, strict=True)}
 
     def values(self, t: float) -> Floats:
         """Prescribed displacements [length] of `dofs` at load parameter t; zero of those that are tied."""
@@ -201,33 +224,39 @@ def _joined(parts: Sequence[Array], kind: type) -> Array:
 class ToolMotion:
     """Rigid tools' motion: prescribed components follow a path, free ones balance a load.
 
-    paths: one function t -> (6,) per tool, travel [length] and rotation vector [radians]; loads: one function t -> (6,),
-    force and moment [force, force x length]; points (tools, 3): where the reference points start [length]; free (tools, 6)
-    bool; names; lever [length]: by which rotations are made lengths, and moments forces.
+    stages: of the run; paths, loads: in the stage that is on, of each tool a function t -> (6,), travel and, times the
+    lever, rotation vector [length]; force and, over the lever, moment [force]. points (tools, 3): where the reference points
+    start [length]; free_by_stage: (tools, 6) bool of each stage; names; lever [length]: by which rotations are made lengths,
+    and moments forces.
     """
 
     def __init__(
-        self, paths: Paths, loads: Paths, points: Sequence[Floats], free: Sequence[Bools], names: Sequence[str], lever: float
-    ) -> None:
-        self.names, self._paths, self._loads = tuple(names), paths, loads
-        self.free = np.asarray(free, dtype=bool).reshape(len(paths), 6)
+        self, stages: Stages, paths: Paths, loads: Paths, points: Sequence[Floats], free_by_stage: Sequence[Bools],
+        names: Sequence[str], lever: float,
+    ) -> None:  # fmt: skip
+        self.stages, self.names, self.lever = stages, tuple(names), lever
+        self._paths, self._loads, self._free_by_stage = paths, loads, free_by_stage
         self.points = np.asarray(points, dtype=float).reshape(len(paths), 3)
-        self.lever, self._scale = lever, np.repeat([1.0, lever], 3)
 
     def __len__(self) -> int:
         return len(self._paths)
 
+    @property
+    def free(self) -> Bools:
+        """Which components (tools, 6) are free in the stage that is on."""
+        return self._free_by_stage[self.stages.index]
+
     def prescribed(self, t: float) -> Floats:
         """Prescribed coordinates (tools, 6) at t [length]; zero where the component is free."""
-        return np.where(self.free, 0.0, _stack(self._paths, t) * self._scale)
+        return np.where(self.free, 0.0, _stack(self._paths, t))
 
     def forces(self, t: float) -> Floats:
-        """External forces, and moments over the lever, (tools, 6) at t [force]."""
-        return _stack(self._loads, t) / self._scale
+        """External forces, and moments over the lever, (tools, 6) at t [force]; zero where the component is not free."""
+        return np.where(self.free, _stack(self._loads, t), 0.0)
 
     def poses(self) -> Poses:
         """Of the tools at the start."""
-        return Poses(self.points, self.lever, self.free[:, 3:].all(axis=1))
+        return Poses(self.points, self.lever, lambda: self.free[:, 3:].all(axis=1))
 
 
 def _stack(functions: Paths, t: float) -> Floats:

@@ -17,6 +17,7 @@ from fenics_contact.assembly.holds import ALLOWED, Holds
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
+from fenics_contact.assembly.stages import End, Stages
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
@@ -197,6 +198,27 @@ class System:
     def release(self) -> None:
         for contact in self.contacts:
             contact.release()
+
+    @property
+    def stages(self) -> Stages:
+        """The stages of the run, of which one is on."""
+        return self.tools.stages
+
+    def ending(self) -> End:
+        """How the stage that is on would end at the committed state; the force on a tool that is moved is what it takes to
+        hold it. Collective."""
+        self.assemble_residual()
+        stated = self.tools.forces(self.state.t)
+        forces = np.where(self.tools.free, stated, self.tool_residual + stated)
+        return End(self.state.t, self.state.q.copy(), forces)
+
+    def next_stage(self) -> None:
+        """The stage that is on ends at the committed state, and the next one begins there, rotations too; steps are not
+        extrapolated over the corner. Collective."""
+        self.stages.ends.append(self.ending())
+        self.state.poses.begin(self.state.q)
+        self.set_loads(self.state.t)
+        self.accepted = [self._committed]
 
     @property
     def augmented(self) -> list[ContactTerm]:

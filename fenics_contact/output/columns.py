@@ -16,9 +16,10 @@ from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
 AXES = "xyz"
-SOME = ("augmentations", "limit_point", "station")  # columns that only some runs have
+# columns that only some runs have
+SOME = ("stage", "augmentations", "limit_point", "station", "negative_pivots", "bifurcation")
 
-HistoryRow = dict[str, float | int]
+HistoryRow = dict[str, Any]  # numbers, and the name of the stage
 
 
 class Report(Protocol):

@@ -32,10 +32,13 @@ def times(factor: float) -> str:
     return {1.0: "", -1.0: "−"}.get(factor, f"{factor:g} × ".replace("-", "−"))
 
 
-def history_figure(table: Mapping[str, Array], units: Units, of_x: float = 1.0, of_y: float = 1.0) -> Figure:
+def history_figure(
+    table: Mapping[str, Array], units: Units, factors: tuple[float, float], ends: Mapping[str, int]
+) -> Figure:
     """All columns but the first over the first, those of one unit on one pair of axes; table: {column name: (steps,)};
-    of_x, of_y: factors."""
+    factors: of x and of all others; ends: {stage: row of its last step}, marked with the name."""
     (x, places), *rest = table.items()
+    of_x, of_y = factors
     by_unit: dict[str, list[str]] = {}
     for column, _ in rest:
         by_unit.setdefault(words(column, units)[1], []).append(column)
@@ -45,6 +48,9 @@ def history_figure(table: Mapping[str, Array], units: Units, of_x: float = 1.0, 
         for column, name in names.items():
             axes.plot(of_x * places, of_y * table[column], marker="o" if len(places) <= MARKS else None, markersize=3,
                       linewidth=1.2, label=name)  # fmt: skip
+        for stage, row in ends.items():
+            place = of_x * places[row], of_y * table[columns[0]][row]
+            axes.annotate(stage, place, (4, 4), textcoords="offset points", fontsize=LETTERS)
         name = names[columns[0]] if len(columns) == 1 else ""
         axes.set_ylabel(labelled(name, unit) if name else f"[{unit}]" if unit else "", fontsize=LETTERS)
         axes.set_xlabel(times(of_x) + labelled(*words(x, units)), fontsize=LETTERS)

@@ -60,14 +60,14 @@ class _Rubbing:
 
 @dataclass(frozen=True)
 class _Forces:
-    """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs
-    and, such that their product with these is work, on the tools; ratios by which bodies swell and the rates of this rank's
-    energy with them; by contact its Rubbing."""
+    """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
+    and wrenches on the tools; ratios by which bodies swell and the rates of this rank's energy with them; by contact its
+    Rubbing."""
 
     u: Floats
     q: Floats
     on_dofs: Floats
-    on_tools: Floats
+    wrenches: Floats
     ratios: Floats
     on_ratios: Floats
     rubbing: dict[str, _Rubbing]
@@ -82,10 +82,18 @@ class EnergyBalance:
     ) -> None:
         self._system, self._loads = system, loads
         self._adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
-        names = [contact.name for contact in system.contacts if contact.rough]
-        self.now = so_far or Energies(friction=dict.fromkeys(names, 0.0))
         system.assemble_residual()
+        self.now = so_far or self._at_start()
         self._last = self._forces()
+
+    def _at_start(self) -> Energies:
+        """What bodies and penalties hold already counts as work done on them."""
+        rough = [contact.name for contact in self._system.contacts if contact.rough]
+        strain, stored = self._system.strain_energy(), self._stored()
+        return Energies(strain + stored, strain, stored, dict.fromkeys(rough, 0.0))
+
+    def _stored(self) -> float:
+        return float(sum(contact.measures(self._system.state)["stored"] for contact in self._system.contacts))
 
     def advance(self, damping: float) -> Energies:
         """The Energies at the state just accepted; damping: the work that it took in this step. Collective."""
@@ -94,16 +102,22 @@ class EnergyBalance:
         work = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
         work += 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
         rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
-        stored = [contact.measures(system.state)["stored"] for contact in system.contacts]
         sums = system.comm.allreduce(np.array([work, *rubbed.values(), *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
-        work = sums[0] + float(0.5 * ((last.on_tools + here.on_tools) * (here.q - last.q)).sum())
+        work = sums[0] + float(0.5 * ((self._on_tools(last) + self._on_tools(here)) * (here.q - last.q)).sum())
         friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:-3], strict=True)}
-        balance = float(np.linalg.norm((sums[-3:] + here.on_tools[:, :3].sum(axis=0))[self._adds_up]))
+        balance = float(np.linalg.norm((sums[-3:] + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
         self._last, self.now = here, Energies(
-            self.now.external_work + work, system.strain_energy(), float(sum(stored)), friction,
+            self.now.external_work + work, system.strain_energy(), self._stored(), friction,
             self.now.damping + damping, balance,
         )  # fmt: skip
         return self.now
+
+    def _on_tools(self, at: _Forces) -> Floats:
+        """Outer forces (tools, 6) whose products with the coordinates are work, as rotations are counted now, since the
+        beginning of a stage or the last step: of both ends of a step alike."""
+        poses, pairs = self._system.state.poses, zip(at.q, at.wrenches, strict=True)
+        rows = [poses.at(i, q).per_coordinate(wrench) for i, (q, wrench) in enumerate(pairs)]
+        return np.array(rows).reshape(-1, 6)
 
     def _forces(self) -> _Forces:
         system, state = self._system, self._system.state
@@ -120,14 +134,11 @@ class EnergyBalance:
         forces += reactions
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
         wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)
-        on_tools = np.zeros_like(wrenches)
-        for i, pose in enumerate(state.tools):
-            on_tools[i] = pose.per_coordinate(wrenches[i])
         return _Forces(
             state.u.x.array.copy(),
             state.q.copy(),
             forces,
-            on_tools,
+            wrenches,
             *system.terms[0].swelling(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
         )

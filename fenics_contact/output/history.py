@@ -41,6 +41,15 @@ def limit_points(history: list[HistoryRow]) -> list[dict[str, Any]]:
     return [{"step": row["step"], "t": row["t"], "kind": kinds[int(row["limit_point"])]} for row in found]
 
 
+def stages_summary(history: list[HistoryRow]) -> list[dict[str, Any]]:
+    """Name, first and last step and last t of the stages gone through, [] of a run without."""
+    found: dict[str, list[HistoryRow]] = {}
+    for row in history:
+        if "stage" in row:
+            found.setdefault(row["stage"], []).append(row)
+    return [{"name": name, "steps": [rows[0]["step"], rows[-1]["step"]], "t": rows[-1]["t"]} for name, rows in found.items()]
+
+
 def penalty_summary(error: dict[str, Any] | None, tools: Sequence[str], units: Units) -> Summary:
     """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known.
 

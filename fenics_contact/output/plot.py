@@ -63,7 +63,8 @@ def drawing(
     carries = np.bincount(body.body[body.slave], minlength=len(scene.bodies)) > 0
     hidden = ~carries if seen.on_contact else np.zeros(len(scene.bodies), dtype=bool)
     chosen = choose(body, ~hidden[body.body], view)
-    title = f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
+    title = f"{system.stages.name}, " if system.stages.name else ""
+    title += f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
     title += ", nothing touches" if seen.on_contact and not touches else ""
     return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
 

@@ -17,6 +17,7 @@ from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.size import bodies_size
+from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
@@ -37,15 +38,18 @@ from fenics_contact.scene.checks import (
     refuse_deep_start,
     refuse_doubled,
     refuse_held,
-    refuse_jumps,
     refuse_loose,
     refuse_turned_grain,
     unmet_notes,
 )
-from fenics_contact.scene.drives import Moves, motion_of, supports_of, turning
+from fenics_contact.scene.drives import motion_of, supports_of, turning
 from fenics_contact.scene.field_loads import field_loads
-from fenics_contact.scene.functions import Drive, whole
-from fenics_contact.scene.statements import ContactStatement, Entering, Load
+from fenics_contact.scene.functions import Path, row_of, whole
+from fenics_contact.scene.gaps import refuse_gaps, refuse_jumps
+from fenics_contact.scene.loads import loads_of
+from fenics_contact.scene.stage import Only, Stage
+from fenics_contact.scene.start import Start, begin
+from fenics_contact.scene.statements import ContactStatement, Entering, Load, called
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
 from fenics_contact.solid.materials import Material, young
@@ -62,37 +66,41 @@ Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and 
 
 @dataclass(frozen=True)
 class Built:
-    """A System, what is to be said of its start, and terms of its loads alone, fluids too."""
+    """A System, what is to be said of its start, terms of its loads alone, fluids too; all loads by name as functions of t,
+    and the size of the displacement to begin with."""
 
     system: System
     notes: list[str]
     loads: list[FormTerm]
     fluids: list[Fluid]
+    driven: list[tuple[str, Path]]
+    start: list[float]
 
 
 def build(
     scene: "Scene",
-    move: Moves | None = None,
-    push: Mapping[Tool, Drive] | None = None,
+    stated: Sequence[Stage] = (Only(),),
     timers: Timers | None = None,
     stabilise: bool = False,
     damping: bool = False,
+    start: Start | None = None,
 ) -> Built:
-    """What a Scene states, Built. move: {tool: (3,) travel at t = 1 or function of t, or a Motion}; push: {tool: (3,) force
-    at t = 1 or function of t}; a pushed tool is free to travel along the axes in which its force acts. SceneError on all
-    ranks for what cannot be. Collective."""
+    """What a Scene and the stages of a run state, Built; a pushed tool is free to travel along the axes in which its force
+    acts; start: the state of another run to begin with. SceneError on all ranks for what cannot be. Collective."""
     comm, timers = scene.mesh.comm, timers or Timers()
     collect_together(comm)
     refuse_doubled(scene)
-    motion = motion_of(comm, scene.tools, move or {}, push or {}, bodies_size(scene.space), scene.section)
-    refuse_turned_grain(scene.contacts, turning(move))
+    stages = Stages([stage.name for stage in stated], [float(stage.duration) for stage in stated], len(scene.tools))
+    motion = motion_of(comm, scene.tools, stated, stages, bodies_size(scene.space), scene.section)
+    refuse_turned_grain(scene.contacts, turning(stated))
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
-    loads = [(_coefficient(scene, load, 3), load) for load in scene.loads]
-    pressures = [(_coefficient(scene, load, 1), load) for load in scene.pressures]
-    supports = supports_of(scene.mesh, scene.space, scene.supports, scene.section, scene.ties, scene.tools)
+    followed = loads_of(scene, stated, stages)
+    loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
+    pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
+    supports = supports_of(scene, stated, stages)
     with timers("compile"):
-        fields = field_loads(scene, u)
+        fields = field_loads(scene, u, followed)
         solid = _solid(scene, u, loads, fields.materials)
         follower = [_pressure(scene, u, pressures, supports)] if pressures else []
         dead = [FormTerm("dead loads", -_loads_power(scene, loads, ufl.TestFunction(scene.space)))] if loads else []
@@ -100,7 +108,8 @@ def build(
     modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
         contacts = [_contact(scene, stated, modulus, supports, state, timers) for stated in scene.contacts]
-        fluids = [_fluid(scene, stated, contacts) for stated in scene.fluids]
+        entering = [load for load in followed if isinstance(load, Entering)]
+        fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
         refuse_across(contacts, state)
     bodies = bonded_bodies(scene)
@@ -108,10 +117,10 @@ def build(
     refuse_loose(holds, state, comm)
     grounding = damped = None
     if stabilise or (holds.reliant and contacts):
-        free = motion.free if stabilise else np.zeros_like(motion.free)
+        free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
         grounding = Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise)
     if damping:
-        damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), motion.free)
+        damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), lambda: motion.free)
     others: list[Term] = [*follower, *fluids, *fields.terms, *(term for term in (grounding, damped, *contacts) if term)]
 
     def set_loads(t: float) -> None:
@@ -126,10 +135,34 @@ def build(
         grounding=grounding, damping=damped, reach=max((tool.reach for tool in scene.tools), default=0.0),
         bulk_over_shear=max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies),
     )  # fmt: skip
+    driven = [(called(load.word, load.group), load.path) for load in followed]
+    notes = _start(scene, system, stated, driven, start)
+    driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
+    notes += [] if start else refuse_jumps(scene, system, driven)
+    return Built(system, notes, [*dead, *follower, *fluids, *fields.terms], fluids, driven, [_size(system)])
+
+
+def _start(
+    scene: "Scene", system: System, stated: Sequence[Stage], driven: list[tuple[str, Path]], start: Start | None
+) -> list[str]:
+    """Check how a run begins, and each of its stages; start: another run's state to take up. Returns what is to be said.
+    Collective."""
     refuse_behind(system)
     refuse_held(scene, system)
-    notes = unmet_notes(scene) + refuse_deep_start(scene, system) + refuse_jumps(scene, system)
-    return Built(system, notes, [*dead, *follower, *fluids, *fields.terms], fluids)
+    notes = unmet_notes(scene) + refuse_deep_start(scene, system)
+    if start:
+        notes += begin(system, driven, start)
+        turns = system.state.poses.turns
+        refuse_turned_grain(scene.contacts, [name for name, turn in zip(system.tools.names, turns, strict=True)
+                                             if not np.array_equal(turn, np.eye(3))])  # fmt: skip
+    refuse_gaps(system, stated, driven, start is not None)
+    return notes
+
+
+def _size(system: System) -> float:
+    """Of the displacement [length]; not by PETSc, which would take its norm for known. Collective."""
+    owned = system.state.u.x.array[: system.vector.getLocalSize()]
+    return float(np.sqrt(system.comm.allreduce(float(owned @ owned))))
 
 
 # -- solid ------------------------------------------------------------------------------------------------------------
@@ -174,11 +207,11 @@ def _coefficient_of(coefficient: Constant | Function, load: Load) -> Floats:
 
 
 def _set(coefficient: Constant | Function, load: Load, t: float) -> None:
-    _coefficient_of(coefficient, load)[... if load.nodes is None else load.nodes] = load.path(t)
+    _coefficient_of(coefficient, load)[... if load.nodes is None else load.nodes] = load.path(t) / load.over
 
 
-def _fluid(scene: "Scene", stated: Entering, contacts: list[Contact]) -> Fluid:
-    """The term of a fluid that acts where contact does not. Collective."""
+def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact]) -> Fluid:
+    """The term of a fluid that acts where contact does not; number: of the scene's fluids. Collective."""
     mesh, space, name = scene.mesh, scene.space, "+".join(stated.group)
     sides = {side for contact in scene.contacts for side in (contact.slave, contact.master) if not isinstance(side, Tool)}
     touching = np.unique(np.concatenate([np.empty(0, np.int32), *(mesh.facets(*side) for side in sides)]))
@@ -205,7 +238,7 @@ def _fluid(scene: "Scene", stated: Entering, contacts: list[Contact]) -> Fluid:
         edge[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
         on[compat.locate_blocks(space, facets)] = True
         edge &= on
-    return Fluid(f"fluid on {name}", space, facets, touching, contacts, path, edge, scene.section)
+    return Fluid(f"fluid {number} on {name}", space, facets, touching, contacts, path, edge, scene.section)
 
 
 def _modulus_by_cell(scene: "Scene") -> Floats:

@@ -18,7 +18,6 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
 from fenics_contact.meetings import Meeting
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.functions import row_of, whole
 from fenics_contact.scene.statements import ContactStatement
 from fenics_contact.types import Ints, Ints64, Space
 from fenics_contact.values import SceneError, count, group_names, positive, shown, text
@@ -33,7 +32,6 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing.
 REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
 LEANING = 1e-9  # part along z of a normal that lies in the plane
-STILL = 1e-9  # of the bodies' size or of the largest load: a start that small is at rest
 
 
 def sides(slave: object, master: object) -> tuple[tuple[str, ...], Tool | tuple[str, ...]]:
@@ -348,36 +346,3 @@ def refuse_held(scene: "Scene", system: System) -> None:
                 f"contact '{contact.name}': every node of '{'+'.join(statement.slave)}' is prescribed along the contact's "
                 "normal, so that contact can move nothing; leave that direction free, or leave out the contact"
             )
-
-
-def refuse_jumps(scene: "Scene", system: System) -> list[str]:
-    """Supports and tools must start from rest; returns what is to be said of loads that do not. Collective."""
-    still, comm = STILL * system.extent, scene.mesh.comm
-    for name, size in system.supports.largest(0.0):
-        if (size := max(comm.allgather(size))) > still:
-            raise SceneError(
-                f"prescribed displacement of {name} is {size:.3g} at t = 0, where all is at rest; let its function start "
-                "from 0, e.g. multiply it by t"
-            )
-    for tool, q in zip(scene.tools, system.tools.prescribed(0.0), strict=True):
-        if np.abs(q).max() > still:
-            way = q[:3] if np.abs(q[:3]).max() > still else q[3:] / system.tools.lever
-            raise SceneError(
-                f"move of '{tool.name}' is {way} at t = 0, where all is at rest; let its function start from 0, and "
-                "state the tool in the place where it starts"
-            )
-    loads = [
-        ("body force" if load.group is None else f"{load.kind} on '{'+'.join(load.group)}'", load.path)
-        for load in scene.loads
-    ]
-    loads += [(f"moment on '{'+'.join(stated.group)}'", stated.vector) for stated in scene.moments]
-    loads += [("speed of the spin", scene.spin_stated.speed)] if scene.spin_stated is not None else []
-    loads += [(f"pressure on '{'+'.join(load.group or ())}'", load.path) for load in scene.pressures]
-    loads += [(f"pressure on '{'+'.join(fluid.group)}'", fluid.path) for fluid in scene.fluids]
-    loads += [(f"push of '{tool.name}'", row_of(system.tools.forces, i)) for i, tool in enumerate(scene.tools)]
-    sizes = [(what, *(np.abs(whole(path, t)).max() for t in (0.0, 0.5, 1.0))) for what, path in loads]
-    return [
-        f"{what} is {first:.3g} at t = 0 already: the first step takes it at once; let its function start from 0"
-        for what, first, *later in sizes
-        if first > STILL * max(later)
-    ]

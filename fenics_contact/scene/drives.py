@@ -1,56 +1,114 @@
-"""What drives a scene: supports, and tools that are moved or pushed, from what the user stated of them."""
+"""What drives a scene through its stages: supports, and tools that are moved or pushed, from what the user stated."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
+from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.functions import AtPoints, Drive, Path, ramp
-from fenics_contact.scene.motion import Driven, Motion, driven
+from fenics_contact.scene.courses import Part, SupportCourse
+from fenics_contact.scene.directions import Unit, normals, unit
+from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
+from fenics_contact.scene.motion import Driven, Motion, driven, loaded
+from fenics_contact.scene.stage import Along, Group, Stage, Way
 from fenics_contact.scene.statements import Support, Tie
-from fenics_contact.types import Floats, Ints64, Space
-from fenics_contact.values import SceneError, shown
+from fenics_contact.types import Bools, Floats, Ints64, Space
+from fenics_contact.values import SceneError, finite, function, group_names, shown
 
-Moves = Mapping[Tool, Drive | Motion]
+if TYPE_CHECKING:  # which states them
+    from fenics_contact.scene.scene import Scene
+
+STILL = 1e-9  # of a force: what may lie between the end of a stage and the start of the next
+ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 
 
-def supports_of(
-    mesh: NamedMesh,
-    space: Space,
-    statements: Sequence[Support],
-    section: Section | None = None,
-    tied: Sequence[Tie] = (),
-    tools: Sequence[Tool] = (),
-) -> Supports:
-    """Supports from Support and Tie statements, checked; of a Section, those that keep it in its plane and on its axis;
-    tools: to which ties may tie. Collective."""
+# -- supports ---------------------------------------------------------------------------------------------------------
+def supports_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> Supports:
+    """Supports from a scene's Support and Tie statements and what the stages prescribe of them, checked; of a Section, those
+    that keep it in its plane and on its axis. Collective."""
+    mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
+    named = [_prescribed(scene, stage) for stage in stated]
     entries = []
-    for stated in statements:
-        blocks, value = mesh.nodes(space, *stated.group), stated.value
-        what, at = f"prescribed displacement of {stated.name}", (keys[blocks], X[blocks])
-        way = AtPoints(mesh.comm, what, value, *at) if callable(value) else value
-        entries.append(Entry(blocks, np.array(stated.direction), way))
-    names = [stated.name for stated in statements]
+    for k, one in enumerate(scene.supports):
+        blocks = mesh.nodes(space, *one.group)
+        what, at = f"prescribed displacement of {one.name}", (keys[blocks], X[blocks])
+
+        def way(value: Way, sign: float, what: str, at: tuple[Ints64, Floats] = at) -> Path:
+            if not callable(value):
+                return Ramp(sign * finite(value, what))
+            values = function(value, what, "value(X, s)")
+            return AtPoints(mesh.comm, what, values if sign > 0.0 else lambda X, s: -np.asarray(values(X, s)), *at)
+
+        parts = {i: Part(way(*of[k], stated[i].says(what)), by=True) for i, of in enumerate(named) if k in of}
+        course = SupportCourse(stages, way(one.value, 1.0, what), parts, np.zeros(len(blocks)))
+        entries.append(Entry(blocks, np.array(one.direction), course))
+    names = [one.name for one in scene.supports]
     if section is not None:
-        entries.append(Entry(np.arange(len(X), dtype=np.int32), np.eye(3)[2], 0.0))
+        entries.append(_held(stages, np.arange(len(X)), 2))
         names.append("the plane along z")
     if section is not None and section.axisymmetric:
         size = max(mesh.comm.allgather(np.abs(X).max(initial=0.0)))
-        entries.append(Entry(np.flatnonzero(X[:, 0] <= ON_AXIS * size).astype(np.int32), np.eye(3)[0], 0.0))
+        entries.append(_held(stages, np.flatnonzero(X[:, 0] <= ON_AXIS * size), 0))
         names.append("the axis along x")
-    supports = Supports(space, entries, names, _ties(mesh, space, statements, tied, tools))
-    conflicts = [c for c in mesh.comm.allgather(supports.conflict) if c]
-    if conflicts:
-        raise SceneError(f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}")
+    supports = Supports(space, entries, names, _ties(mesh, space, scene.supports, scene.ties, scene.tools))
+    for i, stage in enumerate(stated):
+        with stages.foreseen(i):
+            conflicts = [c for c in mesh.comm.allgather(supports.conflict([stages.time(s) for s in (0.0, 0.5, 1.0)])) if c]
+        if conflicts:
+            words = f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}"
+            raise SceneError(stage.says(words))
     return supports
+
+
+def _held(stages: Stages, nodes: Ints64, axis: int) -> Entry:
+    """Nodes that never move along an axis."""
+    still = SupportCourse(stages, Ramp(np.zeros(())), {}, np.zeros(len(nodes)))
+    return Entry(nodes.astype(np.int32), np.eye(3)[axis], still)
+
+
+def _prescribed(scene: "Scene", stage: Stage) -> dict[int, tuple[Way, float]]:
+    """{number of a support of the scene: what a stage says of it, and 1, or -1 along the opposite direction}. Collective."""
+    out: dict[int, tuple[Way, float]] = {}
+    for (group, along), value in stage.prescribe.items():
+        what = stage.says(f"prescribe '{_plus(group)}' along {along if isinstance(along, str) else shown(along)}")
+        for names, direction in _ways(scene, group_names(group, stage.says("prescribe")), along, what):
+            there = [
+                (k, float(np.dot(one.direction, direction))) for k, one in enumerate(scene.supports) if one.group == names
+            ]
+            found = {k: (value, float(np.sign(cosine))) for k, cosine in there if abs(cosine) > ALONG}
+            if not found:
+                how = "normal=True" if along == "normal" else repr(along) if isinstance(along, str) else f"direction={along}"
+                held = ", ".join(sorted(one.name for one in scene.supports)) or "none"
+                raise SceneError(
+                    f"{what}: no support of the scene holds it; state it, scene.fix({shown(group)}, {how}); it holds {held}"
+                )
+            if twice := found.keys() & out.keys():
+                raise SceneError(f"{what}: the stage has named {scene.supports[min(twice)].name} already; name it once")
+            out |= found
+    return out
+
+
+def _ways(scene: "Scene", names: tuple[str, ...], along: Along, what: str) -> list[tuple[tuple[str, ...], Unit]]:
+    """Surfaces of supports and the directions along which a stage moves them. Collective."""
+    if along == "normal" and all((name,) in [one.group for one in scene.supports] for name in names):
+        return normals(scene.mesh, scene.space, names, what)
+    if isinstance(along, str):
+        return [(names, tuple(float(along == letter) for letter in "xyz"))]  # no direction where no normal is supported
+    return [(names, unit(along, what))]
+
+
+def _plus(group: Group) -> str:
+    return group if isinstance(group, str) else "+".join(group)
 
 
 def _ties(mesh: NamedMesh, space: Space, supports: Sequence[Support], tied: Sequence[Tie], tools: Sequence[Tool]) -> Ties:
@@ -81,65 +139,117 @@ def _nodes(mesh: NamedMesh, space: Space, group: tuple[str, ...]) -> Ints64:
     return mesh.nodes(space, *group).astype(np.int64)
 
 
+# -- tools ------------------------------------------------------------------------------------------------------------
 def motion_of(
-    comm: MPI.Comm,
-    tools: Sequence[Tool],
-    move: Moves,
-    push: Mapping[Tool, Drive],
-    lever: float,
-    section: Section | None = None,
+    comm: MPI.Comm, tools: Sequence[Tool], stated: Sequence[Stage], stages: Stages, lever: float, section: Section | None
 ) -> ToolMotion:
-    """ToolMotion of tools, each at rest, moved by {tool: way or Motion} or pushed by {tool: force}, see `build`; lever:
+    """ToolMotion of tools, each at rest, moved by {tool: way or Motion} or pushed by {tool: force} in the stages; lever:
     ToolMotion's; of a Section within its plane, or along its axis. Collective."""
-    for what, drive in (("move", move), ("push", push)):
-        if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):
-            raise SceneError(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key")
-    for tool in [*move, *push]:
-        if tool not in tools:
-            raise SceneError(f"tool '{tool.name}' is moved or pushed but is in no contact or tie")
-        if tool in move and tool in push:
-            raise SceneError(f"tool '{tool.name}' is both moved and pushed; choose one, or state both in one Motion")
-    drives = [_driven(comm, tool, move, push) for tool in tools]
-    if section is not None:
-        for tool, one in zip(tools, drives, strict=True):
-            _refuse_out_of_plane(tool.name, one, section)
-    paths, loads = [drive.path for drive in drives], [drive.load for drive in drives]
-    points, free = [drive.point for drive in drives], [drive.free for drive in drives]
-    return ToolMotion(paths, loads, points, free, [tool.name for tool in tools], lever)
+    driven_by, frees = list[dict[int, Driven]](), list[Bools]()
+    free = np.zeros((len(tools), 6), dtype=bool)
+    reached = np.full((len(tools), 6), np.nan)  # what tools are pushed with at the end of the stages so far; NaN: unknown
+    for stage in stated:
+        _refuse_drives(tools, stage)
+        named = {**stage.move, **stage.push}
+        now = {k: _driven(comm, tool, stage, free[k]) for k, tool in enumerate(tools) if tool in named}
+        free = free.copy()
+        for k, one in now.items():
+            free[k] = one.free
+            if section is not None:
+                _refuse_out_of_plane(stage, tools[k].name, one, section)
+            for i, load in enumerate(one.loads):
+                mine = k, slice(3 * i, 3 * i + 3)
+                if frees and load is not None and not isinstance(load, Ramp):
+                    _refuse_start(stage, tools[k].name, load(0.0), reached[mine], free[mine])
+                if load is not None:
+                    reached[mine] = np.nan if stage.method == "arc_length" else load(1.0)
+        reached[~free] = np.nan
+        driven_by.append(now)
+        frees.append(free)
+    scale = np.repeat([1.0, lever], 3)
+
+    def path(k: int, t: float) -> Floats:
+        one, start = driven_by[stages.index].get(k), stages.start.q[k]
+        return start if one is None or one.path is None else start + scale * one.path(stages.share(t))
+
+    def pushed(k: int, t: float) -> Floats:
+        one, start = driven_by[stages.index].get(k), scale * stages.start.forces[k]
+        if one is not None:
+            parts = zip(one.loads, (start[:3], start[3:]), strict=True)
+            start = np.concatenate([at if way is None else Part(way).value(at, stages.share(t)) for way, at in parts])
+        return start / scale
+
+    paths, loads = ([partial(way, k) for k in range(len(tools))] for way in (path, pushed))
+    points = [_point(tool, [now[k] for now in driven_by if k in now]) for k, tool in enumerate(tools)]
+    return ToolMotion(stages, paths, loads, points, frees, [tool.name for tool in tools], lever)
 
 
-def _driven(comm: MPI.Comm, tool: Tool, move: Moves, push: Mapping[Tool, Drive]) -> Driven:
-    """What drives a tool. Collective."""
-    way, force = move.get(tool, (0.0, 0.0, 0.0)), push.get(tool, (0.0, 0.0, 0.0))
+def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:
+    """What a stage states of a tool that it moves or pushes; free (6,): in the stage before. Collective."""
+    if tool in stage.move:
+        way = stage.move[tool]
+        if isinstance(way, Motion):
+            return driven(comm, stage.says(f"motion of '{tool.name}'"), way)
+        travel = ramp(comm, way, stage.says(f"move of '{tool.name}'"))
+        return Driven(lambda s: np.append(travel(s), np.zeros(3)), (None, None), np.zeros(6, dtype=bool))
+    force, what = stage.push[tool], stage.says(f"push of '{tool.name}'")
     if isinstance(force, Motion):
-        raise SceneError(f"push of '{tool.name}': a Motion says itself what is moved and pushed; give it in move=")
-    if isinstance(way, Motion):
-        return driven(comm, tool.name, way, tool.point)
-    path, load = ramp(comm, way, f"move of '{tool.name}'"), ramp(comm, force, f"push of '{tool.name}'")
-    free = np.zeros(6, dtype=bool)
-    if tool in push:
-        free[:3] = np.any([load(t) != 0.0 for t in (0.5, 1.0)], axis=0)
-        if not free.any():
-            raise SceneError(f"push of '{tool.name}' has no force in any direction")
-    return Driven(_unturned(path), _unturned(load), free, tool.point)
+        raise SceneError(f"{what}: a Motion says itself what is moved and pushed; give it in move=")
+    load = ramp(comm, force, what)
+    free = free | np.append(loaded(load), np.zeros(3, dtype=bool))  # what was free stays so, under no force
+    if not free[:3].any():
+        raise SceneError(f"{what} has no force in any direction")
+    return Driven(None, (load, None), free)
 
 
-def _unturned(part: Path) -> Path:
-    """Three components, and none of a rotation."""
-    return lambda t: np.append(part(t), np.zeros(3))
+def _point(tool: Tool, stated: Sequence[Driven]) -> Floats:
+    """The reference point (3,) of a tool, one in all stages."""
+    said = [one.about for one in stated if one.about is not None]
+    if said and any(not np.array_equal(about, said[0]) for about in said):
+        raise SceneError(
+            f"motion of '{tool.name}': about = {said[0]} in one stage and {said[-1]} in another; a tool has one reference "
+            "point, at the start, in all stages: move it along the way by which the turn takes it"
+        )
+    return said[0] if said else tool.point
 
 
-def turning(move: object) -> list[str]:
-    """Names of the tools that turn by what is stated of their motion."""
-    stated = move.items() if isinstance(move, Mapping) else ()
-    return [tool.name for tool, motion in stated if isinstance(motion, Motion) and motion.turns]
+def turning(stated: Sequence[Stage]) -> list[str]:
+    """Names of the tools that turn by what is stated of their motion, each once."""
+    moves = [stage.move.items() for stage in stated if isinstance(stage.move, Mapping)]
+    return list(dict.fromkeys(tool.name for move in moves for tool, way in move if isinstance(way, Motion) and way.turns))
 
 
-def _refuse_out_of_plane(name: str, drive: Driven, section: Section) -> None:
+def _refuse_start(stage: Stage, name: str, first: Floats, reached: Floats, free: Bools) -> None:
+    """A function of s starts from what was reached before it."""
+    if (unknown := bool(np.isnan(reached[free]).any())) or np.any(
+        np.abs(first - reached)[free] > STILL * np.abs(reached[free]).max(initial=0.0)
+    ):
+        there = "in the stage before it was moved, or followed by arc length" if unknown else f"it ended at {reached}"
+        what = stage.says(f"push of '{name}'")
+        raise SceneError(f"{what} starts from {first}, but {there}; give the new force as numbers, or start from there")
+
+
+def _refuse_drives(tools: Sequence[Tool], stage: Stage) -> None:
+    """A stage moves or pushes tools of the scene, each in one way."""
+    for what, drive in (("move", stage.move), ("push", stage.push)):
+        if not isinstance(drive, dict) or not all(isinstance(tool, Tool) for tool in drive):
+            raise SceneError(stage.says(f"{what} = {shown(drive)}: give {{tool: (x, y, z)}}, the tool itself being the key"))
+    for tool in [*stage.move, *stage.push]:
+        if tool not in tools:
+            raise SceneError(stage.says(f"tool '{tool.name}' is moved or pushed but is in no contact or tie"))
+    for tool in stage.move:
+        if tool in stage.push:
+            words = f"tool '{tool.name}' is both moved and pushed; choose one, or state both in one Motion"
+            raise SceneError(stage.says(words))
+
+
+def _refuse_out_of_plane(stage: Stage, name: str, drive: Driven, section: Section) -> None:
     """Nothing may move, push or free a tool out of a plane mesh, nor, all the way round, anything but along its axis."""
     allowed = np.isin(np.arange(6), [1] if section.axisymmetric else [0, 1, 5])
-    driven = drive.free | np.any([(drive.path(t) != 0.0) | (drive.load(t) != 0.0) for t in (0.25, 0.5, 1.0)], axis=0)
+    driven = drive.free.copy()
+    if drive.path is not None:
+        driven |= np.any([drive.path(s) != 0.0 for s in (0.25, 0.5, 1.0)], axis=0)
     for i in np.flatnonzero(driven & ~allowed):
         way = f"along {'xyz'[i]}" if i < 3 else f"about {'xyz'[i - 3]}"
         why = "all the way round there is no such motion" if section.axisymmetric else "the mesh lies in the plane z = 0"
-        raise SceneError(f"tool '{name}' is driven {way}: {why}; leave that component out")
+        raise SceneError(stage.says(f"tool '{name}' is driven {way}: {why}; leave that component out"))

@@ -12,8 +12,8 @@ from fenics_contact import compat
 from fenics_contact.assembly.moment import Moment
 from fenics_contact.assembly.term import FormTerm
 from fenics_contact.scene.directions import Group, Unit, chosen, normals, unit
-from fenics_contact.scene.functions import Drive, ramp
-from fenics_contact.scene.statements import Body
+from fenics_contact.scene.functions import Drive, Path, Ramp, ramp
+from fenics_contact.scene.statements import Body, Loading, MomentLoad, Spin, Swelling
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.materials import Material, swollen
 from fenics_contact.types import Constant, Expr, Floats, Function, Ints, Measure
@@ -21,26 +21,6 @@ from fenics_contact.values import SceneError, finite, group_names, positive, sho
 
 if TYPE_CHECKING:  # which states them
     from fenics_contact.scene.scene import Scene
-
-Path = Callable[[float], Floats]
-
-
-@dataclass(frozen=True)
-class Spin:
-    """All bodies turn about an axis: speed(t) [angle/time], point and unit axis (3,), density by volume [mass/length^3]."""
-
-    speed: Path
-    axis: Unit
-    point: Floats
-    density: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Swelling:
-    """A body's volume without stress over that at the start, ratio(t)."""
-
-    group: str
-    ratio: Path
 
 
 @dataclass(frozen=True)
@@ -50,14 +30,6 @@ class Spring:
     group: tuple[str, ...]
     stiffness: float
     direction: Unit | None
-
-
-@dataclass(frozen=True)
-class MomentLoad:
-    """A moment vector(t) on a surface [force length]."""
-
-    group: tuple[str, ...]
-    vector: Path
 
 
 @dataclass(frozen=True)
@@ -105,22 +77,28 @@ def swelling_of(scene: "Scene", body: Body | str, ratio: Drive) -> Swelling:
     if name not in [one.group for one in scene.bodies]:
         known = ", ".join(one.group for one in scene.bodies)
         raise SceneError(f"swell: {shown(name)} is no body of the scene; its bodies are {known}")
-    if name in [one.group for one in scene.swellings]:
+    if (name,) in [one.group for one in scene.swellings]:
         raise SceneError(f"swell '{name}': it swells already; give one function of t for both")
     what = f"swelling of '{name}'"
+    path = swelling_path(scene, ratio, what)
+    if not isinstance(path, Ramp) and abs(float(path(0.0)) - 1.0) > 1e-12:  # rounding of a function
+        raise SceneError(f"{what} is {float(path(0.0)):g} at t = 0, where all is at rest; let its function start from 1")
+    return Swelling((name,), path)
+
+
+def swelling_path(scene: "Scene", ratio: Drive, what: str) -> Path:
+    """The ratio reached, or a function of t, which is asked for positive numbers."""
+    more = ", the volume without stress over that at the start"
     if not callable(ratio):
-        end = float(positive(ratio, what, more=", the volume without stress over that at the start"))
-        return Swelling(name, lambda t: np.array(1.0 + t * (end - 1.0)))
+        return Ramp(np.array(float(positive(ratio, what, more=more))))
     path = ramp(scene.mesh.comm, ratio, what, ())
 
     def checked(t: float) -> Floats:
         value = path(t)
-        positive(float(value), f"{what} at t = {t:g}", more=", the volume without stress over that at the start")
+        positive(float(value), f"{what} at t = {t:g}", more=more)
         return value
 
-    if abs(float(checked(0.0)) - 1.0) > 1e-12:  # rounding of a function
-        raise SceneError(f"{what} is {float(checked(0.0)):g} at t = 0, where all is at rest; let its function start from 1")
-    return Swelling(name, checked)
+    return checked
 
 
 def springs_of(
@@ -143,33 +121,33 @@ def springs_of(
 
 
 # -- forms ------------------------------------------------------------------------------------------------------------
-def field_loads(scene: "Scene", u: Function) -> FieldLoads:
-    """FieldLoads of a scene's statements. Collective."""
+def field_loads(scene: "Scene", u: Function, loads: Sequence[Loading]) -> FieldLoads:
+    """FieldLoads of a scene's statements; loads: as they go over the stages. Collective."""
     domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
     materials: dict[str, Material] = {body.group: body.material for body in scene.bodies}
     followed: list[tuple[Constant, Path]] = []
-    for swelling in scene.swellings:
-        ratio = compat.Constant(domain, 1.0)
-        materials[swelling.group] = swollen(materials[swelling.group], ratio)
-        followed.append((ratio, swelling.ratio))
+    for swelling in (one for one in loads if isinstance(one, Swelling)):
+        ratio, (group,) = compat.Constant(domain, 1.0), swelling.group
+        materials[group] = swollen(materials[group], ratio)
+        followed.append((ratio, swelling.path))
     terms: list[FormTerm] = []
-    if scene.spin_stated is not None:
-        parts, weights = _spin(scene, scene.spin_stated)
+    for spin in (one for one in loads if isinstance(one, Spin)):
+        parts, weights = _spin(scene, spin)
         followed += weights
-        arm = vp.place(domain) + u - compat.Constant(domain, scene.spin_stated.point)
+        arm = vp.place(domain) + u - compat.Constant(domain, spin.point)
         terms.append(_term("spin", [(weight, across, arm, du, dx) for weight, across, dx in parts], v, -1.0))
     if scene.springs:
         parts = [_spring(scene, spring) for spring in scene.springs]
         terms.append(_term("springs", [(weight, along, u, du, ds) for weight, along, ds in parts], v, 1.0))
-    moments = [_moment(scene, stated) for stated in scene.moments]
-    terms += moments
+    moments = [(_moment(scene, stated), stated.path) for stated in loads if isinstance(stated, MomentLoad)]
+    terms += [term for term, _ in moments]
     grounds = [(scene.mesh.nodes(scene.space, *spring.group), _directions(spring)) for spring in scene.springs]
 
     def set_loads(t: float) -> None:
         for constant, path in followed:
             constant.value = float(path(t))
-        for term, stated in zip(moments, scene.moments, strict=True):
-            term.moment[:] = stated.vector(t)
+        for term, path in moments:
+            term.moment[:] = path(t)
 
     return FieldLoads(materials, terms, grounds, set_loads)
 
@@ -197,7 +175,7 @@ def _spin(scene: "Scene", spin: Spin) -> tuple[list[Weighted], list[tuple[Consta
         if density := spin.density[body.group]:
             weight = compat.Constant(domain, 0.0)
             parts.append((weight, across, scene.dx(body)))
-            followed.append((weight, partial(_force_over_arm, spin.speed, density)))
+            followed.append((weight, partial(_force_over_arm, spin.path, density)))
     return parts, followed
 
 

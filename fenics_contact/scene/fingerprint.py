@@ -1,34 +1,32 @@
 """What a scene and its drive state, as plain values by name: a state means the same only where all of them are the same."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.system import System
+from fenics_contact.scene.build import Built
 from fenics_contact.scene.functions import row_of, sample
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.stage import Stage
 from fenics_contact.solid.materials import sampled_energy
 
-TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # at which functions of t are sampled, and as many between 1 and the largest t reached
+TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # shares at which a stage is sampled, and as many between 1 and the largest reached
 SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
 LISTED = 16  # a longer array, e.g. a tool's mesh, is known by sums
 
 Statement = dict[str, Any]  # texts, numbers or lists of these
 
 
-def statement(scene: Scene, system: System, method: str, recorded: Iterable[str], reached: float = 1.0) -> Statement:
-    """{name: text, number or list of these}; reached: largest t so far. Collective: the user's functions are asked on all
-    ranks, beyond t = 1 nowhere that the run has not been: there they need not be defined."""
-    comm = system.comm
-    times = TIMES + tuple(1.0 + t * (reached - 1.0) for t in TIMES[1:] if reached > 1.0)
-
-    def sampled(path: Callable[[float], Any]) -> list[float]:
-        return np.ravel([sample(path, t) for t in times]).astype(float).tolist()
-
-    out = {
-        "method": method,
+def statement(
+    scene: Scene, built: Built, stated: Sequence[Stage], recorded: Iterable[str], reached: Sequence[float] = (1.0,)
+) -> Statement:
+    """{name: text, number or list of these}; reached: of each stage begun, the largest share so far, 1 at least. Collective:
+    the user's functions are asked on all ranks, beyond s = 1 nowhere that the run has not been: there they need not be
+    defined. Of stages that have not begun nothing is said: they may still be changed."""
+    system, comm = built.system, built.system.comm
+    out: Statement = {
         "degree": scene.degree,
         "element": scene.element,
         "units": list(vars(scene.units).values()),
@@ -38,43 +36,52 @@ def statement(scene: Scene, system: System, method: str, recorded: Iterable[str]
         "damping": system.damping is not None,
         "record": sorted(recorded),
         "supported unknowns": comm.allreduce(len(system.supports.owned)),
+        "start": built.start,
     }
     for body in scene.bodies:
         out[f"material of '{body.group}'"] = body.material.name
         out[f"energy of '{body.group}'"] = sampled_energy(body.material)
-    for name, samples in system.supports.sampled(times).items():
-        out[f"support of {name}"] = samples
+    for i, (stage, largest) in enumerate(zip(stated, reached, strict=False)):
+        with system.stages.foreseen(i):
+            driven = {"method": stage.method, "duration": float(stage.duration)} | _driven(built, largest)
+        out |= {stage.says(name): value for name, value in driven.items()} | {f"stage {i + 1}": stage.name}
     out["ties"] = [f"{'+'.join(tie.group)} to '{tie.hub.name}'" for tie in scene.ties]
     for i, support in enumerate(scene.supports):
         if support.axis is None:
             out[f"direction of support {i + 1}"] = list(support.direction)
-    for i, load in enumerate(scene.loads):
-        out[f"load {i + 1} on {'+'.join(load.group or ('all bodies',))}"] = sampled(load.path)
-    for i, load in enumerate(scene.pressures):
-        out[f"pressure {i + 1} on {'+'.join(load.group or ())}"] = sampled(load.path)
     if scene.spin_stated is not None:
         spin = scene.spin_stated
-        out["spin"] = sampled(spin.speed) + [*spin.axis, *spin.point, *spin.density.values()]
-    for i, moment in enumerate(scene.moments):
-        out[f"moment {i + 1} on {'+'.join(moment.group)}"] = sampled(moment.vector)
-    for swelling in scene.swellings:
-        out[f"swelling of '{swelling.group}'"] = sampled(swelling.ratio)
+        out["spin"] = [*spin.axis, *spin.point, *spin.density.values()]
     for i, spring in enumerate(scene.springs):
         out[f"spring {i + 1} on {'+'.join(spring.group)}"] = [spring.stiffness, *(spring.direction or ())]
     for i, fluid in enumerate(scene.fluids):
-        out[f"fluid {i + 1} on {'+'.join(fluid.group)}"] = sampled(fluid.path)
         out[f"source of fluid {i + 1}"] = plain(fluid.source or ("all",))
-    for i, tool in enumerate(scene.tools):
+    for tool, point in zip(scene.tools, system.tools.points, strict=True):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
-        out[f"move of '{tool.name}'"] = sampled(row_of(system.tools.prescribed, i))
-        out[f"push of '{tool.name}'"] = sampled(row_of(system.tools.forces, i))
-        out[f"free components of '{tool.name}'"] = plain(system.tools.free[i])
-        out[f"reference point of '{tool.name}'"] = plain(system.tools.points[i])
-    for stated, term in zip(scene.contacts, system.contacts, strict=True):
-        parts = vars(stated) | {f"penalty {key}": value for key, value in vars(stated.penalty).items()}
+        out[f"reference point of '{tool.name}'"] = plain(point)
+    for one, term in zip(scene.contacts, system.contacts, strict=True):
+        parts = vars(one) | {f"penalty {key}": value for key, value in vars(one.penalty).items()}
         del parts["penalty"]
         parts |= {"master": term.master_name, "slave points": comm.allreduce(term.surface.points)}
-        out |= {f"contact '{stated.name}', {key}": plain(value) for key, value in parts.items()}
+        out |= {f"contact '{one.name}', {key}": plain(value) for key, value in parts.items()}
+    return out
+
+
+def _driven(built: Built, reached: float) -> Statement:
+    """What the stage that is on states of supports, loads and tools, sampled. Collective."""
+    system, stages = built.system, built.system.stages
+    shares = TIMES + tuple(1.0 + s * (reached - 1.0) for s in TIMES[1:] if reached > 1.0)
+    times = [stages.time(s) for s in shares]
+
+    def sampled(path: Callable[[float], Any]) -> list[float]:
+        return np.ravel([sample(path, t) for t in times]).astype(float).tolist()
+
+    out: Statement = {f"support of {name}": samples for name, samples in system.supports.sampled(times).items()}
+    for name, path in built.driven:
+        out[name] = out.get(name, []) + sampled(path)
+    for i, name in enumerate(system.tools.names):
+        out[f"move of '{name}'"] = sampled(row_of(system.tools.prescribed, i))
+        out[f"free components of '{name}'"] = plain(system.tools.free[i])
     return out
 
 

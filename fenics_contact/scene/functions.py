@@ -2,7 +2,9 @@
 
 import inspect
 import numbers
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -23,6 +25,37 @@ Path = Callable[[float], Floats]
 Place = Callable[[Floats, float], Any]  # a function value(X, t) of places (n, 3)
 
 
+@dataclass(frozen=True)
+class Ramp:
+    """What grows with t from zero to `end` at t = 1."""
+
+    end: Floats
+
+    def __call__(self, t: float) -> Floats:
+        return t * self.end
+
+
+class Spread(ABC):
+    """A function of t whose value may differ from place to place."""
+
+    @abstractmethod
+    def __call__(self, t: float) -> Floats:
+        """Value, or values (n, ...) at this rank's places. Collective."""
+
+    @abstractmethod
+    def everywhere(self, t: float) -> Floats:
+        """Value, or values at all places, the same on all ranks. Collective."""
+
+    @abstractmethod
+    def few(self, t: float) -> Floats:
+        """Value, or values at a few places, the same on any number of ranks, and their sum. Collective."""
+
+
+def thinned(values: Floats) -> Floats:
+    """A few of values (n, ...), and the sum of all."""
+    return np.append(values[:: max(len(values) // FEW, 1)].ravel(), values.sum(axis=0))
+
+
 def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,)) -> Path:
     """Value reached at t = 1, or a function of t, as a function of t, which all ranks call."""
     if callable(value):
@@ -30,8 +63,7 @@ def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,))
         return lambda t: alike(
             comm, f"{what} at t = {t:g}", lambda: finite(value(t), f"{what} at t = {t:g}", shape), SceneError
         )
-    end = finite(value, what, shape)
-    return lambda t: t * end
+    return Ramp(finite(value, what, shape))
 
 
 def load_path(
@@ -69,12 +101,12 @@ def _binds(signature: inspect.Signature, count: int) -> bool:
 
 def whole(path: Callable[[float], Floats], t: float) -> Floats:
     """A path's value, or its values at all nodes, the same on all ranks. Collective."""
-    return path.everywhere(t) if isinstance(path, AtPoints) else path(t)
+    return path.everywhere(t) if isinstance(path, Spread) else path(t)
 
 
 def sample(path: Callable[[float], Floats], t: float) -> Floats:
     """A path's value, or of values at nodes a few and their sum: the same on any number of ranks. Collective."""
-    return path.few(t) if isinstance(path, AtPoints) else path(t)
+    return path.few(t) if isinstance(path, Spread) else path(t)
 
 
 def row_of(path: Path, i: int) -> Path:
@@ -94,7 +126,7 @@ def _number(value: object, what: str) -> float:
     raise SceneError(f"{what} gives {given}; it must give one number")
 
 
-class AtPoints:
+class AtPoints(Spread):
     """A user's function value(X, t) at nodes: every rank calls it with all of them, in one order.
 
     So a rank that has none asks nothing impossible, and what the function makes of its points together, e.g. X.max(), is the
@@ -114,10 +146,10 @@ class AtPoints:
         parts = comm.allgather((keys, X))
         known, first = np.unique(np.concatenate([part[0] for part in parts]), return_index=True)
         self._X = np.concatenate([part[1] for part in parts])[first]
-        self._mine = np.searchsorted(known, keys)
+        self.mine, self.count = np.searchsorted(known, keys), len(known)  # which of all places are this rank's
 
     def everywhere(self, t: float) -> Floats:
-        """Values (all nodes, ...) of the shape asked for, the same on all ranks. Collective."""
+        """Values (all places, ...) of the shape asked for."""
         with agreed(self._comm, f"{self._what} at t = {t:g}", SceneError):
             values, wanted = np.asarray(self._value(self._X.copy(), t)), (len(self._X), *self._shape)
             values = np.broadcast_to(values, wanted).copy() if values.shape == self._shape else values
@@ -132,11 +164,7 @@ class AtPoints:
         return values
 
     def few(self, t: float) -> Floats:
-        """Values at a few nodes, the same on any number of ranks, and their sum. Collective."""
-        values = self.everywhere(t)
-        some = values[:: max(len(values) // FEW, 1)]
-        return np.append(some.ravel(), values.sum(axis=0))
+        return thinned(self.everywhere(t))
 
     def __call__(self, t: float) -> Floats:
-        """Values (n, ...) at this rank's nodes. Collective."""
-        return self.everywhere(t)[self._mine]
+        return self.everywhere(t)[self.mine]

@@ -17,7 +17,8 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 class Motion:
     """Displacement of a reference point of a tool along x, y, z [length] and rotation about it: what is not named stays.
 
-    about (3,): the point at the start, about which moments are taken too; by default the tool's own [length]. rx, ry, rz:
+    about (3,): the point at the start, about which moments are taken too, one in all stages; by default the tool's own
+    [length]. rx, ry, rz:
     components of the rotation vector in space, whose direction is the axis and whose length the angle [radians]. Each is a
     number reached at t = 1 or a function of t. force, moment (3,): loads on the tool, of fixed direction, at t = 1 or
     functions of t [force, force x length]; where they have a component the tool is free to move, and so it is along and
@@ -48,39 +49,41 @@ class Motion:
 
 @dataclass(frozen=True)
 class Driven:
-    """A Motion, checked: path, load: t -> (6,); free (6,); point (3,) [length]."""
+    """What a stage states of a tool, checked. path: s -> (6,), None: it stays where it is or goes where it is pushed; loads:
+    the ways of force and moment (3,), None of what is not named; free (6,); about (3,) [length], None: not said."""
 
-    path: Path
-    load: Path
+    path: Path | None
+    loads: tuple[Path | None, Path | None]
     free: Bools
-    point: Floats
+    about: Floats | None = None
 
 
-def driven(comm: MPI.Comm, name: str, motion: Motion, point: Floats) -> Driven:
-    """What a Motion of the tool `name` states; point (3,): the tool's own. SceneError on all ranks. Collective."""
-    what = f"motion of '{name}'"
+def driven(comm: MPI.Comm, what: str, motion: Motion) -> Driven:
+    """What a Motion states, `what` in words. SceneError on all ranks. Collective."""
     if not isinstance(motion.free, str) or (unknown := set(motion.free.split()) - set(COMPONENTS)):
         wrong = shown(motion.free) if not isinstance(motion.free, str) else f"'{sorted(unknown)[0]}'"
         known = ", ".join(COMPONENTS)
         raise SceneError(f'{what}: free = {wrong} is not known; name components, as in free="x rz", of {known}')
     stated = zip(COMPONENTS, motion.moved, strict=True)
     paths = [None if way is None else ramp(comm, way, f"{what}: {key}", ()) for key, way in stated]
-    loads = [
+    force, moment = (
         ramp(comm, (0.0, 0.0, 0.0) if load is None else load, f"{what}: {key}")
         for key, load in (("force", motion.force), ("moment", motion.moment))
-    ]
+    )
 
-    def path(t: float) -> Floats:
-        return np.array([0.0 if way is None else float(way(t)) for way in paths])
+    def path(s: float) -> Floats:
+        return np.array([0.0 if way is None else float(way(s)) for way in paths])
 
-    def load(t: float) -> Floats:
-        return np.concatenate([part(t) for part in loads])
-
-    pushed = np.any([load(t) != 0.0 for t in (0.5, 1.0)], axis=0)
+    pushed = np.concatenate([loaded(force), loaded(moment)])
     free = pushed | np.isin(COMPONENTS, motion.free.split())
     _refuse(what, [key for key, way in zip(COMPONENTS, paths, strict=True) if way is not None], pushed, free)
-    about = point if motion.about is None else finite(motion.about, f"{what}: about", (3,))
-    return Driven(path, load, free, about)
+    about = None if motion.about is None else finite(motion.about, f"{what}: about", (3,))
+    return Driven(path, (force, moment), free, about)
+
+
+def loaded(load: Path) -> Bools:
+    """Along which axes (3,) a load acts."""
+    return np.any([load(s) != 0.0 for s in (0.5, 1.0)], axis=0)
 
 
 def _refuse(what: str, moved: list[str], pushed: Bools, free: Bools) -> None:

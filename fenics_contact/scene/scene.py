@@ -28,10 +28,22 @@ from fenics_contact.scene.checks import (
     sides,
 )
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
-from fenics_contact.scene.drives import Moves
-from fenics_contact.scene.field_loads import MomentLoad, Spin, Spring, Swelling, spin_of, springs_of, swelling_of
-from fenics_contact.scene.functions import Drive, Place, load_path, ramp, whole
-from fenics_contact.scene.statements import Body, ContactStatement, Entering, Load, Support, Tie
+from fenics_contact.scene.field_loads import Spring, spin_of, springs_of, swelling_of
+from fenics_contact.scene.functions import Drive, Place, load_path, ramp
+from fenics_contact.scene.loads import force_path, place_path
+from fenics_contact.scene.stage import Moves, Only
+from fenics_contact.scene.statements import (
+    Body,
+    ContactStatement,
+    Entering,
+    Load,
+    Loading,
+    MomentLoad,
+    Spin,
+    Support,
+    Swelling,
+    Tie,
+)
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
@@ -169,9 +181,8 @@ class Scene:
         of (X, t), as of `pressure`, that gives (n, 3)."""
         facets, what = self._facets(group), f"traction on '{group}'"
         refuse_inside(self.mesh, facets, what)
-        path, nodes = load_path(self.mesh, self.space, facets, vector, what, (3,))
-        self._refuse_out_of_plane(path, what)
-        self.loads.append(Load(group_names(group), path, nodes))
+        path = place_path(self, facets, vector, what, (3,))
+        self.loads.append(Load("tractions", group_names(group), *path))
 
     def pressure(
         self,
@@ -197,7 +208,7 @@ class Scene:
             raise SceneError(f'{what}: from_= says where a fluid comes in; it belongs to where="open"')
         path, nodes = load_path(self.mesh, self.space, facets, value, what, ())
         if where == "all":
-            self.pressures.append(Load(group_names(group), path, nodes))
+            self.pressures.append(Load("pressures", group_names(group), path, nodes))
             return
         if self._bare_corners:
             raise SceneError(
@@ -211,26 +222,16 @@ class Scene:
     def body_force(self, vector: Drive | Place) -> None:
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1, or a function of t or of (X, t), as of
         `pressure`, that gives (n, 3)."""
-        path, nodes = load_path(self.mesh, self.space, None, vector, "body force", (3,))
-        self._refuse_out_of_plane(path, "body force")
-        self.loads.append(Load(None, path, nodes))
-
-    def _refuse_out_of_plane(self, path: Callable[[float], Floats], what: str) -> None:
-        """Nothing may push out of a plane mesh. Collective."""
-        if self.section is not None and any((whole(path, t)[..., 2] != 0.0).any() for t in (0.25, 0.5, 1.0)):
-            raise SceneError(f"{what} along z: nothing moves out of a plane mesh; leave that component out")
+        path = place_path(self, None, vector, "body force", (3,))
+        self.loads.append(Load("body_force", None, *path))
 
     def force(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
         t = 1 or function of t."""
         what = f"force on '{group}'"
         refuse_inside(self.mesh, self._facets(group), what)
-        names, path = group_names(group), ramp(self.mesh.comm, vector, what)
-        self._refuse_out_of_plane(path, what)
-        if self.section is not None and self.section.axisymmetric and any(path(t)[0] != 0.0 for t in (0.5, 1.0)):
-            raise SceneError(f"{what} along x: all the way round it cancels; state a traction, per area")
-        area = self.area(names)
-        self.loads.append(Load(names, lambda t: path(t) / area, kind="force"))
+        names, path = group_names(group), force_path(self, vector, what)
+        self.loads.append(Load("forces", names, path, over=self.area(names)))
 
     def moment(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Moment on a surface [force length], fixed in space while it turns, by forces about its present centroid that have
@@ -320,6 +321,12 @@ class Scene:
         self.contacts.append(contact)
 
     @property
+    def loadings(self) -> list[Loading]:
+        """All that loads bodies, but tools and supports."""
+        spin = [] if self.spin_stated is None else [self.spin_stated]
+        return [*self.loads, *self.moments, *spin, *self.pressures, *self.fluids, *self.swellings]
+
+    @property
     def tools(self) -> list[Tool]:
         """The rigid tools of all contacts, then of all ties, each once, in order of appearance."""
         bodies = [*(contact.master for contact in self.contacts), *(tie.hub for tie in self.ties)]
@@ -351,8 +358,8 @@ class Scene:
         stabilise: bool = False,
         damping: bool = False,
     ) -> System:
-        """The System of this scene, see `build`."""
-        return build(self, move, push, timers, stabilise, damping).system
+        """The System of this scene with tools moved {tool: (3,) at t = 1 or function of t} or pushed alike, see `build`."""
+        return build(self, [Only(move=move or {}, push=push or {})], timers, stabilise, damping).system
 
     def dx(self, body: Body, degree: int | None = None) -> Measure:
         """Integral over a body, exact to `degree` (by default the element's full integration)."""

@@ -1,13 +1,14 @@
 """What a scene is stated with, checked and then never changed: bodies, supports, loads, contacts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
+from fenics_contact.scene.functions import Path
 from fenics_contact.solid.materials import Hyperelastic, Isotropic
 from fenics_contact.types import Floats, Ints
 from fenics_contact.values import SceneError, shown, text
@@ -73,15 +74,31 @@ class Tie:
     hub: Tool
 
 
+# words by which stages name the loads of a scene, and what messages call these
+LOADS = {"tractions": "traction on", "forces": "force on", "pressures": "pressure on", "moments": "moment on",
+         "swell": "swelling of", "body_force": "body force", "spin": "speed of the spin"}  # fmt: skip
+
+
+def called(word: str, group: tuple[str, ...] | None) -> str:
+    """What messages call a load."""
+    return LOADS[word] + (f" '{'+'.join(group)}'" if group else "")
+
+
 @dataclass(frozen=True)
 class Load:
     """A dead traction on surfaces [pressure], a pressure that follows them, or, without surfaces, a force on all bodies
-    [force/length^3]: path(t), one value, or those at local nodes (n,). kind: what messages call a dead load."""
+    [force/length^3]: path(t), one value, or those at local nodes (n,), over the number `over`, a force's area; word: of
+    LOADS."""
 
+    word: str
     group: tuple[str, ...] | None
-    path: Callable[[float], Floats]
+    path: Path
     nodes: Ints | None = None
-    kind: str = "traction"
+    over: float = 1.0
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return () if self.word == "pressures" else (3,)
 
 
 @dataclass(frozen=True)
@@ -89,7 +106,46 @@ class Entering:
     """Pressure of a fluid on surfaces, where contact does not press: path(t) as of a Load; source: the surfaces from whose
     common nodes with `group` it comes in, None: it is everywhere."""
 
+    word: ClassVar[str] = "pressures"
+    shape: ClassVar[tuple[int, ...]] = ()
     group: tuple[str, ...]
-    path: Callable[[float], Floats]
+    path: Path
     nodes: Ints | None
     source: tuple[str, ...] | None
+
+
+@dataclass(frozen=True)
+class MomentLoad:
+    """A moment path(t) on a surface [force length]."""
+
+    word: ClassVar[str] = "moments"
+    shape: ClassVar[tuple[int, ...]] = (3,)
+    group: tuple[str, ...]
+    path: Path
+
+
+@dataclass(frozen=True)
+class Spin:
+    """All bodies turn about an axis: speed path(t) [angle/time], point and unit axis (3,), density by volume
+    [mass/length^3]."""
+
+    word: ClassVar[str] = "spin"
+    shape: ClassVar[tuple[int, ...]] = ()
+    group: ClassVar[None] = None
+    path: Path
+    axis: tuple[float, ...]
+    point: Floats
+    density: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Swelling:
+    """A body's volume without stress over that at the start, path(t); of a number, from 1 to there."""
+
+    word: ClassVar[str] = "swell"
+    shape: ClassVar[tuple[int, ...]] = ()
+    group: tuple[str, ...]
+    path: Path
+
+
+Loading = Load | Entering | MomentLoad | Spin | Swelling

@@ -11,12 +11,13 @@ from fenics_contact.scene.checks import AXES
 from fenics_contact.scene.functions import number_of
 from fenics_contact.scene.motion import COMPONENTS
 from fenics_contact.scene.scene import Scene
-from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, shown
+from fenics_contact.types import Ints
+from fenics_contact.values import SceneError, axis_letters, count, finite, function, group_names, is_number, shown
 
 
 @dataclass(frozen=True)
 class Load:
-    """The load parameter t reaches `value`, from either side."""
+    """The load parameter t, in a stage its s, reaches `value`, from either side."""
 
     value: float
 
@@ -24,7 +25,7 @@ class Load:
         return f"load t = {self.value:g}"
 
     def distance(self, scene: Scene, system: System) -> Callable[[], float]:
-        return lambda: system.state.t - self.value
+        return lambda: system.stages.share(system.state.t) - self.value
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,30 @@ class Travel:
         i, component = scene.tools.index(self.tool), COMPONENTS.index(self.axis)
         unit = 1.0 if component < 3 else system.tools.lever
         return lambda: system.state.q[i, component] / unit - self.value
+
+
+@dataclass(frozen=True)
+class Branch:
+    """At the bifurcation of this number the path goes on along another branch: that on which a surface moves along an axis,
+    `towards` 1 or -1; of several that branch off there, the one most like such a motion."""
+
+    group: str
+    axis: str
+    towards: float = 1.0
+    number: int = 1
+
+    def dofs(self, scene: Scene) -> Ints:
+        """Owned dofs of the surface along the axis."""
+        axis_letters(self.axis, f"Branch along a motion of '{self.group}'", most=1)
+        if not (is_number(self.towards) and self.towards in (-1.0, 1.0)):
+            raise SceneError(f"Branch: towards = {shown(self.towards)} must be 1 or -1")
+        count(self.number, "Branch: number")
+        try:
+            facets = scene.mesh.facets(*group_names(self.group, "Branch"))
+        except ValueError as error:
+            raise SceneError(f"Branch: {error}") from None
+        blocks = compat.locate_blocks(scene.space, facets)
+        return 3 * blocks[blocks < scene.space.dofmap.index_map.size_local] + AXES[self.axis]
 
 
 def distances(until: object, scene: Scene, system: System) -> dict[str, Callable[[], float]]:

@@ -28,10 +28,13 @@ LOAD_PROBE = 1e-4
 @dataclass
 class ArcReport(StepReport):
     """A step's tangent solves and residuals; limit_point: 1 where it ends on a maximum of t, -1 on a minimum, else 0;
-    station: number, from 1, of the station that it ends on, else 0."""
+    station: number, from 1, of the station that it ends on, else 0; negative: pivots of the tangent at its end, see
+    LinearSolver, NaN where they are not known; bifurcation: 1 where one was passed in it or it ends on one, else 0."""
 
     limit_point: int = 0
     station: int = 0
+    negative: float = np.nan
+    bifurcation: int = 0
 
 
 @dataclass
@@ -80,10 +83,9 @@ class ArcLength:
     def norm(self, a: Increment) -> float:
         return float(np.sqrt(self.dot(a, a)))
 
-    def extent(self, system: System) -> float:
-        """Distance [length] of a state from the start in displacement and tools' coordinates."""
-        u = system.vector
-        return float(np.sqrt(u.dot(u) / (u.getSize() / 3) + np.sum(system.state.q**2)))
+    def extent(self, way: Increment) -> float:
+        """Distance [length] that a way spans in displacement and tools' coordinates."""
+        return float(np.sqrt(way.du.dot(way.du) / (way.du.getSize() / 3) + np.sum(way.dq**2)))
 
     def weigh(self, moved: float, load: float) -> None:
         """Give load and displacement the same extent: `moved` [length] stands for a change of the load by `load`."""
@@ -223,13 +225,13 @@ def _shorten(system: System, made: Increment, before: float) -> float:
 
 
 def depends_on_load(system: System) -> bool:
-    """Whether anything changes with t. Collective; leaves the system at its t."""
-    t, seen = system.state.t, False
+    """Whether anything changes with t in the stage that is on. Collective; leaves the system at the t where that begins."""
+    t, seen = system.stages.start.t, False
     system.begin_step(t)
     system.assemble_residual()
     rest, tools = system.residual_vector.copy(), system.tool_residual
     places = system.supports.values(t), system.tools.prescribed(t)
-    for other in (t + 0.5, t + 1.0):
+    for other in (system.stages.time(0.5), system.stages.time(1.0)):
         system.begin_step(other)
         system.assemble_residual()
         system.residual_vector.axpy(-1.0, rest)

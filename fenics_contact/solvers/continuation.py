@@ -13,13 +13,16 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increment
 from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.motions import Motion, resistance, softest
 from fenics_contact.solvers.report import StepperTo
 from fenics_contact.solvers.verdict import StepFailed, Verdict
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints
 
 LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
 TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
+
+AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
 
 Leg = dict[str, Callable[[], float]]  # words of a target: distance of the state from it, which changes its sign there
 
@@ -32,7 +35,7 @@ class ArcSteps:
     smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
     gives up; iterations: tangent solves per step, and turn: angle [radians] by which the path's direction changes in a step,
     that steer the arc's length; stations: targets like those of until=, on each of which a step lands every time the path
-    passes it.
+    passes it; branch: a Branch, on which the path goes on from a bifurcation.
     """
 
     first: float = 0.05
@@ -42,6 +45,17 @@ class ArcSteps:
     iterations: int = 5
     turn: float = 0.3
     stations: Sequence[object] = ()
+    branch: object = None
+
+
+@dataclass(frozen=True)
+class Fork:
+    """Where a path is to leave itself: at the bifurcation of this number, along the null vector most like a motion of the
+    owned `dofs`, so that these move `towards` (1 or -1)."""
+
+    dofs: Ints
+    towards: float
+    number: int
 
 
 @dataclass
@@ -52,6 +66,7 @@ class Arrival:
     increment: Increment
     rate: Increment
     report: ArcReport
+    fork: Increment | None = None  # where it is a bifurcation, along what the path is to go on
 
 
 class Path:
@@ -70,16 +85,21 @@ class Path:
         steps: ArcSteps,
         legs: list[Leg],
         stations: Leg | None = None,
+        fork: Fork | None = None,
     ) -> None:
         self.system, self.arc, self.stepper, self.steps, self.legs = system, arc, stepper, steps, legs
-        self.stations = stations or {}
+        self.stations, self.fork = stations or {}, fork
+        # negative pivots at the last accepted state that is no limit point, and the sign of the load's change there
+        self.negative, self.side = np.nan, 0.0
+        self.bifurcations = 0  # passed so far
         self.reached: list[str] = []  # the targets that ended the legs so far, in words
         self.begun = False  # whether a step of the present leg has been accepted
-        self.highest = self.furthest = 0.0  # largest |t| and displacement [length] accepted
+        self.highest = self.furthest = 0.0  # largest load [t] and way [length] from the start of the path accepted
         self.taken = 0  # steps accepted
         # increment of the last accepted step, unit rate of the path at its end
         self.last: Increment | None = None
         self.rate: Increment | None = None
+        self.gone: Increment | None = None  # the way from the start of the path
         self.slope = 0.0  # change of t along the path there; its sign counts
         self.first = self.length = 0.0  # arcs [length]: the leg's first one, the one to try next
         self.spans: dict[str, float] = {}  # largest distance seen in this leg from each of its targets
@@ -107,7 +127,9 @@ class Path:
         if not self.begun:
             self.rate = self.arc.start(self.system, self.last)
             self.slope, self.spans = self.rate.dt, {}
-            self.first = self.length = min(self.steps.first / abs(self.rate.dt), self.steps.largest)
+            self.negative, self.side = self._pivots(), self.rate.dt
+            first = self.steps.first * self.system.stages.duration
+            self.first = self.length = min(first / abs(self.rate.dt), self.steps.largest)
         leg = self.legs[len(self.reached)]
         self._measure(leg)
         while self.taken < self.steps.most:
@@ -123,8 +145,22 @@ class Path:
     # -- what a checkpoint holds beside the accepted state ----------------------------------------------------------
     def memory(self) -> tuple[dict[str, Floats], dict[str, Any]]:
         """(fields, numbers) of the way so far: last increment, the path's rate, lengths, the place among the legs."""
-        parts = {name: part for name, part in (("last", self.last), ("rate", self.rate)) if part is not None}
-        names = ("reached", "begun", "highest", "furthest", "taken", "slope", "first", "length", "spans")
+        kept = ("last", self.last), ("rate", self.rate), ("gone", self.gone)
+        parts = {name: part for name, part in kept if part is not None}
+        names = (
+            "reached",
+            "begun",
+            "highest",
+            "furthest",
+            "taken",
+            "slope",
+            "first",
+            "length",
+            "spans",
+            "negative",
+            "side",
+            "bifurcations",
+        )
         numbers = {name: getattr(self, name) for name in names} | {"per_load": self.arc.per_load}
         numbers |= {name: [part.dq.tolist(), part.dt] for name, part in parts.items()}
         return {name: part.du.array_r for name, part in parts.items()}, numbers
@@ -150,6 +186,11 @@ class Path:
         if not all(known) or len(self.reached) + self.begun > len(self.legs):
             raise ValueError(f"it has gone beyond {', then '.join(self.reached)}, which until and back do not name so")
         self.system.assemble_tangent()  # a term may predict from the last one
+
+    @property
+    def _load(self) -> float:
+        """How far [t] the load is from where the path began."""
+        return abs(self.system.state.t - self.system.stages.start.t)
 
     @property
     def _going(self) -> Increment:
@@ -178,9 +219,13 @@ class Path:
     def _step(self, length: float, rate: Increment) -> tuple[Arrival, str | None]:
         """The next state, not yet accepted, and the name of the target reached, if any; StepFailed if there is none."""
         arrival = self._arrive(length, rate)
+        if self.fork and self.bifurcations + 1 == self.fork.number and self._passed(arrival):
+            arrival = self._bifurcation(arrival, rate, self.fork)
+            if all(gap() * self.gaps[name] > 0.0 for name, gap in self.targets.items()):
+                return arrival, None  # no target lies before it
         self._onward = arrival.rate.dt
         if arrival.rate.dt * self.slope < 0.0:
-            bound = LIMIT_TOLERANCE * max(self.highest, abs(self.system.state.t))
+            bound = LIMIT_TOLERANCE * max(self.highest, self._load)
             arrival = self._locate(
                 arrival, rate, self.slope, lambda a: a.rate.dt, lambda dt, width: abs(dt) * width <= bound
             )
@@ -200,8 +245,12 @@ class Path:
         self.system.commit()
         # a located limit point lies a hair before or behind the extremum: its own sign says nothing
         self.slope = self._onward if arrival.report.limit_point else arrival.rate.dt
-        self.highest = max(self.highest, abs(self.system.state.t))
-        self.furthest = max(self.furthest, self.arc.extent(self.system))
+        self._look(arrival)
+        if self.gone is None:
+            self.gone = arrival.increment.times(0.0)
+        self.gone.add(arrival.increment)
+        self.highest = max(self.highest, self._load)
+        self.furthest = max(self.furthest, self.arc.extent(self.gone))
         self.taken += 1
         self._measure(leg)
         self.verdict.accept(arrival.report, self.system)
@@ -210,6 +259,10 @@ class Path:
         self.arc.weigh(self.furthest, self.highest)
         size = self.arc.norm(arrival.rate)  # 1 in the lengths before
         self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
+        if arrival.fork:
+            self.rate, self.slope, self.negative = arrival.fork, 0.0, np.nan
+            self.length = min(AWAY * self.system.extent, self.steps.largest)
+            self.rate = self.rate.times(1.0 / self.arc.norm(self.rate))
         self.begun = reached not in leg
         self.reached += [] if self.begun or reached is None else [reached]
 
@@ -224,7 +277,60 @@ class Path:
         report = self.stepper.step(self.system, Arc(length, rate))
         if wrong := self.system.objection():
             raise StepFailed.of(wrong)
-        return Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system), report)
+        arrival = Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system), report)
+        report.negative = self._pivots()
+        return arrival
+
+    # -- bifurcations -----------------------------------------------------------------------------------------------
+    def _pivots(self) -> float:
+        """Negative pivots of the last tangent, NaN where they are not known."""
+        found = self.arc.linear.negative
+        return np.nan if found is None else float(found)
+
+    def _passed(self, arrival: Arrival) -> bool:
+        """Whether a bifurcation lies between the last accepted state and an arrival: pivots that change their sign, beyond
+        the one which a limit point takes along as the load turns."""
+        change = abs(arrival.report.negative - self.negative)
+        turns = arrival.rate.dt * self.side < 0.0
+        return not np.isnan(change) and change != float(turns)
+
+    def _look(self, arrival: Arrival) -> None:
+        """Note a bifurcation that the accepted arrival has passed or is on."""
+        report = arrival.report
+        if report.limit_point:
+            return  # a hair before or behind it: its pivots say nothing
+        if arrival.fork or self._passed(arrival):
+            self.bifurcations += 1
+            report.bifurcation, t = 1, self.system.state.t
+            if arrival.fork:
+                report.notes.append(f"a bifurcation at t = {t:.6g}, from which the path goes on along another branch")
+            else:
+                report.notes.append(
+                    f"a bifurcation within this step, where other paths branch off: {report.negative:g} pivots of the "
+                    f"tangent are negative, before {self.negative:g}; follow a branch by ArcSteps(branch=Branch(...))"
+                )
+        self.negative, self.side = report.negative, arrival.rate.dt
+
+    def _bifurcation(self, arrival: Arrival, rate: Increment, fork: Fork) -> Arrival:
+        """The arrival at a bifurcation that lies within this step, with the null vector on which the path is to go on."""
+        found: list[Motion] = []
+
+        def stiffness(at: Arrival) -> float:
+            """What the softest motion resists, below zero behind the bifurcation."""
+            self.system.assemble_tangent()
+            mode = softest(self.system, fork.dofs)
+            if mode is None:
+                raise StepFailed("no motion is softest at a bifurcation")
+            found.append(mode)
+            resists = abs(mode.dot(resistance(self.system, mode, self.system.matrix)))
+            return -resists if self._passed(at) else resists
+
+        far = abs(stiffness(arrival))
+        arrival = self._locate(arrival, rate, far, stiffness, lambda left, _: abs(left) <= LIMIT_TOLERANCE * far)
+        mode = found[-1]
+        along = self.system.comm.allreduce(float(mode.du.array_r[fork.dofs].sum()))
+        arrival.fork = Increment(mode.du, mode.dq, 0.0).times(np.copysign(1.0, along * fork.towards))
+        return arrival
 
     def _growth(self, report: ArcReport, turned: float) -> float:
         """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
@@ -245,8 +351,8 @@ class Path:
 
         first: the value at the step's start, or its sign; close(value, width of the bracket): whether that is it.
         """
-        low, high, at_low, at_high, here, kept = 0.0, arrival.length, first, value(arrival), value(arrival), 0
-        solves = 0
+        low, high, at_low, here, kept = 0.0, arrival.length, first, value(arrival), 0
+        at_high, solves = here, 0
         for _ in range(TRIALS):
             if close(here, high - low):
                 arrival.report.iterations += solves

@@ -25,9 +25,9 @@ EASY = 8  # iterations up to which a step was easy: the next one may be twice as
 OnStep = Callable[[StepReport, float, bool], None]  # a step's report, its seconds, whether it is on the schedule
 
 
-def smallest_step(times: Sequence[float] | Floats, smallest: float = SMALLEST) -> float:
-    """Smallest step [t] that a schedule's steps may be cut to."""
-    return smallest * min(1.0, *(b - a for a, b in zip([0.0, *times], times, strict=False)))
+def smallest_step(times: Sequence[float] | Floats, start: float = 0.0, smallest: float = SMALLEST) -> float:
+    """Smallest step [t] that the steps of a schedule from `start` on may be cut to."""
+    return smallest * min(1.0, *(b - a for a, b in zip([start, *times], times, strict=False)))
 
 
 def run(
@@ -38,15 +38,17 @@ def run(
     smallest: float | None = None,
     verdict: Verdict | None = None,
 ) -> Verdict:
-    """Visit every t of `times` beyond the committed one, in steps that shrink where they fail and grow where they are easy.
+    """Visit every t of `times`, of the stage that is on, beyond the committed one, in steps that shrink where they fail and
+    grow where they are easy.
 
     A failing step is halved, down to `smallest` [t], then the run ends with its reason; after easy steps the size doubles,
     up to the schedule's own. on_step(report, seconds, on_schedule): called after each accepted step, on all ranks; verdict:
     that of the steps before, where a run is resumed. Returns the Verdict.
     """
     verdict = verdict or Verdict()
-    verdict.smallest = smallest or smallest_step(times)
-    sooner = max(SOONER / SMALLEST * smallest_step(times), 2.0 * verdict.smallest) if system.damping else 0.0
+    shortest = smallest_step(times, system.stages.start.t)
+    verdict.smallest = smallest or shortest
+    sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     for target in times:
         restless = 0
@@ -82,7 +84,6 @@ def run(
                 verdict.size *= 2.0
             verdict.accept(report, system)
             on_step(report, time.perf_counter() - start, goal == target)
-    _judge_balance(verdict)
     return verdict
 
 
@@ -108,7 +109,7 @@ def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) 
         return None
 
 
-def _judge_balance(verdict: Verdict) -> None:
+def judge_balance(verdict: Verdict) -> None:
     """Say where steps have ended far out of balance, and that the run has failed where the last one did."""
     left = [residuals[-1] for residuals in verdict.residuals]
     if rough := sum(share > UNBALANCED for share in left):

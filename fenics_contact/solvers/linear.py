@@ -45,6 +45,9 @@ class LinearSolver:
         choice = Choice(system.comm, foreseen_costs(system)) if method == "auto" else None
         method = choice.first if choice else method
         self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
+        # negative pivots of the last tangent, tools included (Haynsworth 1968, doi:10.1016/0024-3795(68)90050-5); of an
+        # unsymmetric one the sign of its determinant tells only whether they are odd (1) or even (0); None: not known
+        self.negative: int | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
         modes = lambda matrix: _soft_modes(system, matrix)  # noqa: E731
@@ -102,6 +105,7 @@ class LinearSolver:
             with du.localForm() as local:
                 system.supports.put(local.array_w, du_supports)
         border = system.border
+        self.negative = self._solver.negative_pivots()
         if not free.size or border is None:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(-border.columns[c]) for c in free]
@@ -109,6 +113,10 @@ class LinearSolver:
         schur = border.corner[np.ix_(free, free)].copy()
         for i, row in enumerate(rows):
             schur[i] += [row.dot(column) for column in columns]
+        if self.negative is not None and np.isfinite(schur).all():
+            signs = np.linalg.eigvalsh(0.5 * (schur + schur.T)) if system.symmetric else [np.linalg.det(schur)]
+            more = int(np.sum(np.less(signs, 0.0)))
+            self.negative = self.negative + more if system.symmetric else (self.negative + more) % 2
         return [
             self._with_free_tools(
                 du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, schur, rows, columns

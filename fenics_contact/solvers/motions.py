@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
-from fenics_contact.types import Floats, Ints64, Mat, Vec
+from fenics_contact.types import Floats, Ints, Ints64, Mat, Vec
 
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
 MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
@@ -39,17 +39,21 @@ def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
     return Motion(force, np.where(system.tools.free, tools, 0.0))
 
 
-def softest(system: System) -> Motion | None:
+def softest(system: System, first: Ints | None = None) -> Motion | None:
     """Motion that the assembled tangent resists least, by inverse iteration; None where it cannot be factorised.
 
-    Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. The supports are eliminated from the tangent
-    here. Collective.
+    Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. first: owned dofs that move alike where the
+    iteration begins; of several motions that are as soft it finds the one most like that; by default a random start. The
+    supports are eliminated from the tangent here. Collective.
     """
     linear, nodes = LinearSolver(system, "direct", afresh=True), system.vector.getSize() / 3
     system.matrix.shift(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
     free, resting = system.tools.free, np.zeros(len(system.supports.dofs))
     mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
-    mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
+    if first is not None:
+        mode.du.array[first], mode.dq[:] = 1.0, 0.0
+    else:
+        mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
     for sweep in range(SWEEPS):
         system.supports.put(mode.du.array_w, 0.0)
         size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))

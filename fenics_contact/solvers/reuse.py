@@ -124,6 +124,8 @@ class ReusingSolver:
     def _factors(self, pc: Any) -> None:
         pc.setType("cholesky" if self.symmetric else "lu")
         pc.setFactorSolverType("mumps")
+        if not self.symmetric:
+            PETSc.Options()[PREFIX + "mat_mumps_icntl_33"] = 1  # the determinant
 
     def _multigrid(self, pc: Any) -> None:
         options = PETSc.Options()
@@ -219,6 +221,17 @@ class ReusingSolver:
         if self._reuse is not None:
             self._reuse.solved(iterations, tolerance)
         return reason
+
+    def negative_pivots(self) -> int | None:
+        """Of the factorisation at hand: MUMPS counts them where it is symmetric, else 1 where its determinant is negative, 0
+        where not; None: there is none."""
+        if self.method != "direct" or self._reuse is None:
+            return None
+        pc = self._fresh.getPC()
+        if (pc.getType(), pc.getFactorSolverType()) != ("cholesky" if self.symmetric else "lu", "mumps"):
+            return None  # PETSc's options, which users may set, ask for another one
+        factors = pc.getFactorMatrix()
+        return factors.getMumpsInfog(12) if self.symmetric else int(factors.getMumpsRinfog(12) < 0.0)
 
     def mumps_code(self) -> int:
         """MUMPS' INFOG(1) of the solve that failed last, 0 where there is none."""

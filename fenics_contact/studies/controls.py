@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.system import System
-from fenics_contact.run import STEPPERS
+from fenics_contact.plans import STEPPERS
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Vec

@@ -1,0 +1,158 @@
+"""How each stage of a run is carried out: its method's stepper, what corrects that one's states, and where steps end."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.assembly.system import System
+from fenics_contact.options import arc_steps, load_times, refuse_shares, within
+from fenics_contact.scene.build import Built
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.stage import Stage
+from fenics_contact.scene.targets import Branch, distances
+from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
+from fenics_contact.solvers.augmented import Adapted, Augmented
+from fenics_contact.solvers.continuation import ArcSteps, Fork, Path
+from fenics_contact.solvers.control import OnStep, judge_balance, run
+from fenics_contact.solvers.entering import Entering
+from fenics_contact.solvers.held import Following, Held
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Incremental, Newton
+from fenics_contact.solvers.pivots import PivotWatch
+from fenics_contact.solvers.report import Stepper
+from fenics_contact.solvers.snes import Snes
+from fenics_contact.solvers.softened import Softened
+from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.types import Floats
+from fenics_contact.values import SceneError, shown
+
+STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a stage is carried out: by a stepper to each of its shares s, or along a Path; solver: the stepper's; softened:
+    Newton's stepper with softer penalties where these help, None of other methods."""
+
+    stage: Stage
+    shares: Floats
+    solver: LinearSolver
+    stepper: Any
+    path: Path | None
+    softened: Softened | None
+
+
+def schedule(stage: Stage, tolerance: float | None, smallest_step: float | None) -> tuple[ArcSteps | None, Floats]:
+    """ArcSteps of a stage by arc length, None of another; shares s at which its steps end, or is to be asked. Checked."""
+    with within(stage):
+        if stage.method not in list(STEPPERS):
+            raise SceneError(f"method {shown(stage.method)} is not one of {', '.join(STEPPERS)}")
+        steps: Any = stage.steps
+        arcs = arc_steps(steps, stage.until, stage.back, stage.method == "arc_length")
+        refuse_shares(stage.method, tolerance, smallest_step)
+        shares = np.array([0.5, 1.0]) if arcs else load_times(steps)
+        if stage.name and shares[-1] != 1.0:
+            raise SceneError(f"steps end at s = {shares[-1]:g}; a stage ends at s = 1: give shares of it, or a duration")
+        return arcs, shares
+
+
+def plans_of(
+    scene: Scene, built: Built, stated: Sequence[Stage], schedules: Sequence[tuple[ArcSteps | None, Floats]], linear: str,
+    tolerance: float | None,
+) -> list[Plan]:  # fmt: skip
+    """A plan for each stage; what the user's functions give at the t that it will visit is checked. Collective."""
+    system = built.system
+    solvers: dict[bool, LinearSolver] = {}
+    steppers: dict[str, Any] = {}
+    plans = []
+    for i, (stage, (arcs, shares)) in enumerate(zip(stated, schedules, strict=True)):
+        with within(stage), system.stages.foreseen(i):
+            _refuse_nan(system, shares)
+            if arcs and not depends_on_load(system):
+                raise SceneError(
+                    "arc length without a load to scale: nothing depends on t; state a load, or move or push a tool"
+                )
+            if bool(arcs) not in solvers:
+                solvers[bool(arcs)] = LinearSolver(system, linear, afresh=bool(arcs))
+            solver = solvers[bool(arcs)]
+            if arcs or stage.method not in steppers:
+                steppers[str(stage.method)] = _stepper(str(stage.method), solver, tolerance, built)
+            plain, softened, stepper = steppers[str(stage.method)]
+            path = None
+            if isinstance(plain, ArcLength) and arcs:
+                legs = [distances(end, scene, system) for end in (stage.until, stage.back) if end is not None]
+                path = Path(
+                    system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system), _fork(arcs, scene)
+                )
+        plans.append(Plan(stage, shares, solver, stepper, path, softened))
+    system.set_loads(0.0)
+    return plans
+
+
+def _fork(arcs: ArcSteps, scene: Scene) -> Fork | None:
+    """Where a continuation is to leave its path, if anywhere."""
+    branch = arcs.branch
+    if branch is None:
+        return None
+    if not isinstance(branch, Branch):
+        raise SceneError(f'ArcSteps: branch = {shown(branch)}: give Branch("group", "x")')
+    return Fork(branch.dofs(scene), branch.towards, branch.number)
+
+
+def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict, smallest: float | None) -> None:
+    """Go through the stages that are left, until one fails; the verdict says so."""
+    stages = system.stages
+    watches = {id(plan.solver): PivotWatch(system, plan.solver, verdict, kept) for plan in plans}
+    for plan in plans[stages.index :]:
+        if plan.stage is not plans[stages.index].stage:
+            system.next_stage()
+            verdict.size = math.inf
+        if plan.path:
+            plan.path.follow(kept, verdict)
+            for watch in watches.values():
+                watch.forget()
+        else:
+            run(system, plan.stepper, [stages.time(s) for s in plan.shares], watches[id(plan.solver)], smallest, verdict)
+        if not verdict.converged:
+            verdict.reason = plan.stage.says(verdict.reason)
+            return
+    judge_balance(verdict)
+
+
+def _refuse_nan(system: System, shares: Floats) -> None:
+    """Paths, forces and supports given as functions check themselves: once at every t the stage that is on will visit."""
+    for t in map(system.stages.time, shares):
+        system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t), system.supports.values(t)
+
+
+def _stepper(
+    method: str, solver: LinearSolver, tolerance: float | None, built: Built
+) -> tuple[ArcLength | Stepper, Softened | None, Any]:
+    """The method's stepper, Newton's with softer penalties where these help, and all that with what corrects its states."""
+    system = built.system
+    options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
+    plain = STEPPERS[method](solver, **options)
+    steady = not isinstance(plain, ArcLength | Incremental)
+    if system.stabilised and not steady:
+        raise SceneError(
+            f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
+            "choose one of these"
+        )
+    if system.damping and not steady:
+        raise SceneError(
+            f"damping= belongs to methods 'newton' and 'snes', not '{method}'; leave it out, or choose one of these"
+        )
+    if built.fluids and not steady:
+        raise SceneError(
+            f"pressure with where=\"open\" needs steps that end in balance, method 'newton' or 'snes', not '{method}'; "
+            "choose one of these, or leave where= out"
+        )
+    softened = Softened(plain) if isinstance(plain, Newton) else None
+    stepper = softened or plain
+    stepper = Augmented(stepper) if system.augmented else stepper
+    stepper = Entering(stepper, built.fluids) if built.fluids else stepper
+    springs = system.grounding if steady else None
+    return plain, softened, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)

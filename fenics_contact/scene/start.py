@@ -1,0 +1,91 @@
+"""A run that starts from the last state of another one: what is kept of that, and taken up."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.assembly.memory import Memory
+from fenics_contact.assembly.pose import Pose
+from fenics_contact.assembly.stages import End
+from fenics_contact.assembly.system import System
+from fenics_contact.scene.courses import Course
+from fenics_contact.scene.functions import Path
+from fenics_contact.types import Floats
+from fenics_contact.values import SceneError
+
+Driven = Sequence[tuple[str, Path]]  # loads by name, as functions of t
+Drives = dict[str, dict[str, Any]]  # plain values: JSON takes them
+
+
+@dataclass(frozen=True)
+class Start:
+    """Another run's last state. name: of the run, in words; arrays: what Memory collected of it, on rank 0; drives: see
+    `drives_left`."""
+
+    name: str
+    arrays: dict[str, Any] | None
+    drives: Drives
+
+
+def drives_left(system: System, driven: Driven) -> Drives:
+    """What holds a run's last state: {"loads": {name: [value, what the scene says of it]}, "supports": {name: what the scene
+    says}, "tools": {name: [coordinates, outer force and moment, reference point, rotation]}}. Collective."""
+    state, end = system.state, system.ending()
+    loads = {what: [path.everywhere(state.t).tolist(), path.said()] for what, path in _courses(driven).items()}
+    turns = [pose.turn for pose in state.tools]
+    ends = zip(system.tools.names, end.q, end.forces, system.tools.points, turns, strict=True)
+    tools = {name: [part.tolist() for part in one] for name, *one in ends}
+    return {"loads": loads, "supports": system.supports.said(), "tools": tools}
+
+
+def begin(system: System, driven: Driven, start: Start) -> list[str]:
+    """Put a System at rest into another run's last state. Returns what is to be said of it.
+
+    SceneError on all ranks where the meshes differ. Collective.
+    """
+    q, forces = _tools(system, start.drives["tools"])
+    system.stages.origin = End(0.0, q, forces)
+    for what, course in _courses(driven).items():
+        value, before = start.drives["loads"].get(what, [course.everywhere(0.0).tolist(), ()])
+        origin = np.array(value, dtype=float)
+        if origin.shape not in (course.shape, course.shape[1:]):
+            raise SceneError(
+                f"start = {start.name} does not fit: {what} has values of shape {origin.shape} there; start from one on the "
+                "same mesh, and state it as a function value(X, t) where it is one there"
+            )
+        course.begin(origin, before)
+    try:
+        left = Memory(system).begin(start.arrays, q)
+    except ValueError as error:
+        raise SceneError(f"start = {start.name} does not fit: {error}; start from one on the same mesh") from None
+    system.supports.begin(system.state.u.x.array, start.drives["supports"])
+    system.set_loads(0.0)
+    return [f"contact '{name}' starts without a history: {start.name} has none of that name and points" for name in left]
+
+
+def _tools(system: System, there: dict[str, Any]) -> tuple[Floats, Floats]:
+    """Coordinates and outer forces (tools, 6) of the tools in another run's last state, those of no such name at rest; the
+    rotations are put into the state."""
+    tools, poses = system.tools, system.state.poses
+    q, forces = np.zeros((2, len(tools), 6))
+    for i, (name, point) in enumerate(zip(tools.names, tools.points, strict=True)):
+        if name in there:
+            q[i], forces[i], start, turn = map(np.array, there[name])
+            pose = Pose(start, q[i, :3].copy(), turn, np.eye(3), tools.lever)
+            q[i, :3] = pose.placed(point) - point  # of the reference point, which may be another one here
+            forces[i, 3:] += np.cross(pose.place - point - q[i, :3], forces[i, :3]) / tools.lever
+            poses.turns[i] = turn
+    poses.resume(q[:, 3:], poses.turns.copy())
+    return q, forces
+
+
+def _courses(driven: Driven) -> dict[str, Course]:
+    """Courses by names of their own."""
+    found: dict[str, Course] = {}
+    for what, path in driven:
+        if isinstance(path, Course):
+            number = sum(name.split(" #")[0] == what for name in found)
+            found[f"{what} #{number + 1}" if number else what] = path
+    return found

@@ -1,0 +1,157 @@
+"""Bifurcations: passed ones are said, critical loads and branches from closed forms, without a bias."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from refusals import refused
+from scipy.optimize import brentq
+from test_arc_length import STIFF
+from test_stages import Killed, dying
+
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Branch,
+    Displacement,
+    Load,
+    Scene,
+    from_elastic,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    solve,
+)
+from meshes import box
+
+FOLLOW = {"method": "arc_length", "progress": False}
+
+
+# -- Rivlin's cube ----------------------------------------------------------------------------------------------------
+def cube():
+    """A neo-Hookean cube of mu = 1 under equal dead tensions t on all faces: one element per process."""
+    mesh = read_gmsh(box.build, cells=(MPI.COMM_WORLD.size, 1, 1))
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, STIFF)), element="mixed")
+    for axis, letter in enumerate("xyz"):
+        scene.fix(f"{letter}min", letter)
+        scene.traction(f"{letter}max", np.eye(3)[axis])
+    return scene
+
+
+def nominal(x, y):
+    """Nominal stresses along x, and along y and z, at stretches x, y, y: homogeneous, compressible, exact."""
+    J, I1 = x * y**2, x**2 + 2 * y**2
+    return np.array([J ** (-2 / 3) * (s - I1 / (3 * s)) + STIFF * (J - 1) * J / s for s in (x, y)])
+
+
+def critical():
+    """Dead tension at which a cube of equal stretches s resists 2, -1, -1 no more: K (s^3 - 1) s^3 = 2 mu."""
+    s = brentq(lambda s: STIFF * (s**3 - 1) * s**3 - 2.0, 1.0, 1.01, xtol=1e-15)
+    np.testing.assert_allclose(nominal(s, s), 2.0 / s, rtol=1e-9)
+    return 2.0 / s
+
+
+def on_branch(wide):
+    """Dead tension at which stretches `wide` along y and z stand with another one along x."""
+    x = brentq(lambda x: np.subtract(*nominal(x, wide)), 0.98 * wide**-2, 1.02 * wide**-2, xtol=1e-15)
+    return nominal(x, wide)[1]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("towards", "wide"), [(-1.0, 1.5), (1.0, 0.8)])
+def test_rivlins_cube_leaves_the_symmetric_state_at_its_critical_load(towards, wide):
+    """Flat cubes one way, rods the other; the branch crosses: one of its arms starts with a falling load."""
+    assert abs(critical() - 2.0) < 1e-3  # 2 mu where it is incompressible
+    steps = ArcSteps(first=0.3, largest=0.05, branch=Branch("xmax", "x", towards))
+    result = solve(cube(), **FOLLOW, steps=steps, until=Displacement("ymax", "y", wide - 1.0))
+    assert result.converged, result.verdict.reason
+    at = result.column("bifurcation") == 1
+    np.testing.assert_allclose(result.column("t")[at][0], critical(), rtol=1e-5)
+    np.testing.assert_allclose(result.column("t")[-1], on_branch(wide), rtol=1e-5)
+    z = result.scene.space.tabulate_dof_coordinates()[:, 2] > 0.5
+    np.testing.assert_allclose(result.u.x.array.reshape(-1, 3)[z, 2], wide - 1.0, atol=1e-5)
+    assert any("goes on along another branch" in note for note in result.verdict.notes)
+
+
+@pytest.mark.parallel
+def test_a_run_resumed_at_a_bifurcation_goes_on_along_its_branch(tmp_path):
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+
+    def go(out, last=100, resume=False):
+        steps = ArcSteps(first=0.3, largest=0.05, branch=Branch("xmax", "x", -1.0))
+        kept = {"out": folder / out, "checkpoint": True, "resume": resume, "record": dying(last)}
+        return solve(cube(), **FOLLOW, **kept, steps=steps, until=Displacement("ymax", "y", 0.1))
+
+    whole = go("whole").require()
+    landed = int(np.argmax(whole.column("bifurcation"))) + 1
+    with pytest.raises(Killed):
+        go("parts", landed + 1)
+    resumed = go("parts", resume=True).require()
+    for name in ("t", "bifurcation", "limit_point", "energy_error_Nmm"):
+        np.testing.assert_allclose(resumed.column(name), whole.column(name), atol=1e-7)
+
+
+@pytest.mark.parallel
+def test_a_bifurcation_that_is_passed_is_said():
+    result = solve(cube(), **FOLLOW, steps=ArcSteps(first=0.1, largest=1e-5), until=Load(2.1)).require()
+    t, negative = result.column("t"), result.column("negative_pivots")
+    assert np.all(negative[t < critical()] == 0) and np.all(negative[t > critical()] == 2)  # two motions, alike
+    assert result.column("bifurcation").sum() == 1 and result.column("bifurcation")[np.argmax(t > critical())] == 1
+    assert sum("2 pivots of the tangent are negative, before 0" in note for note in result.verdict.notes) == 1
+
+
+@pytest.mark.parallel
+def test_load_steps_that_pass_a_bifurcation_say_so_once():
+    result = solve(cube(), steps=[1.0, 1.9, 2.05, 2.1], progress=False).require()
+    (said,) = (note for note in result.verdict.notes if "pivots" in note)
+    assert said.startswith("step 3 to t = 2.05: 2 of the tangent's pivots are negative, before 0: a bifurcation")
+
+
+# -- a column ---------------------------------------------------------------------------------------------------------
+LONG, E = 20.0, 1000.0
+EULER = np.pi**2 * E / 12 / (4 * LONG**2)  # of a clamped column 1 mm thick, Poisson's ratio 0 [N]
+# first orders of what Euler leaves out: shear, with the stiffness of a rectangle, and shortening
+LEFT_OUT = EULER / (5 / 6 * E / 2) + EULER / E
+
+
+@cache
+def column_mesh():
+    return read_gmsh(box.build, size=(1.0, 1.0, LONG), cells=(1, 1, 16))
+
+
+def column(rough=False):
+    """Clamped at its foot, pressed on its head by a dead load, 1 at Euler's; it may bend along x alone. rough: beside a wall
+    far away that makes its tangent unsymmetric."""
+    scene = Scene(Body(column_mesh(), "box", from_elastic(E, 0.0)), degree=2)
+    scene.fix("zmin")
+    scene.fix("ymin", "y")
+    scene.traction("zmax", (0, 0, -EULER))
+    if rough:
+        scene.contact("xmin", rigid_plane((-9.0, 0, 0), (1, 0, 0)), 0.3, points=1)
+    return scene
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("rough", [False, True])
+def test_a_column_buckles_at_eulers_load_and_follows_the_elastica(rough):
+    sideways = 2.0
+    steps = ArcSteps(first=0.3, largest=0.5, branch=Branch("zmax", "x"))
+    result = solve(column(rough), **FOLLOW, steps=steps, until=Displacement("zmax", "x", sideways))
+    assert result.converged and result.system.symmetric != rough, result.verdict.reason
+    load = result.column("t")[result.column("bifurcation") == 1][0]
+    np.testing.assert_allclose(load, 1.0, atol=LEFT_OUT)
+    turned = np.pi * sideways / (2 * LONG)  # of the head; the elastica's load is 1 + turned^2 / 8 of the critical one
+    np.testing.assert_allclose(result.column("t")[-1] / load - 1.0, turned**2 / 8, rtol=turned**2)
+
+
+@pytest.mark.parallel
+def test_wrong_branches_are_refused():
+    for branch, *words in (
+        ("zmax", "branch = 'zmax'", "Branch"),
+        (Branch("lid", "x"), "'lid'", "zmax"),
+        (Branch("zmax", "r"), "'r'", "x, y, z"),
+        (Branch("zmax", "x", 2.0), "towards = 2.0"),
+        (Branch("zmax", "x", number=0), "number"),
+    ):
+        refused(lambda: solve(column(), **FOLLOW, steps=ArcSteps(branch=branch), until=Load(1.0)), *words)  # noqa: B023

@@ -1,0 +1,662 @@
+"""Stages: hand-written paths, back to rest, force after displacement, arc length past a corner, resumed inside of one."""
+
+import json
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from refusals import refused
+from scipy.optimize import brentq
+from test_arc_length import BIAS, cube, exact_folds, tension
+from test_directions import TURN, placed
+from test_restart import ROOT, alone, apart, mpirun, numbers
+
+from fenics_contact import (
+    ArcSteps,
+    Body,
+    Displacement,
+    Load,
+    Motion,
+    Scene,
+    Stage,
+    Travel,
+    neo_hooke,
+    read_gmsh,
+    rigid_hub,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
+from fenics_contact.assembly.pose import rotation
+from meshes import box
+
+COMM = MPI.COMM_WORLD
+TIGHT = {"tolerance": 1e-11, "progress": False}
+LAW = neo_hooke(0.4, 2.0)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return COMM.bcast(tmp_path)
+
+
+@cache
+def block():
+    return read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2))
+
+
+def pressed(friction=0.3):
+    """A block under a ball that starts on its top."""
+    scene = Scene(Body(block(), "box", LAW))
+    scene.fix("zmin")
+    ball = rigid_sphere(5.0, (4.0, 4.0, 9.0), name="ball")
+    scene.contact("zmax", ball, friction, name="top")
+    return scene, ball
+
+
+def press_drag_lift(ball, steps=(3, 4, 2)):
+    ways = {"press": (0, 0, -1.0), "drag": (1.5, 0, 0), "lift": (0, 0, 2.0)}
+    return [Stage(name, move={ball: way}, steps=n) for (name, way), n in zip(ways.items(), steps, strict=True)]
+
+
+def same(staged, plain, bound=1e-9):
+    """All columns but the stage's and what Newton's way may differ in."""
+    skip = ("stage", "seconds", "residual", "iterations")
+    one, other = (
+        {name: column for name, column in result.table().items() if name not in skip} for result in (staged, plain)
+    )
+    assert apart(one, other) < bound
+
+
+# -- stages and hand-written paths ------------------------------------------------------------------------------------
+@pytest.mark.parallel
+def test_press_drag_lift_is_the_run_with_the_same_paths_written_by_hand():
+    scene, ball = pressed()
+    staged = solve(scene, stages=press_drag_lift(ball), **TIGHT).require()
+    corners = [(0, 0, 0), (0, 0, -1.0), (1.5, 0, -1.0), (1.5, 0, 1.0)]
+    path = lambda t: [np.interp(t, range(4), [c[i] for c in corners]) for i in range(3)]  # noqa: E731
+    times = np.concatenate([i + np.arange(1, n + 1) / n for i, n in enumerate((3, 4, 2))])
+    plain = solve(scene, move={ball: path}, steps=times, **TIGHT).require()
+    assert staged.verdict.cuts == plain.verdict.cuts == 0
+    same(staged, plain)
+    assert list(staged.column("stage")) == ["press"] * 3 + ["drag"] * 4 + ["lift"] * 2
+    assert len(staged.column("t", "drag")) == 4 and len(staged.table("lift")["t"]) == 2
+    assert [one["steps"] for one in staged.summary["stages"]] == [[1, 3], [4, 7], [8, 9]]
+
+
+@pytest.mark.parallel
+def test_supports_and_loads_of_stages_are_the_same_written_by_hand():
+    """What is not named stays as it is, what the scene states is of the first stage; functions get the stage's own s."""
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2))
+
+    def scene(by_hand):
+        stated = Scene(Body(mesh, "box", LAW))
+        stated.fix("zmin")
+        hand = lambda *values: (lambda t: np.interp(t, (0, 1, 3, 4), values)) if by_hand else None  # noqa: E731
+        z, p, f = hand(0, -0.2, -0.2 - 0.1, -0.3), hand(0, 0.02, 0.02, 0.05), hand(0, 0, 0.03, 0)
+        stated.prescribe("zmax", "z", (lambda X, t: z(t)) if by_hand else -0.2)
+        stated.pressure("xmax", p or 0.02)
+        stated.traction("ymax", (lambda t: (0, f(t), 0)) if by_hand else (0, 0, 0))
+        stated.body_force((lambda t: (0, 0.01 * min(t, 1), 0)) if by_hand else (0, 0.01, 0))
+        return stated
+
+    plain = solve(scene(True), steps=[0.5, 1, 2, 3, 3.5, 4], **TIGHT).require()
+    stages = [
+        Stage("start"),
+        Stage("on", prescribe={("zmax", "z"): -0.1}, tractions={"ymax": lambda s: (0, 0.03 * s, 0)}, duration=2.0),
+        Stage("off", pressures={"xmax": 0.05}, tractions={"ymax": (0, 0, 0)}),
+    ]
+    same(solve(scene(False), stages=stages, steps=2, **TIGHT).require(), plain)
+
+
+@pytest.mark.parallel
+def test_unloaded_without_friction_all_is_at_rest_and_with_it_work_is_lost():
+    scene, ball = pressed(0.0)
+    back = solve(
+        scene, stages=[Stage("in", move={ball: (0, 0, -1)}), Stage("out", move={ball: (0, 0, 1.01)})], steps=2, **TIGHT
+    )
+    assert back.require().column("top_force_z_N", "in")[-1] < -1.0
+    assert max(COMM.allgather(np.abs(back.u.x.array).max())) < 1e-9  # mm, of 1 mm
+    errors = []
+    for n in (1, 2):
+        scene, ball = pressed()
+        rough = solve(scene, stages=press_drag_lift(ball, (3 * n, 4 * n, 2)), **TIGHT).require()
+        work, strain, penalty = (
+            rough.column(f"{name}_Nmm") for name in ("top_friction_work", "strain_energy", "penalty_energy")
+        )
+        assert np.all(np.diff(work) > -1e-12) and work[-1] > 0.5 and rough.column("external_work_Nmm")[-1] > 0.5
+        assert abs(strain[-1]) + abs(penalty[-1]) < 1e-12  # nothing but friction has taken any
+        errors.append(np.abs(np.concatenate([rough.column("energy_error_Nmm", one) for one in ("press", "drag")])).max())
+    assert errors[1] < 0.5 * errors[0], errors  # a quarter where all is smooth
+
+
+# -- tools that turn, all kinds of loads, supports along any direction -------------------------------------------------
+def after(first, last):
+    """A function of t: 0 to `first` in the first of two stages, from there to `last` in the second."""
+    return lambda t: np.interp(t, (0, 1, 2), (0.0, first, last))
+
+
+@pytest.mark.parallel
+def test_a_tool_turned_in_a_second_stage_is_one_motion_written_by_hand():
+    scene, ball = pressed()
+    stages = [
+        Stage("press", move={ball: (0, 0, -1.0)}, steps=2),
+        Stage("twist", move={ball: Motion(x=0.3, rz=0.4, ry=0.1)}, steps=3),
+    ]
+    staged = solve(scene, stages=stages, **TIGHT).require()
+    way = Motion(x=after(0, 0.3), z=after(-1.0, -1.0), rz=after(0, 0.4), ry=after(0, 0.1))
+    times = np.concatenate([[0.5, 1.0], 1 + np.arange(1, 4) / 3])
+    same(staged, solve(scene, move={ball: way}, steps=times, **TIGHT).require())
+    assert staged.column("ball_angle_z_rad")[-1] == pytest.approx(0.4) and abs(staged.column("top_moment_z_Nmm")[-1]) > 1.0
+
+
+@pytest.mark.parallel
+def test_what_is_free_differs_from_stage_to_stage():
+    """Pressed by a force, then rolled while it may turn; the one run may turn from the start, where nothing turns it."""
+    scene, ball = pressed()
+    stages = [
+        Stage("press", push={ball: (0, 0, -3.0)}, steps=2),
+        Stage("roll", move={ball: Motion(x=0.4, force=(0, 0, -3.0), free="ry")}, steps=3),
+    ]
+    staged = solve(scene, stages=stages, **TIGHT).require()
+    way = Motion(x=after(0, 0.4), force=lambda t: (0, 0, -3.0 * min(t, 1.0)), free="ry")
+    times = np.concatenate([[0.5, 1.0], 1 + np.arange(1, 4) / 3])
+    plain = solve(scene, move={ball: way}, steps=times, **TIGHT).require()
+    for name in ("ball_travel_z_mm", "ball_angle_y_rad", "top_force_z_N"):
+        np.testing.assert_allclose(staged.column(name), plain.column(name), rtol=1e-8, atol=1e-9)
+    angle = staged.column("ball_angle_y_rad")
+    assert abs(angle[1]) < 1e-9 and angle[-1] > 0.05
+    np.testing.assert_allclose(staged.column("top_moment_y_Nmm")[-1], 0.0, atol=1e-8)
+    held = solve(scene, stages=[*stages, Stage("hold", move={ball: (0.1, 0, 0)}, steps=1)], **TIGHT).require()
+    np.testing.assert_allclose(held.column("ball_angle_y_rad")[-1], angle[-1], rtol=1e-9)
+    assert abs(held.column("top_moment_y_Nmm")[-1]) > 1e-3
+
+
+@pytest.mark.parallel
+def test_turns_about_several_axes_follow_one_another(folder):
+    """Each stage turns what it finds; so does a run that starts from another one, about another point too."""
+    scene, ball = pressed(0.0)
+    turns = [Stage(name, move={ball: Motion(**{name: 0.6})}, steps=2) for name in ("rx", "rz", "ry")]
+    whole = solve(scene, stages=turns, out=folder / "whole", checkpoint=True, **TIGHT).require()
+    products = rotation(np.array([0, 0.6, 0])) @ rotation(np.array([0, 0, 0.6])) @ rotation(np.array([0.6, 0, 0]))
+    np.testing.assert_allclose(whole.system.state.pose(0).turn, products, atol=1e-14)
+    killed = {"out": folder / "killed", "checkpoint": True, **TIGHT}
+    with pytest.raises(Killed):
+        solve(scene, stages=turns, record=dying(4), **killed)
+    resumed = solve(scene, stages=turns, record=dying(100), resume=True, **killed).require()
+    np.testing.assert_allclose(resumed.system.state.pose(0).turn, products, atol=1e-14)
+    first = solve(scene, stages=turns[:2], out=folder / "first", checkpoint=True, **TIGHT).require()
+    for start in (first, folder / "first"):
+        result = solve(scene, move={ball: Motion(about=(4, 4, 4), ry=0.6)}, steps=2, start=start, **TIGHT).require()
+        pose = result.system.state.pose(0)
+        np.testing.assert_allclose(pose.turn, products, atol=1e-14)
+        kept = np.array([[4.0, 4.0, 4.0]])  # where that point of the tool has gone, it stays
+        np.testing.assert_allclose(pose.placed(kept), first.system.state.pose(0).placed(kept), atol=1e-12)
+    np.testing.assert_allclose(result.column("ball_angle_z_rad"), 0.6, atol=1e-14)
+
+
+@pytest.mark.parallel
+def test_the_work_of_turns_one_after_another_is_counted():
+    """Rotations count from where their stage begins: at that corner too the error is the trapezoidal rule's."""
+    mesh, left = read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), []
+    for n in (2, 4):
+        scene, hub = Scene(Body(mesh, "box", LAW)), rigid_hub("hub", (1, 1, 2.0))
+        scene.fix("zmin")
+        scene.tie("zmax", hub)
+        ways = {"bend": Motion(rx=0.5, x=0.2), "twist": Motion(rz=0.6, ry=0.3)}
+        result = solve(scene, stages=[Stage(name, move={hub: way}) for name, way in ways.items()], steps=n, **TIGHT)
+        error = {name: result.require().column("energy_error_Nmm", name)[-1] for name in ways}
+        left.append(abs(error["twist"] - error["bend"]))
+    assert left[0] / left[1] > 3.8 and left[1] < 1e-3 * result.column("external_work_Nmm")[-1], left
+
+
+@pytest.mark.parallel
+def test_all_kinds_of_loads_through_two_stages():
+    """Restated in the second one, held, or a function of places there; the swelling is none of a stage's business."""
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 3.0), cells=(2, 2, 3))
+    half = lambda X, t: 0.01 * np.minimum(t, 1.0) * X[:, 2]  # noqa: E731
+
+    def scene(by_hand):
+        stated = Scene(Body(mesh, "box", LAW))
+        stated.fix("zmin")
+        stated.moment("zmax", (lambda t: (0, 0.1 * min(t, 1.0), 0)) if by_hand else (0, 0, 0))
+        stated.spin(after(0, 0.2) if by_hand else 0.0, 1.0, point=(1.0, 1.0, 0.0))
+        stated.swell("box", (lambda t: 1.0 + 0.1 * min(t, 1.0)) if by_hand else 1.1)
+        stated.force("xmax", (lambda t: (after(0.05, -0.05)(t), 0, 0)) if by_hand else (0.05, 0, 0))
+        stated.pressure("ymax", half)
+        late = lambda X, t: np.outer(max(t - 1.0, 0.0) * X[:, 0], (0, 0.01, 0))  # noqa: E731
+        stated.traction("ymin", late if by_hand else (0, 0, 0))
+        return stated
+
+    stages = [
+        Stage("bend", moments={"zmax": (0, 0.1, 0)}),
+        Stage("turn", spin=0.2, forces={"xmax": lambda s: (0.05 - 0.1 * s, 0, 0)},
+              tractions={"ymin": lambda X, s: np.outer(s * X[:, 0], (0, 0.01, 0))}),
+    ]  # fmt: skip
+    plain = solve(scene(True), steps=[0.5, 1, 1.5, 2], **TIGHT).require()
+    same(solve(scene(False), stages=stages, steps=2, **TIGHT).require(), plain)
+    let = Stage("let", swell={"box": 1.0}, pressures={"ymax": 0.0}, moments={"zmax": (0, 0, 0)}, spin=0.0,
+                forces={"xmax": (0, 0, 0)}, tractions={"ymin": (0, 0, 0)})  # fmt: skip
+    back = solve(scene(False), stages=[*stages, let], steps=2, **TIGHT).require()
+    assert max(COMM.allgather(np.abs(back.u.x.array).max())) < 1e-9  # mm: all is at rest again
+
+
+@pytest.mark.parallel
+def test_a_fluid_through_two_stages():
+    """Squeezed on a plane, then the fluid at its side comes in beneath and goes back."""
+    mesh = read_gmsh(box.build, size=(4.0, 0.5, 1.0), cells=(6, 1, 2))
+
+    def scene(p, z):
+        stated = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+        for group, axis in (("xmin", "x"), ("ymin", "y"), ("ymax", "y")):
+            stated.fix(group, axis)
+        stated.prescribe("zmax", "z", z)
+        stated.contact("zmin", rigid_plane(), name="floor")
+        stated.pressure(("zmin", "xmax"), p, where="open", from_="xmax")
+        return stated
+
+    by_hand = scene(lambda t: 1.5 * np.interp(t, (0, 1, 2, 3), (0, 0, 1, 0.5)), lambda X, t: -0.1 * min(t, 1.0))
+    plain = solve(by_hand, steps=np.concatenate([[0.5, 1.0], 1 + np.arange(1, 11) / 5]), **TIGHT).require()
+    stages = [
+        Stage("squeeze", steps=2),
+        Stage("press", pressures={("zmin", "xmax"): 1.5}, steps=5),
+        Stage("less", pressures={("zmin", "xmax"): lambda s: 1.5 - 0.75 * s}, steps=5),
+    ]
+    same(solve(scene(0.0, -0.1), stages=stages, **TIGHT).require(), plain)
+    sides = [plain.column("floor_force_z_N")[i] for i in (1, 6, 11)]
+    assert sides[0] > 2 * sides[1] >= 0.0, sides  # it has come in
+    refused(lambda: solve(scene(0.0, -0.1), stages=[stages[0], Stage("pull", pressures={("zmin", "xmax"): -1.0})], **TIGHT),
+            "must not be negative")  # fmt: skip
+
+
+@pytest.mark.parallel
+def test_a_turned_support_through_two_stages():
+    """A block turned in space, its lid moved along its normal, then back along the opposite direction, and a side too."""
+    mesh = read_gmsh(placed, Q=TURN, size=(2.0, 2.0, 1.0), cells=(2, 2, 2))
+
+    def scene(lid, side):
+        stated = Scene(Body(mesh, "box", LAW))
+        for group in ("xmin", "ymin", "zmin"):
+            stated.fix(group, normal=True)
+        for group, value in (("zmax", lid), ("ymax", side)):
+            stated.fix(group, normal=True) if value is None else stated.prescribe(group, None, value, normal=True)
+        return stated
+
+    stages = [
+        Stage("press", prescribe={("zmax", "normal"): -0.2}),
+        Stage("pull", prescribe={("zmax", tuple(-TURN[:, 2])): -0.1, ("ymax", "y"): lambda X, s: 0.1 * s}),
+    ]
+    plain = scene(lambda X, t: after(-0.2, -0.1)(t), lambda X, t: after(0.0, 0.1)(t))
+    staged = solve(scene(None, None), stages=stages, steps=2, **TIGHT).require()
+    same(staged, solve(plain, steps=[0.5, 1.0, 1.5, 2.0], **TIGHT).require())
+    lid = lambda result: np.linalg.norm([result.history[-1][f"zmax_reaction_{a}_N"] for a in "xyz"])  # noqa: E731
+    # a run from the end of the first stage, where the scene says of the lid what it said there
+    first = solve(scene(None, None), stages=stages[:1], steps=2, **TIGHT).require()
+    later = solve(scene(None, None), stages=stages[1:], steps=2, start=first, **TIGHT).require()
+    np.testing.assert_allclose(lid(later), lid(staged), rtol=1e-9)
+    for key, *words in ((("zmax", "x"), "stage 'a'", "'zmax' along x", "scene.fix"),
+                        (("zmax", (0.0, 0.0, 0.0)), "no length"), (("nowhere", "normal"), "normal=True")):  # fmt: skip
+        refused(lambda key=key: solve(scene(None, None), stages=[Stage("a", prescribe={key: 0.1})], progress=False), *words)
+    twice = {("zmax", "normal"): 0.1, ("zmax", tuple(TURN[:, 2])): 0.1}
+    refused(lambda: solve(scene(None, None), stages=[Stage("a", prescribe=twice)], progress=False), "named", "already")
+
+
+# -- force and displacement in turn -----------------------------------------------------------------------------------
+@pytest.mark.parallel
+def test_force_after_displacement_goes_on_from_the_force_reached():
+    scene, ball = pressed()
+    deep = solve(scene, move={ball: (0, 0, -1.2)}, steps=6, **TIGHT).require().history[-1]["top_force_z_N"]
+    stages = [
+        Stage("press", move={ball: (0, 0, -1.0)}, steps=5),
+        Stage("push", push={ball: (0, 0, deep)}, steps=5),
+        Stage("lift", move={ball: (0, 0, 0.4)}, steps=2),
+    ]
+    result = solve(scene, stages=stages, **TIGHT).require()
+    force, travel = result.column("top_force_z_N"), result.column("ball_travel_z_mm")
+    np.testing.assert_allclose(force[4:10], np.linspace(force[4], deep, 6), rtol=1e-9)  # no jump: steps of one size
+    np.testing.assert_allclose(travel[9], -1.2, atol=1e-5)  # friction's history differs by the steps' ends
+    np.testing.assert_allclose(travel[10:], travel[9] + np.array([0.2, 0.4]), atol=1e-12)
+
+
+@pytest.mark.parallel
+def test_what_was_pushed_stays_pushed_and_can_be_let_go():
+    scene, ball = pressed()
+    stages = [
+        Stage("push", push={ball: (0, 0, -3.0)}, steps=3),
+        Stage("drag", move={ball: (0.1, 0, 0)}, steps=1),
+        Stage("less", push={ball: lambda s: (0, 0, -3.0 + 2 * s)}, steps=2),
+    ]
+    refused(lambda: solve(scene, stages=stages, **TIGHT), "stage 'less'", "push of 'ball'", "give the new force")
+    result = solve(scene, stages=[stages[0], stages[2]], **TIGHT).require()
+    np.testing.assert_allclose(result.column("top_force_z_N"), [-1, -2, -3, -2, -1], rtol=1e-8)
+
+
+# -- arc length as a stage --------------------------------------------------------------------------------------------
+def faces(tension):
+    return {f"{a}max": tension * np.eye(3)[i] * (1 + BIAS if a == "x" else 1.0) for i, a in enumerate("xyz")}
+
+
+def on_the_branch(dead):
+    """Stretch along y of the flat cube under a dead tension."""
+    return brentq(lambda wide: tension(wide) - dead, 1.5, 2.5)
+
+
+def cube_in_stages():
+    return [
+        Stage("load", tractions=faces(1.5), steps=3),
+        Stage("past the limits", tractions=faces(2.5), method="arc_length", steps=ArcSteps(first=0.1, largest=0.1),
+              until=Displacement("ymax", "y", 0.8), duration=2.0),
+        Stage("more", tractions=faces(2.2), steps=2),
+    ]  # fmt: skip
+
+
+@pytest.mark.parallel
+def test_arc_length_goes_on_where_load_steps_end_and_they_where_it_ends(folder):
+    result = solve(cube(), stages=cube_in_stages(), out=folder / "whole", **TIGHT).require()
+    t, stage = result.column("t"), result.column("stage")
+    dead = lambda t: 1.5 + 0.5 * (t - 1)  # noqa: E731 - from 1.5 to 2.5 over a duration of 2
+    points = result.summary["limit_points"]
+    assert [p["kind"][:3] for p in points] == ["max", "min"]
+    np.testing.assert_allclose([dead(p["t"]) for p in points], exact_folds(), rtol=1e-6)
+    end = t[stage == "past the limits"][-1]
+    np.testing.assert_allclose(dead(end), tension(1.8), rtol=1e-5)
+    np.testing.assert_allclose(t[stage == "more"], end + np.array([0.5, 1.0]), rtol=1e-12)
+    mean = Displacement("ymax", "y", 0.0).distance(result.scene, result.system)
+    np.testing.assert_allclose(mean(), on_the_branch(2.2) - 1, rtol=1e-6)
+
+
+@pytest.mark.parallel
+def test_a_load_target_of_a_stage_is_its_own_s():
+    scene, ball = pressed()
+    stages = [
+        Stage("press", move={ball: (0, 0, -0.5)}, steps=2),
+        Stage(
+            "follow", move={ball: (0.2, 0, 0)}, method="arc_length", steps=4, until=Load(1.0), back=Travel(ball, "x", 0.1)
+        ),
+    ]
+    result = solve(scene, stages=stages, **TIGHT).require()
+    np.testing.assert_allclose([result.column("t").max(), result.column("t")[-1]], [2.0, 1.5], atol=2e-6)
+
+
+# -- resumed ----------------------------------------------------------------------------------------------------------
+class Killed(BaseException):
+    """Of a run in the middle."""
+
+
+def dying(step):
+    """A column whose function ends the run in a step."""
+
+    def count(view):
+        count.seen += 1
+        if count.seen == step:
+            raise Killed
+        return 1.0
+
+    count.seen = 0
+    return {"one": count}
+
+
+def pushed_in_stages(out, last=100, resume=False):
+    scene, ball = pressed()
+    stages = [
+        Stage("press", move={ball: (0, 0, -1.0)}, steps=2),
+        Stage("push", push={ball: (1.0, 0, -6.0)}, steps=3),
+        Stage("follow", push={ball: (2.0, 0, -7.0)}, method="arc_length", steps=3, until=Load(1.0)),
+        Stage("lift", move={ball: (0, 0, 1.0)}, steps=2),
+    ]
+    kept = {"out": out, "checkpoint": True, "resume": resume} if out else {}
+    return solve(scene, stages=stages, **kept, record=dying(last), **TIGHT)
+
+
+@cache
+def pushed_at_once():
+    return pushed_in_stages(None).require()
+
+
+STOPS = (2, 4, 7)  # steps that are not accepted any more: at a stage's end, within one of load steps, within one of arcs
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_run_resumed_in_a_stage_equals_a_continuous_one(folder, stop):
+    whole = pushed_at_once()
+    assert stop < len(whole.history)
+    with pytest.raises(Killed):
+        pushed_in_stages(folder / "parts", stop + 1)
+    resumed = pushed_in_stages(folder / "parts", resume=True).require()
+    assert list(resumed.column("stage")) == list(whole.column("stage"))
+    same(resumed, whole, 1e-8)  # Newton's last iterations start elsewhere; steps end at 1e-11 of the force
+
+
+@pytest.mark.serial
+def test_resumed_on_two_ranks_in_a_stage(tmp_path):
+    with pytest.raises(Killed):
+        pushed_in_stages(tmp_path, 5)
+    command = [*mpirun(2), sys.executable, __file__, tmp_path]
+    done = subprocess.run(command, env=alone(), cwd=ROOT, capture_output=True, text=True, timeout=400)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert apart(json.loads(done.stdout.strip().splitlines()[-1]), figures(pushed_at_once())) < 1e-8
+
+
+def figures(result):
+    return {key: values for key, values in numbers(result).items() if key != "stage"}
+
+
+@pytest.mark.parallel
+def test_stages_to_come_may_be_changed_those_behind_not(folder):
+    scene, ball = pressed()
+    first, second, third = press_drag_lift(ball, (1, 1, 1))
+    kept = {"out": folder, "checkpoint": True, **TIGHT}
+    solve(scene, stages=[first, second], **kept).require()
+    result = solve(scene, stages=[first, second, third], resume=True, **kept).require()
+    assert list(dict.fromkeys(result.column("stage"))) == ["press", "drag", "lift"]
+    other = Stage("drag", move={ball: (1.0, 0, 0)}, steps=1)
+    refused(lambda: solve(scene, stages=[first, other, third], resume=True, **kept), "stage 'drag': move of 'ball'")
+    refused(lambda: solve(scene, stages=[first], resume=True, **kept), "another scene", "stage 'drag'")
+    refused(lambda: solve(scene, move={ball: (0, 0, -1)}, steps=1, resume=True, **kept), "another scene")
+
+
+# -- started from another run -----------------------------------------------------------------------------------------
+@pytest.mark.parallel
+@pytest.mark.parametrize("way", ["result", "folder"])
+def test_a_run_started_from_another_equals_one_run_of_both(way, folder):
+    """History of friction, pushed tools, loads that stay: as in stages of one run."""
+    scene, ball = pressed()
+    scene.pressure("xmax", 0.01)
+    press = Stage("press", push={ball: (0, 0, -5)}, steps=2)
+    later = [Stage("drag", move={ball: (1.0, 0, 0)}, steps=2), Stage("push", push={ball: (0, 0, -6)}, steps=2)]
+    whole = solve(scene, stages=[press, *later], **TIGHT).require()
+    first = solve(scene, stages=[press], out=folder / "first", checkpoint=True, **TIGHT).require()
+    start = first if way == "result" else folder / "first"
+    result = solve(scene, stages=later, start=start, **TIGHT).require()
+    skip = ("step", "t", "stage", "seconds", "residual", "iterations", "external_work_Nmm", "energy_error_Nmm")
+    names = [name for name in whole.history[0] if name not in skip and not name.endswith("friction_work_Nmm")]
+    assert apart(*({name: one.column(name)[-4:] for name in names} for one in (result, whole))) < 1e-9
+    assert not [note for note in result.verdict.notes if "without a history" in note]
+    np.testing.assert_allclose(result.column("t"), [0.5, 1, 1.5, 2])
+    error = whole.column("energy_error_Nmm")[-1] - whole.column("energy_error_Nmm", "press")[-1]
+    np.testing.assert_allclose(result.column("energy_error_Nmm")[-1], error, rtol=1e-6)
+
+
+@pytest.mark.parallel
+def test_loads_of_another_run_stay_or_go_to_what_is_stated_anew(folder):
+    def scene(pressure, z):
+        stated = Scene(Body(block(), "box", LAW))
+        stated.fix("zmin")
+        stated.prescribe("zmax", "z", z)
+        stated.pressure("xmax", pressure)
+        stated.pressure("xmax", 0.01)
+        return stated
+
+    first = solve(scene(0.02, -0.2), steps=2, **TIGHT).require()
+    force = lambda result: result.column("zmax_reaction_z_N")  # noqa: E731
+    same = solve(scene(0.02, -0.2), stages=[Stage("x", pressures={})], steps=1, start=first, **TIGHT).require()
+    np.testing.assert_allclose(force(same), force(first)[-1], rtol=1e-9)
+    other = solve(scene(0.03, -0.3), steps=2, start=first, **TIGHT).require()
+    direct = solve(scene(0.03, -0.3), steps=2, **TIGHT).require()
+    np.testing.assert_allclose(force(other)[-1], force(direct)[-1], rtol=1e-9)
+    assert 0.3 < (force(other)[0] - force(first)[-1]) / (force(other)[-1] - force(first)[-1]) < 0.7
+
+
+@pytest.mark.parallel
+def test_a_turned_tool_and_loads_that_differ_from_place_to_place_are_taken_over(folder):
+    """As in stages of one run, the forces and the moment that hold the ball too; then nothing but numbers is known of it."""
+
+    def scene(load):
+        stated, ball = pressed()
+        stated.pressure("xmax", load)
+        return stated, ball
+
+    stated, ball = scene(lambda X, t: 0.01 * t * X[:, 2])
+    stages = [
+        Stage("twist", move={ball: Motion(z=-0.8, rz=0.2)}, steps=2),
+        Stage("push", move={ball: Motion(rz=0.1, force=(0, 0, -4.0))}, steps=1),
+        Stage("let", move={ball: Motion(force=(0, 0, -4.0), free="rz")}, pressures={"xmax": 0.02}, steps=2),
+    ]
+    whole = solve(stated, stages=stages, **TIGHT).require()
+    solve(stated, stages=stages[:2], out=folder / "first", checkpoint=True, **TIGHT).require()
+    result = solve(stated, stages=stages[2:], start=folder / "first", **TIGHT).require()
+    skip = ("step", "t", "stage", "seconds", "residual", "iterations", "external_work_Nmm", "energy_error_Nmm")
+    names = [name for name in whole.history[0] if name not in skip and not name.endswith("friction_work_Nmm")]
+    assert apart(*({name: one.column(name)[-2:] for name in names} for one in (result, whole))) < 1e-9
+    before, moment = whole.column("top_moment_z_Nmm", "push")[-1], whole.column("top_moment_z_Nmm", "let")
+    np.testing.assert_allclose(moment, before * (3.0 - whole.column("t", "let")), rtol=1e-7, atol=1e-9)  # it is let go
+    other, its = scene(0.01)
+    start = {"start": folder / "first", **TIGHT}
+    refused(lambda: solve(other, move={its: (0, 0, -0.1)}, **start), "pressure on 'xmax'", "value(X, t)")
+    jumps = Stage("jumps", push={ball: lambda s: (0, 0, -5.0)})
+    refused(lambda: solve(stated, stages=[jumps], **start), "stage 'jumps': push of 'ball' starts 1 away")
+
+
+@pytest.mark.parallel
+def test_a_start_that_does_not_fit_is_refused(folder):
+    scene, ball = pressed()
+    first = solve(scene, move={ball: (0, 0, -0.2)}, steps=1, out=folder / "no checkpoint", **TIGHT).require()
+    refused(lambda: solve(scene, move={ball: (1, 0, 0)}, start=folder / "no checkpoint", **TIGHT), "holds no checkpoint")
+    refused(lambda: solve(scene, move={ball: (1, 0, 0)}, start=3, **TIGHT), "start = 3", "result")
+    jumps = {ball: lambda t: (1 + t, 0, 0)}
+    refused(lambda: solve(scene, move=jumps, start=first, **TIGHT), "move of 'ball' starts 1 away")
+    for size, cells in (((8.0, 8.0, 4.1), (4, 4, 2)), ((8.0, 8.0, 4.0), (4, 4, 3))):
+        other = Scene(Body(read_gmsh(box.build, size=size, cells=cells), "box", LAW))
+        other.fix("zmin")
+        other.prescribe("zmax", "z", -0.1)
+        refused(lambda: solve(other, start=first, **TIGHT), "start = the result does not fit", "the same mesh")  # noqa: B023
+    renamed = Scene(Body(block(), "box", LAW))
+    renamed.fix("zmin")
+    renamed.contact("zmax", ball, 0.3, name="another")
+    result = solve(renamed, move={ball: (0, 0, -0.1)}, steps=1, start=first, **TIGHT).require()
+    assert any("'another' starts without a history" in note for note in result.verdict.notes)
+
+
+# -- pictures ---------------------------------------------------------------------------------------------------------
+@pytest.mark.serial
+def test_pictures_and_curves_name_the_stages():
+    scene, ball = pressed()
+    result = solve(scene, stages=press_drag_lift(ball, (1, 1, 1))[:2], **TIGHT).require()
+    assert result.drawing().title.startswith("drag, t = 2")
+    figure = result.plot_history("ball_travel_x_mm", "top_force_z_N")
+    assert [text.get_text() for text in figure.axes[0].texts] == ["press", "drag"]
+    with pytest.raises(KeyError, match="no stage 'lift' in the history; it has: press, drag"):
+        result.column("t", "lift")
+
+
+# -- wrong statements -------------------------------------------------------------------------------------------------
+def wrong(stages, *words, **options):
+    scene, ball = pressed()
+    scene.pressure("xmax", 0.01)
+    scene.contact("ymax", rigid_plane((0, 20, 0), (0, -1, 0), name="wall"), name="side")
+    return refused(lambda: solve(scene, stages=stages(ball), **options, **TIGHT), *words)
+
+
+WRONG = {
+    "no list": (lambda b: Stage("a", move={b: (0, 0, -1)}), "give a list of Stage"),
+    "none": (lambda b: [], "give a list of Stage"),
+    "twice": (lambda b: [Stage("a", move={b: (0, 0, -1)}), Stage("a", move={b: (1, 0, 0)})], "two stages are named 'a'"),
+    "no name": (lambda b: [Stage("", move={b: (0, 0, -1)})], "name"),
+    "idle": (lambda b: [Stage("a", move={b: (0, 0, -1)}), Stage("rest")], "stage 'rest'", "nothing to do"),
+    "steps": (lambda b: [Stage("a", move={b: (0, 0, -1)}, steps=0)], "stage 'a'", "steps"),
+    "list of s": (lambda b: [Stage("a", move={b: (0, 0, -1)}, steps=[0.5, 0.5])], "stage 'a'", "increasing"),
+    "part of s": (lambda b: [Stage("a", move={b: (0, 0, -1)}, steps=[0.5])], "stage 'a'", "ends at s = 1"),
+    "method": (lambda b: [Stage("a", move={b: (0, 0, -1)}, method="magic")], "stage 'a'", "magic"),
+    "duration": (lambda b: [Stage("a", move={b: (0, 0, -1)}, duration=0.0)], "stage 'a'", "duration"),
+    "group": (lambda b: [Stage("a", pressures={"lid": 0.1})], "stage 'a'", "'lid'", "xmax"),
+    "unstated load": (lambda b: [Stage("a", tractions={"xmax": (1, 0, 0)})], "traction on 'xmax'", "the scene states none"),
+    "unsupported": (lambda b: [Stage("a", prescribe={("zmax", "z"): -1.0})], "'zmax' along z", "scene.fix"),
+    "axis": (lambda b: [Stage("a", prescribe={("zmin", "r"): -1.0})], "'r'", "x, y, z"),
+    "key": (lambda b: [Stage("a", prescribe={"zmin": -1.0})], "prescribe names 'zmin'", '("group", "z")'),
+    "not a mapping": (lambda b: [Stage("a", pressures=0.1)], "stage 'a'", "pressures = 0.1"),
+    "tool": (lambda b: [Stage("a", move={rigid_plane(name="other"): (0, 0, 1)})], "stage 'a'", "'other'", "no contact"),
+    "both": (lambda b: [Stage("a", move={b: (0, 0, 1)}, push={b: (0, 0, 1)})], "stage 'a'", "both moved and pushed"),
+    "not finite": (lambda b: [Stage("a", move={b: (0, 0, float("nan"))})], "stage 'a': move of 'ball'", "finite"),
+    "late in a function": (
+        lambda b: [Stage("a", steps=1), Stage("b", move={b: lambda s: (0, 0, -s if s < 1 else float("nan"))}, steps=1)],
+        "stage 'b': move of 'ball' at t = 1", "finite",
+    ),
+    "a motion that jumps": (
+        lambda b: [Stage("a", move={b: (0, 0, -1)}), Stage("b", move={b: lambda s: (0, 0, -1 - s)})],
+        "stage 'b': move of 'ball' starts 1 away", "where the stage before ends",
+    ),
+    "a load that jumps": (
+        lambda b: [Stage("a", move={b: (0, 0, -1)}), Stage("b", pressures={"xmax": lambda s: 0.02 * s})],
+        "stage 'b': pressure on 'xmax' starts 0.01 away",
+    ),
+    "a support that jumps": (
+        lambda b: [Stage("a"), Stage("b", prescribe={("zmin", "z"): lambda X, s: 0.1 + s})],
+        "stage 'b': prescribed displacement of zmin along z starts 0.1 away",
+    ),
+    "no force": (lambda b: [Stage("a"), Stage("b", push={b: (0, 0, 0)})], "stage 'b': push of 'ball' has no force"),
+    "two points": (
+        lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(about=(0, 0, 0), rx=1.0)}),
+                   Stage("c", move={b: Motion(about=(0, 0, 1), rx=1.0)})],
+        "motion of 'ball'", "one reference point",
+    ),
+    "a rotation that jumps": (
+        lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(rz=lambda s: 0.5 + s)})],
+        "stage 'b': rotation of 'ball' starts 0.5 away",
+    ),
+    "a moment from nowhere": (
+        lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(moment=lambda s: (0, 0, 1 + s))})],
+        "stage 'b': push of 'ball'", "give the new force",
+    ),
+    "a motion in push": (lambda b: [Stage("a", push={b: Motion(rz=1.0)})], "stage 'a'", "give it in move="),
+    "mixed rotations": (lambda b: [Stage("a", move={b: Motion(rz=1.0, free="rx")})], "stage 'a': motion of 'ball'", "order"),
+    "no spin": (lambda b: [Stage("a", spin=1.0)], "stage 'a': speed of the spin", "the scene states none"),
+    "no swelling": (lambda b: [Stage("a", swell={"box": 1.1})], "stage 'a': swelling of 'box'", "the scene states none"),
+    "arc without an end": (lambda b: [Stage("a", method="arc_length")], "stage 'a'", "until"),
+    "arcs in steps": (lambda b: [Stage("a", steps=ArcSteps())], "stage 'a'", "arc_length"),
+    "a function after arcs": (
+        lambda b: [Stage("a", method="arc_length", until=Load(1.0)), Stage("b", pressures={"xmax": lambda s: 0.01})],
+        "stage 'b': pressure on 'xmax'", "after arc length",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_stages_are_refused(name, folder):
+    stages, *words = WRONG[name]
+    wrong(stages, *words, out=folder / "results")
+    assert not (folder / "results").exists() or not list((folder / "results").iterdir())
+
+
+@pytest.mark.parallel
+def test_stages_go_alone():
+    scene, ball = pressed()
+    stages = press_drag_lift(ball)
+    refused(lambda: solve(scene, stages=stages, move={ball: (0, 0, -1)}, progress=False), "stages= beside move")
+    refused(lambda: solve(scene, stages=stages, until=Load(1.0), progress=False), "stages= beside")
+    corner = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", LAW))
+    corner.fix("zmin")
+    corner.fix("xmin")
+    apart = [Stage("a", prescribe={("xmin", "z"): 0.1})]
+    refused(lambda: solve(corner, stages=apart, progress=False), "stage 'a'", "contradict", "zmin along z", "xmin along z")
+
+
+if __name__ == "__main__":
+    found = figures(pushed_in_stages(Path(sys.argv[1]), resume=True).require())
+    if COMM.rank == 0:
+        print(json.dumps({key: np.asarray(value).tolist() for key, value in found.items()}))
