@@ -545,6 +545,13 @@ def test_a_start_that_does_not_fit_is_refused(folder):
         other.fix("zmin")
         other.prescribe("zmax", "z", -0.1)
         refused(lambda: solve(other, start=first, **TIGHT), "start = the result does not fit", "the same mesh")  # noqa: B023
+    tied, hub = Scene(Body(block(), "box", LAW)), rigid_hub("hub", (4, 4, 4.0))
+    tied.fix("zmin")
+    tied.tie("zmax", hub)
+    refused(lambda: solve(tied, move={hub: Motion(rz=0.1)}, start=first, **TIGHT), "what is tied here has moved")
+    turned = solve(tied, move={hub: Motion(rz=0.1)}, steps=1, **TIGHT).require()
+    more = solve(tied, move={hub: Motion(rx=0.1)}, steps=1, start=turned, **TIGHT).require()
+    assert more.column("hub_angle_z_rad")[-1] == pytest.approx(0.1)
     renamed = Scene(Body(block(), "box", LAW))
     renamed.fix("zmin")
     renamed.contact("zmax", ball, 0.3, name="another")

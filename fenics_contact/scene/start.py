@@ -17,6 +17,7 @@ from fenics_contact.values import SceneError
 
 Driven = Sequence[tuple[str, Path]]  # loads by name, as functions of t
 Drives = dict[str, dict[str, Any]]  # plain values: JSON takes them
+STILL = 1e-9  # of the bodies' size: what may lie between a tied surface and where its rigid body has carried it
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,13 @@ def begin(system: System, driven: Driven, start: Start) -> list[str]:
         left = Memory(system).begin(start.arrays, q)
     except ValueError as error:
         raise SceneError(f"start = {start.name} does not fit: {error}; start from one on the same mesh") from None
-    system.supports.begin(system.state.u.x.array, start.drives["supports"])
+    u = system.state.u.x.array.copy()
+    system.supports.ties.place(system.state.poses, q, u)
+    if max(system.comm.allgather(np.abs(u - system.state.u.x.array).max(initial=0.0))) > STILL * system.extent:
+        raise SceneError(
+            f"start = {start.name} does not fit: what is tied here has moved there without its rigid body; tie it there too"
+        )
+    system.supports.begin(u, start.drives["supports"])
     system.set_loads(0.0)
     return [f"contact '{name}' starts without a history: {start.name} has none of that name and points" for name in left]
 
