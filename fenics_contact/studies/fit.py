@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.optimize import least_squares
 
+from fenics_contact.packages import require
 from fenics_contact.solid.materials import Isotropic, isochoric_energy
 from fenics_contact.studies.charts import COLOURS, MARKERS, StudyError
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH
 from fenics_contact.types import Floats
+
+require("scipy")
+from scipy.optimize import least_squares  # noqa: E402 - after its package has been asked for
 
 # of each test: the three stretches at one of them, and how many of these do the same work
 TESTS: dict[str, tuple[Callable[[float], tuple[float, float, float]], int]] = {
