@@ -147,6 +147,15 @@ def test_curves_of_a_sweep(folder, stiffs, panels, monkeypatch):
     assert "limit point" in figure._supxlabel.get_text()
 
 
+def test_rows_of_a_case_s_own_dict_do_not_know_what_a_run_took(folder):
+    """Charts of iterations and of seconds say so; with metrics a case gives outputs of its own and knows them."""
+    rows = [{"a": a, "b": 1.0, "converged": True, "verdict": "converged", "iterations": "", "seconds": ""} for a in (1, 2)]
+    with pytest.raises(ValueError, match="do not know their iterations"):
+        stability_map(folder / "map.png", rows, "a", "b")
+    with pytest.raises(StudyError, match="do not know their seconds"):
+        work_precision(folder / "wp.png", rows, {"a": 1}, {"p": {"c": {"a": [1, 2]}}}, parameters=["a"])
+
+
 def test_the_example_of_the_documents(folder):
     """The first block of code in docs/studies.md, as a script."""
     text = (Path(__file__).parents[1] / "docs" / "studies.md").read_text()

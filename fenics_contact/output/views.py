@@ -12,6 +12,7 @@ THIN = 0.1  # of the other two: the same of several layers
 # Directions by preference, elevation and azimuth [degrees]: those behind are taken where they show more of the field
 ELEVATIONS, AZIMUTHS = (30.0, 50.0, -30.0, -50.0), (-60.0, -30.0, 30.0, 60.0, 120.0, 150.0, -120.0, -150.0)
 ENOUGH = 0.95  # of what the best direction shows
+BELOW = 0.6  # what is seen from below counts so much of what is seen from above, where people look from
 GRAZING = 0.35  # cosine between a facet's normal and the direction to the eye from which on all of it counts as seen
 Angles = tuple[float, float]
 
@@ -98,4 +99,5 @@ def _seen(body: Skin, opaque: Bools, view: View) -> float:
     nearest = np.full(int(spot.max()) + 1, -np.inf)
     np.maximum.at(nearest, spot[front], depth[front])
     clear = depth >= nearest[spot] - 3.0 * np.maximum(width, np.sqrt(area))
-    return float(np.sum(strength * clear * np.clip(facing / GRAZING, 0.0, 1.0)))
+    amount = float(np.sum(strength * clear * np.clip(facing / GRAZING, 0.0, 1.0)))
+    return amount * (BELOW if view.towards[2] < 0.0 else 1.0)

@@ -138,6 +138,8 @@ def work_precision(
     The front of all panels is grey; beside each point stands the value of the curve's first parameter. Rows without any
     error, of a study without a reference, are drawn by their values over time, and have no front.
     """
+    if any(not isinstance(r.get("seconds"), int | float) for r in rows if r["converged"] is True):
+        raise StudyError("the rows do not know their seconds: let the case return its Result, or metrics(result, error=...)")
     rows = medians(rows, parameters)
     unit = _unit(rows, base)
     good = [r for r in rows if r["converged"] is True and r["error"] > 0.0]
@@ -160,7 +162,7 @@ def work_precision(
         axis.set_xlabel("time / time of the baseline (★)", fontsize=LETTERS)
         axis.set_ylabel(quantity if front else "value", fontsize=LETTERS)
         axis.tick_params(labelbottom=True, labelleft=True, labelsize=LETTERS)
-    words = textwrap.wrap(f"{title}. Grey: no run is both faster and better" if front else title, 80)
+    words = textwrap.wrap(". ".join(filter(None, [title, "Grey: no run is both faster and better" if front else ""])), 80)
     figure.suptitle("\n".join(words), fontsize=LETTERS + 1)
     figure.savefig(path, dpi=DOTS)
     return [good[i] for i in front]

@@ -53,8 +53,9 @@ def of_curve(rows: list[Row], base: Run, values: Values) -> list[Row]:
     return [row for run in wanted for row in rows if all(row.get(key) == run[key] for key in run)]
 
 
-def metrics(result: Result, error: float = float("nan"), value: float = float("nan")) -> Row:
-    """The metrics of a Result. error: relative, against what the case compares with; value: the figure compared. Collective.
+def metrics(result: Result, error: float = float("nan"), value: float = float("nan"), **outputs: Any) -> Row:
+    """The metrics of a Result. error: relative, against what the case compares with; value: the figure compared; outputs:
+    what else the case gives, by name. Collective.
 
     A failed run has its verdict and the t it reached; its error means nothing.
     """
@@ -80,6 +81,7 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
         **{f"seconds_{stage}": amount for stage, amount in spent.items()},
         "memory_MB": memory,
         "processes": comm.size,
+        **outputs,
     }
 
 

@@ -62,13 +62,15 @@ def stability_map(
 
     Failed runs are hatched, with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
     whether it converged to something wrong, which is framed; names: {parameter: axis label with unit}. As wide as a page,
-    panels below one another.
+    panels below one another. ValueError for rows that do not know their iterations.
     """
     names = names or {}
     panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
     columns, lines = (list(dict.fromkeys(row[name] for row in rows)) for name in (x, y))
     figure = Figure(figsize=(WIDTH, 0.9 + (0.75 + 0.42 * len(lines)) * len(panels)), layout="constrained")
-    counts = [row["iterations"] for row in rows if row["converged"] is True]
+    counts = [row.get("iterations", "") for row in rows if row["converged"] is True]
+    if not all(isinstance(count, int | float) for count in counts):
+        raise ValueError("the rows do not know their iterations: let the case return its Result, or metrics(result, ...)")
     norm = LogNorm(min(counts, default=1), max([*counts, 2]))
     for value, axes in zip(panels, figure.subplots(len(panels), 1, squeeze=False)[:, 0], strict=True):
         mine = [row for row in rows if panel is None or row[panel] == value]
