@@ -136,6 +136,7 @@ def solve(
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
     summary["energy"] = energy_summary(kept.history, scene.units)
+    kept.remark(kept.results.notes())
     kept.remark(energy_notes(summary["energy"], len(kept.history), scene.units) if verdict.converged else [])
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:

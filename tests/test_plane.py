@@ -14,6 +14,7 @@ from fenics_contact import (
     Penalty,
     Scene,
     SceneError,
+    coulomb,
     from_elastic,
     mooney_paper,
     mooney_rivlin,
@@ -492,6 +493,26 @@ def test_forces_and_springs_in_all_are_what_they_say(plane):
         result = solve(scene, steps=1, progress=False, record=way)
         assert 0.1 < result.column("way_mm")[-1] < 0.2
         assert result.column("box_ymin_reaction_y_N")[-1] == pytest.approx(2.0 * result.column("way_mm")[-1], rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    "stretch, friction, noted",
+    [
+        (1.6, coulomb(0.4, exponent=-1 / 3), True),
+        (1.6, coulomb(0.4, shear_limit=1.0), True),
+        (1.6, coulomb(lambda p: 0.4 / (1.0 + p), up_to=50.0), True),
+        (1.6, 0.4, False),  # is the same for any area
+        (1.0, coulomb(0.4, exponent=-1 / 3), False),
+    ],
+)
+def test_a_law_of_pressures_says_that_their_area_has_changed(stretch, friction, noted):
+    scene = block(plane="strain")
+    scene.fix("box_ymin", "y")
+    scene.fix("box_xmin", "x")
+    scene.prescribe("box_xmax", "x", stretch - 1.0)
+    scene.contact("box_ymax", FLOOR, friction, name="top")
+    result = solve(scene, move={FLOOR: (0.0, -0.45 if stretch > 1.0 else -0.1, 0.0)}, steps=6, progress=False)
+    assert result.converged and any("pressures per area at the start" in note for note in result.verdict.notes) == noted
 
 
 @pytest.mark.parametrize("degree, points", [(1, "nodes"), (1, 3), (2, 3)])

@@ -161,5 +161,5 @@ def _joined(found: Sequence[NodalContact]) -> NodalContact:
 
     return NodalContact(
         np.any([at.on for at in found], axis=0), pick("area"), pick("pressure"), pick("friction"), gap, pick("slip"),
-        STATUS_OF_RANK[rank.astype(int)], pick("closed"), pick("covered"),
+        STATUS_OF_RANK[rank.astype(int)], pick("closed"), pick("covered"), pick("stretch"),
     )  # fmt: skip

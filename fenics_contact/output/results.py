@@ -78,6 +78,10 @@ class Results:
         )
         return StepResult(contacts, self.reactions.at_state(), travel, angles, self._drives(), energies)
 
+    def notes(self) -> list[str]:
+        """What is to be said of the contacts at the state assembled last. Collective."""
+        return [note for surface in self.surfaces if (note := surface.area_note())]
+
     def _drives(self) -> dict[str, Reaction]:
         """Of the state assembled last."""
         tools, state = self.system.tools, self.system.state

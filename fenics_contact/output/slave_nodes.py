@@ -19,6 +19,7 @@ RANK_OF_STATUS = np.empty(4)
 RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
 STATUS_OF_RANK = np.argsort(RANK_OF_STATUS)
 ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in common
+STRETCHED = 0.05  # change of the area in contact from which on a law of friction that knows pressures is off by it
 SUMS = 12  # numbers that are summed at a node
 
 
@@ -28,7 +29,8 @@ class NodalContact:
 
     area: current one of the slave surface that belongs to a node [length^2]; pressure, friction (n, 3): tractions on the
     current area [pressure]; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
-    kernels/status.py; closed: share of the node's area in contact; covered: share of it that lies over the master.
+    kernels/status.py; closed: share of the node's area in contact; covered: share of it that lies over the master;
+    stretch: that area over the one at the start.
     """
 
     on: Bools
@@ -40,6 +42,7 @@ class NodalContact:
     status: Ints
     closed: Floats
     covered: Floats
+    stretch: Floats
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,24 @@ class SlaveNodes:
         pressure, gap, rank, closed, covered, slip = (means[:, :6] * mean[:, None]).T
         status = STATUS_OF_RANK[np.clip(np.rint(rank), 0, 3).astype(int)]
         pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
-        return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered)
+        return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered, now * mean)
+
+    def area_note(self) -> str | None:
+        """What is to be said of a law of friction that takes pressures per area at the start, where that has changed.
+        Collective."""
+        friction = self.contact.trial.law.friction
+        if not (friction.exponent or friction.shear or len(friction.table)):
+            return None
+        at = self.at_state()
+        change = np.where(at.closed > 0.0, at.stretch - 1.0, 0.0)[: self._owned]
+        least, most = min(self.comm.allgather(change.min(initial=0.0))), max(self.comm.allgather(change.max(initial=0.0)))
+        worst = least if -least > most else most
+        if abs(worst) <= STRETCHED:
+            return None
+        return (
+            f"contact '{self.contact.name}': its law of friction takes pressures per area at the start, which has changed "
+            f"by up to {worst:+.0%} where it touches; state the law for that area, or Coulomb's mu"
+        )
 
     @property
     def extent(self) -> float:
