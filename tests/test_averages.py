@@ -7,7 +7,7 @@ from mpi4py import MPI
 from test_two_bodies import EXACT, RUBBER, blocks, deformed, direction, remainders, roughened, stacked
 
 from demos import ironing
-from fenics_contact import Body, Penalty, Scene, SceneError, coulomb, from_elastic, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Penalty, Scene, SceneError, Stage, coulomb, from_elastic, read_gmsh, rigid_plane, solve
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from meshes import ironing as mesh_script
@@ -147,11 +147,13 @@ def ironed(press, draw, **contact):
     scene = Scene(Body(mesh, "foundation", block), Body(mesh, "indenter", indenter))
     scene.fix("foundation_bottom")
     scene.fix("ends", "y")
-    scene.prescribe("indenter_top", "x", ironing.path([0, 0, ironing.SHORT, ironing.SHORT]))
-    scene.prescribe("indenter_top", "z", ironing.path([0, -ironing.PRESS, -ironing.PRESS, 0]))
+    scene.fix("indenter_top", "xz")
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), points="averages", name="c", **contact)
-    times = np.concatenate([np.linspace(0, 1, press + 1)[1:], np.linspace(1, 2, draw + 1)[1:]]) / 3
-    result = solve(scene, steps=times, progress=False).require()
+    stages = [
+        Stage("press", prescribe={("indenter_top", "z"): -ironing.PRESS}, steps=press),
+        Stage("draw", prescribe={("indenter_top", "x"): ironing.SHORT}, steps=draw),
+    ]
+    result = solve(scene, stages=stages, progress=False).require()
     return result, np.array([result.history[-1][f"c_force_{axis}_N"] for axis in "xz"])
 
 

@@ -46,7 +46,7 @@ class LinearSolver:
         method = choice.first if choice else method
         self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
         # negative pivots of the last tangent, tools included (Haynsworth 1968, doi:10.1016/0024-3795(68)90050-5); of an
-        # unsymmetric one the sign of its determinant tells only whether they are odd (1) or even (0); None: not known
+        # unsymmetric one the sign of its determinant tells only whether they are odd, 1, or even, 0; None: not known
         self.negative: int | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
