@@ -33,9 +33,9 @@ suite: setup
 	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
 
 # What another release could trip over: all that runs on one process, and on two what its communicators, what is freed and
-# when, files and restarts decide
+# when, files and restarts decide; ONLY, FILES: some of these tests alone
 suite-beside: setup
-	@$(ENV) python3 -m pytest -n 2 -m "not parallel"
+	@$(ENV) python3 -m pytest -n 2 -m "not parallel" $(ONLY)
 	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_plane.py"
 
 FILES := tests/test_faults.py tests/test_restart.py tests/test_steppers.py
