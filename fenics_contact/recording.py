@@ -133,8 +133,9 @@ def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> C
     rough = {contact.name: contact.friction.mu > 0.0 for contact in scene.contacts}
     groups = list(dict.fromkeys("+".join(support.group) for support in scene.supports))
     tied = list(dict.fromkeys(tie.hub.name for tie in scene.ties))
-    moved = [name for name in turning if name in [tool.name for tool in scene.tools]]  # others are refused with the motions
-    columns = Columns([tool.name for tool in scene.tools], rough, groups, scene.units, scene.section, moved, tied)
+    tools = [tool.name for tool in scene.tools]
+    moved = [name for name in turning if name in tools]  # others are refused with the motions
+    columns = Columns(tools, rough, groups, scene.units, scene.section, moved, tied)
     if shared := columns.clash():
         raise SceneError(f"two contacts, tools or supports would share the columns '{shared}_...'; give one another name")
     taken = columns.all()

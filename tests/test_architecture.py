@@ -57,7 +57,7 @@ TABLE = {
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
             "plans", "recording", "restart", "result", "values"},
     # what the package offers to its users
-    "__main__": {"gmsh", "numpy", "__version__", "compat", "contact", "mesh_io", "run", "scene", "solid"},
+    "__main__": {"numpy", "meshes", "__version__", "compat", "contact", "mesh_io", "run", "scene", "solid"},
     "__init__": {"packages", "values", "mesh_io", "contact", "solid", "scene", "solvers", "output", "result", "run"},
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one

@@ -91,7 +91,7 @@ class SlaveNodes:
         area, now, weight, means = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:]
         on = weight > 0.0
         mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, now))
-        pressure, gap, rank, closed, covered, slip = (means[:, :6] * mean[:, None]).T
+        gap, rank, closed, covered, slip = (means[:, 1:6] * mean[:, None]).T
         status = STATUS_OF_RANK[np.clip(np.rint(rank), 0, 3).astype(int)]
         pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
         return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered, now * mean)
