@@ -208,7 +208,8 @@ def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
     system = final([0.4, 0.7], fails="settle")[3]
     contact = system.contacts[0]
     first = raise_factor(final([0.4])[3])
-    assert raise_factor(system) == first  # those of the step before
+    # those of the step before; on several ranks MUMPS adds in the order of arrival, so two runs differ in their last bits
+    np.testing.assert_allclose(raise_factor(system), first, rtol=SAME)
     assert contact.penalties.raised(system.state) is None  # and nothing tries again
     monkeypatch.setattr(penalties, "DEEPEST", 1.0)
     spared = final([0.4, 0.7])  # never raised: same law but for the first step
