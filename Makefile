@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test suite suite-beside suite-ranks test-rounding nightly bench study docs lint setup test-debian13 test-newest
+.PHONY: demo test suite suite-beside suite-ranks suite-newest test-slow test-rounding nightly bench study docs lint setup test-debian13 test-newest
 setup: fenics_contact/kernels/__pycache__/fresh
 	@bash .ci/setup
 
@@ -29,18 +29,27 @@ test: lint suite
 
 # The tests alone: types are checked with the libraries of the machine that `make setup` is written for
 suite: setup
-	@$(ENV) python3 -m pytest -n 2
-	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no
+	@$(ENV) python3 -m pytest -n 2 -m "not slow"
+	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and not slow" -p no:cacheprovider --color=no
+
+# Those that take longer than all others of their file: many ranks, fine meshes, long ways
+test-slow: setup
+	@$(ENV) python3 -m pytest -n 2 -m slow
+	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and slow" -p no:cacheprovider --color=no
 
 # What another release could trip over: all that runs on one process, and on two what its communicators, what is freed and
 # when, files and restarts decide; ONLY, FILES: some of these tests alone
 suite-beside: setup
-	@$(ENV) python3 -m pytest -n 2 -m "not parallel" $(ONLY)
+	@$(ENV) python3 -m pytest -n 2 -m "not parallel and not slow" $(ONLY)
 	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_plane.py"
 
 FILES := tests/test_faults.py tests/test_restart.py tests/test_steppers.py
 suite-ranks: setup
-	@$(ENV) mpirun -n 2 python3 -m pytest -m parallel -p no:cacheprovider --color=no $(FILES)
+	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and not slow" -p no:cacheprovider --color=no $(FILES)
+
+# With the newest release on two processes, where its communicators and orders of sums differ
+suite-newest:
+	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_plane.py tests/test_raised_penalty.py tests/test_arc_length.py"
 
 # What could hinge on the last bits, with the plain kernels that OpenBLAS falls back to on CPUs it does not know
 test-rounding: setup

@@ -242,6 +242,7 @@ def snapped(drive=None, travels=None):
     return solve(scene, push={ball: (0, 0, -1.0)}, **FOLLOW, steps=steps, until=Travel(ball, "z", -17.0))
 
 
+@pytest.mark.slow
 def test_pushed_through_a_snap_with_friction():
     pushed = snapped()
     assert pushed.converged, pushed.verdict.reason
@@ -267,6 +268,7 @@ def numbers():
     return [[float(x) for x in column] for column in columns]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_same_path_on_one_and_two_ranks():
     one, two = np.array(numbers()), on_ranks(2, __file__)

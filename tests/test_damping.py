@@ -50,7 +50,7 @@ def past_the_end(way=-6.0):
     return scene, {ball: (0, 0, way)}
 
 
-@pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), (blade, 20)])
+@pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), pytest.param(blade, 20, marks=pytest.mark.slow)])
 def test_the_verdict_names_damping_and_damping_cures(scene, steps):
     failed = solve(scene(), steps=steps, smallest_step=1e-3, progress=False)
     assert not failed.converged and "solve(..., damping=True)" in failed.verdict.remedy, failed.verdict.reason
@@ -62,6 +62,7 @@ def test_the_verdict_names_damping_and_damping_cures(scene, steps):
     assert work.max() > 0.0 and cured.summary["damping"]["jumps"] == np.count_nonzero(work)
 
 
+@pytest.mark.slow
 def test_a_ball_goes_past_the_end_of_a_cantilever():
     scene, move = past_the_end()
     failed = solve(scene, move=move, steps=10, smallest_step=1e-3, progress=False)
@@ -90,7 +91,7 @@ def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point(element, metho
     [
         (loaded_dome, [0.25, 0.5], {}, "newton"),
         (loaded_dome, [0.25, 0.5], {"element": "mixed"}, "snes"),
-        (blade, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], {"penetration": 1e-4}, "newton"),
+        pytest.param(blade, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], {"penetration": 1e-4}, "newton", marks=pytest.mark.slow),
     ],
 )
 def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated, method, tmp_path):
@@ -114,6 +115,7 @@ def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated
     assert told[0] == told[1] and told[0]
 
 
+@pytest.mark.slow
 def test_the_blade_slides_on_as_with_other_steps():
     """Behind the jump it slides, and has forgotten where it let go."""
     force = [solve(blade(), steps=n, damping=True, progress=False).require().history[-1] for n in (10, 20)]

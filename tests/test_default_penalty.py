@@ -75,7 +75,9 @@ DEFAULT = {
 }
 
 
-@pytest.mark.parametrize("name", DEFAULT)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "punch, degree 2" else name for name in DEFAULT]
+)
 def test_what_is_said_at_the_default_penalty(name):
     """Against a penalty ten times as large, which leaves a tenth of the error."""
     results = []

@@ -172,7 +172,14 @@ def test_every_demo_is_here():
     assert {check.__name__ for check in DEMOS} == {path.stem for path in (ROOT / "demos").glob("*.py")} - {"__init__"}
 
 
-@pytest.mark.parametrize("check", DEMOS, ids=lambda check: check.__name__)
+SLOW = (snap_dome, punch_on_plate, nested_tubes, locking, partial_slip)
+
+
+@pytest.mark.parametrize(
+    "check",
+    [pytest.param(check, marks=pytest.mark.slow) if check in SLOW else check for check in DEMOS],
+    ids=lambda check: check.__name__,
+)
 def test_demo(check, tmp_path):
     name = check.__name__
     command = [sys.executable, ROOT / "demos" / f"{name}.py", "--quick"]

@@ -8,6 +8,7 @@ import ast
 import re
 import sys
 import tokenize
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,7 @@ def _named(node, prefix=""):
             yield from _named(child, f"{prefix}{child.name}.")
 
 
+@cache
 def cited():
     """{equation: {place: line}} of the package, places as the table writes them."""
     found = {n: {} for n in EQUATIONS}

@@ -277,6 +277,7 @@ def test_a_step_cut_back(scene):
         np.testing.assert_allclose(one, other, rtol=0, atol=EXACT)  # of lengths of about one
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_one_two_and_three_ranks():
     one, two, three = np.array(numbers()), *(on_ranks(count, __file__) for count in (2, 3))
@@ -322,6 +323,7 @@ def pressed(kind, cells, swap):
     return force if kind == "blocks" else force * cells  # per depth
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize(("kind", "cells"), [("blocks", (2, 8)), ("ironing", (2, 8))])
 def test_swap_of_slave_and_master(kind, cells):

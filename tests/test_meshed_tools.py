@@ -68,8 +68,10 @@ def force(tool, travel=(0.0, 0.0, -1.0), steps=4, **scene):
 # ---- against the analytic tools
 
 
-@pytest.mark.parametrize("points", ["averages", 3])
-@pytest.mark.parametrize("quadrilaterals", [False, True])
+@pytest.mark.parametrize(
+    ("quadrilaterals", "points"),
+    [pytest.param(False, "averages", marks=pytest.mark.slow), (True, "averages"), (False, 3), (True, 3)],
+)
 def test_ball_converges_to_the_sphere(quadrilaterals, points):
     """Facets with their corners on the sphere lie inside it by up to h^2/8R: the force errs by second order."""
     travel, sizes = (1.0, 0.5), np.array([2.0, 1.0, 0.5])
@@ -302,6 +304,7 @@ def numbers():
     return [float(value) for value in found]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_ranks_give_the_same_numbers():
     code = (

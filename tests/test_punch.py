@@ -126,6 +126,7 @@ def test_fillet_lowers_the_first_force_and_is_named(graded):
     assert edges[0] == "sharp" and edges[1].startswith("filleted")
 
 
+@pytest.mark.slow
 def test_corner_lifts_off_a_frictionless_floor():
     result = punched(GRADED, floor=0.0)
     assert 2.4 <= rise_at(result.system, (40, 40, 0)) <= 2.9  # two codes

@@ -21,6 +21,7 @@ def test_a_random_scene_ends_right_or_with_a_remedy_that_cures(seed):
     assert found["class"] in GOOD, found["says"]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", (27, 57))
 def test_more_steps_and_ranks_give_the_same(seed):
@@ -38,6 +39,7 @@ def test_slips_around_a_middle_settle():
     assert wrongs(run) == []
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_samples_that_come_over_the_master_leave_balance_as_it_was():
     """Of a node that sticks, when a step is accepted: anchors of these samples alone changed its mean way."""
@@ -45,6 +47,7 @@ def test_samples_that_come_over_the_master_leave_balance_as_it_was():
     assert run.result.converged and wrongs(run) == [], run.verdict.reason
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_springs_do_not_hide_a_fold():
     """A ball pushed aside on a block that tips: springs hold what falls, and pull the more the longer they are followed."""

@@ -336,6 +336,7 @@ def resumed_across(ranks, names, folder):
         yield numbers(carry(name, None, ALL)), numbers(carry(name, many, ALL, resume=True)), found[name]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_resumed_on_another_number_of_ranks(tmp_path):
     names = [name for name in SCENES if name not in ("punch", "tetrahedra, stabilised")] + list(ARCS)
@@ -344,6 +345,7 @@ def test_resumed_on_another_number_of_ranks(tmp_path):
         assert apart(two_to_one, continuous) < same and apart(one_to_two, continuous) < same
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_resumed_from_and_on_three_ranks(tmp_path):
     ((continuous, three_to_one, one_to_three),) = resumed_across(3, ["tetrahedra, stabilised"], tmp_path)
@@ -414,6 +416,7 @@ def accepted(folder):
     return max(path.read_text().count("\n") - 1, 0) if path.exists() else 0
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_killed_at_any_moment(tmp_path):
     kill_and_resume(tmp_path, kills=3, steps=30)

@@ -266,6 +266,7 @@ def test_friction_work_is_traction_times_way():
     np.testing.assert_allclose(pull[-1], 0.3 * result.column("floor_load_N")[-1], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_goes_on_with_its_energies(tmp_path):
     folder = COMM.bcast(tmp_path)
 

@@ -31,7 +31,7 @@ def strip(size=0.7):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("points", [2, "corners"])
+@pytest.mark.parametrize("points", [pytest.param(2, marks=pytest.mark.slow), "corners"])
 def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
     mesh = read_gmsh(strip)
     scene = Scene(Body(mesh, "strip", from_elastic(100.0, 0.3)), Body(mesh, "block", from_elastic(100.0, 0.3)))
@@ -109,6 +109,7 @@ def fitted(x, square, reach):
     return middle, np.sqrt(-top / curve[0]), np.sqrt(top)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_two_cylinders_slip_at_the_rim_of_their_contact():
     x, pressure, friction, status, F, Q = pressed_and_drawn()

@@ -432,6 +432,7 @@ def test_a_run_resumed_in_a_stage_equals_a_continuous_one(folder, stop):
     same(resumed, whole, 1e-8)  # Newton's last iterations start elsewhere; steps end at 1e-11 of the force
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_resumed_on_two_ranks_in_a_stage(tmp_path):
     with pytest.raises(Killed):

@@ -109,6 +109,7 @@ def on_ranks(count, script=__file__):
     return np.array(json.loads(done.stdout.strip().splitlines()[-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_same_numbers_on_one_two_and_three_ranks():
     one = numbers()

@@ -41,6 +41,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("studies")
 
 
+@pytest.mark.slow
 def test_every_end_is_a_row_and_a_second_call_runs_nothing(folder):
     ways = ["good", "diverges", "dies", "raises", "refused", "hangs"]
     study = Study("ends", case, grid(h=[1.0], way=ways), limit=60.0)
@@ -232,7 +233,7 @@ def test_field_under_hertz_pressure():
     assert abs(under_hertz(boussinesq(1.0, E, nu), a)(X)[1, 2] / -sunk[1] - 1) < 6e-7
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name == "maps" else name for name in NAMES])
 def test_quick_version_of_each_study(name, tmp_path):
     """Fails where a run cannot be made, a chart not be drawn, or a slope contradicts theory."""
     assert run(name, tmp_path, tmp_path, quick=True, progress=False)

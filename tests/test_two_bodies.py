@@ -238,6 +238,7 @@ def numbers(bodies=None):
     return [float(value) for value in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_ranks_give_the_same_numbers():
     """On 1 and 2 ranks as dolfinx parts the mesh, and with slave and master on two of 2 and of 3, either way round."""
