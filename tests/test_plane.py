@@ -177,17 +177,30 @@ def test_thick_walls_under_pressure(plane, kind, triangles):
     assert errors[1] < 1e-3 and errors[0] > 6.0 * errors[1], errors
 
 
-@pytest.mark.parametrize("law, limit", [(mooney_paper, 5.450763e-3), (mooney_rivlin, 4.918205e-3)])
-def test_limit_pressure_of_a_thin_sphere(law, limit):
-    """The exact radial problem's limit point, to 0.0005 %."""
-    mesh = read_gmsh(ring_sector.build, radii=(95.0, 96.0), cells=(1, 16), order=2)
-    scene = Scene(Body(mesh, "ring", law(0.1863, 0.0098, 5.0)), plane="axisymmetric", degree=2, element="mixed")
+@pytest.mark.parametrize(
+    "law, K, limit, way",
+    [
+        (mooney_paper, 1.0, 4.422406060e-3, 40.822358),
+        (mooney_paper, 5.0, 5.450762716e-3, 40.312585),
+        (mooney_paper, 200.0, 5.961920558e-3, 43.147216),
+        (mooney_rivlin, 1.0, 4.046078133e-3, 40.395013),
+        (mooney_rivlin, 5.0, 4.918205416e-3, 39.434933),
+        (mooney_rivlin, 200.0, 5.323982672e-3, 40.937514),
+    ],
+)
+def test_limit_point_of_a_thin_sphere(law, K, limit, way):
+    """The radial problem's largest pressure, and the inner points' way there, to 0.0005 % (demos/inflated_sphere.py)."""
+    R = 95.0
+    mesh = read_gmsh(ring_sector.build, radii=(R, R + 1.0), cells=(1, 16), order=2)
+    scene = Scene(Body(mesh, "ring", law(0.1863, 0.0098, K)), plane="axisymmetric", degree=2, element="mixed")
     scene.fix("ymin", "y")
     scene.pressure("inner", 0.005)
+    ends = {"way_mm": lambda view: (view.at((R, 0, 0)).displacement[0] + view.at((0, R, 0)).displacement[1]) / 2}
     arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": Displacement("ymin", "x", 60.0)}
-    result = solve(scene, progress=False, **arc)
-    (at,) = (row["t"] for row in result.history if row["limit_point"])
-    assert at * 0.005 == pytest.approx(limit, rel=5e-6)
+    result = solve(scene, progress=False, record=ends, **arc)
+    ((t, found),) = ((row["t"], row["way_mm"]) for row in result.history if row["limit_point"])
+    assert t * 0.005 == pytest.approx(limit, rel=5e-6)
+    assert found == pytest.approx(way, rel=5e-6)
 
 
 def test_a_turned_block_is_a_cylinder():

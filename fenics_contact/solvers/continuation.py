@@ -18,7 +18,9 @@ from fenics_contact.solvers.report import StepperTo
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.types import Floats, Ints
 
-LIMIT_TOLERANCE = 1e-6  # of the largest load seen: how far a located limit point may be from the extremum
+# Of the longest way so far: how far along the arc a located limit point may lie from the extremum. The load alone would not
+# do: it is stationary there, so that displacements a thousand times farther off have the same one.
+LIMIT_TOLERANCE = 1e-6
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
 TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
 
@@ -225,10 +227,8 @@ class Path:
                 return arrival, None  # no target lies before it
         self._onward = arrival.rate.dt
         if arrival.rate.dt * self.slope < 0.0:
-            bound = LIMIT_TOLERANCE * max(self.highest, self._load)
-            arrival = self._locate(
-                arrival, rate, self.slope, lambda a: a.rate.dt, lambda dt, width: abs(dt) * width <= bound
-            )
+            bound = LIMIT_TOLERANCE * max(self.furthest, arrival.length)
+            arrival = self._locate(arrival, rate, self.slope, lambda a: a.rate.dt, lambda _, left: left <= bound)
             arrival.report.limit_point = int(np.sign(self.slope))
         reached = None
         for name, gap in self.targets.items():
@@ -349,12 +349,13 @@ class Path:
         """The arrival within this step where value(arrival) vanishes: regula falsi over arc lengths, Illinois variant
         (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
 
-        first: the value at the step's start, or its sign; close(value, width of the bracket): whether that is it.
+        first: the value at the step's start, or its sign; close(value, arc left to its root by the chord over the bracket):
+        whether that is it.
         """
         low, high, at_low, here, kept = 0.0, arrival.length, first, value(arrival), 0
         at_high, solves = here, 0
         for _ in range(TRIALS):
-            if close(here, high - low):
+            if close(here, abs(here * (high - low) / (at_high - at_low))):
                 arrival.report.iterations += solves
                 return arrival
             solves += arrival.report.iterations
@@ -375,5 +376,5 @@ def _on_arrival(gap: Callable[[], float]) -> Callable[[Arrival], float]:
 
 
 def _within(near: float) -> Callable[[float, float], bool]:
-    """Whether a distance is small, whatever the width of the bracket."""
+    """Whether a distance is small, whatever the arc left."""
     return lambda distance, width: abs(distance) <= near
