@@ -29,7 +29,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
-from meshes import box, rectangles, ring_sector, two_blocks
+from meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
 
 RUBBER = neo_hooke(1.0, 10.0)
 THICKNESS = 0.5
@@ -247,6 +247,20 @@ def test_hertz(plane):
     assert -row["top_force_y_N"] == pytest.approx(force, rel=1e-3)
     assert row["top_peak_pressure_MPa"] == pytest.approx(peak, rel=5e-3)
     assert result.widths("top", "x")[0, 1] == pytest.approx(a, rel=2e-3)
+
+
+@pytest.mark.parametrize("height, kappa", [(1 / 0.2, 1.2806), (1 / 0.6, 2.2129), (1.0, 3.6187)])
+def test_a_flat_punch_on_a_bonded_layer(height, kappa):
+    """Incompressible, of infinite width: F = 2 E* a d kappa, right to a cell at the sharp edge (first order)."""
+    depth, size = 1e-5, 1 / 512  # of the punch's radius 1: small strains
+    mesh = read_gmsh(graded_rectangle.build, width=1 + 6 * height, height=height, size=size, at=1.0, growth=1.6)
+    scene = Scene(Body(mesh, "block", neo_hooke(1.0, 1e5)), plane="axisymmetric", degree=2, element="mixed")
+    scene.fix("block_ymin")
+    punch = rigid_punch(1.0, 1.0, (0.0, 0.0, 0.0), direction=(0.0, -1.0, 0.0))
+    scene.contact("block_ymax", punch, name="top", penetration=1e-3 * depth)
+    row = solve(scene, move={punch: (0.0, -depth, 0.0)}, steps=1, progress=False).require().history[-1]
+    star = 4.0  # E / (1 - nu^2) of shear modulus 1
+    assert -row["top_force_y_N"] == pytest.approx(2 * star * depth * kappa, rel=size)
 
 
 @pytest.mark.parametrize("plane", ["axisymmetric", "strain"])
