@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, Stage, mooney_rivlin, read_gmsh, solve
-from meshes import two_blocks
+from fenics_contact.meshes import two_blocks
 
 OUT = Path("results/block_on_block")
 FRICTION = 0.3

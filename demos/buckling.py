@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import ArcSteps, Body, Branch, Displacement, Scene, from_elastic, read_gmsh, solve
-from meshes import box
+from fenics_contact.meshes import box
 
 OUT = Path("results/buckling")
 LONG, E = 20.0, 1000.0  # of a column 1 mm thick, Poisson's ratio 0, clamped at its foot

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, solve
-from meshes import box
+from fenics_contact.meshes import box
 
 OUT = Path("results/capstan")
 FRICTION, TURN = 0.3, np.pi / 2

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 from fenics_contact import ArcSteps, Body, Film, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, solve
-from meshes import sphere_shell
+from fenics_contact.meshes import sphere_shell
 
 OUT = Path("results/inflated_sphere")
 A1, A2 = 0.1863, 0.0098

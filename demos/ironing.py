@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Film, Scene, Stage, from_elastic, read_gmsh, solve
-from meshes import ironing
+from fenics_contact.meshes import ironing
 
 OUT = Path("results/ironing")
 BLOCK, INDENTER, NU, FRICTION = 689.6, 6896.0, 0.32, 0.3  # Young's moduli [MPa]

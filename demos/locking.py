@@ -17,8 +17,8 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import minimize
 
 from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, solve
+from fenics_contact.meshes import box, cook, sphere_shell
 from fenics_contact.solid.materials import moderate_pressure
-from meshes import box, cook, sphere_shell
 
 OUT = Path("results/locking")
 A1, A2 = 0.1863, 0.0098

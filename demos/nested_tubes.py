@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from fenics_contact import Body, Scene, compat, mooney_paper, read_gmsh, solve
-from meshes import tubes
+from fenics_contact.meshes import tubes
 
 OUT = Path("results/nested_tubes")
 A1, A2, K = 0.1863, 0.0098, 5.0

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
-from meshes import o_ring
+from fenics_contact.meshes import o_ring
 
 OUT = Path("results/o_ring")
 RADIUS, MEAN, SQUEEZE, GAP = 1.5, 8.0, 0.4, 0.1  # mm: section, ring, the lid's way, from the ring to the groove's wall

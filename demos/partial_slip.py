@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, Stage, from_elastic, read_gmsh, solve
-from meshes import two_cylinders
+from fenics_contact.meshes import two_cylinders
 
 OUT = Path("results/partial_slip")
 R, E, NU, FRICTION = 8.0, 200.0, 0.3, 0.2

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Penalty, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
-from meshes import punch_plate
+from fenics_contact.meshes import punch_plate
 
 OUT = Path("results/punch_on_plate")
 CASES = [(0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (0.0, 1.0)]  # (punch on plate, plate on plane)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
-from meshes import ring
+from fenics_contact.meshes import ring
 
 OUT = Path("results/rolling_wheel")
 RADIUS, LOAD, FRICTION, BRAKE, WAY = 25.0, 40.0, 0.8, 400.0, 30.0  # mm, N, 1, N mm, mm

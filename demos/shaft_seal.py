@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, solve
-from meshes import ring
+from fenics_contact.meshes import ring
 
 OUT = Path("results/shaft_seal")
 RADIUS, FRICTION = 10.0, 0.3  # mm, of the shaft

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import ArcSteps, Body, Film, Load, Scene, Travel, mooney_rivlin, read_gmsh, rigid_sphere, solve
-from meshes import dome
+from fenics_contact.meshes import dome
 
 OUT = Path("results/snap_dome")
 RADIUS, WALL, BALL = 40.0, 2.0, 8.0

@@ -30,11 +30,11 @@ from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.contact.pairing import Pairing, seek_closest
 from fenics_contact.kernels.rigid_element import contact_elements
+from fenics_contact.meshes import punch_plate, two_blocks
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.timing import Timers
-from meshes import punch_plate, two_blocks
 
 try:
     import felupe

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
-from meshes import two_blocks
+from fenics_contact.meshes import two_blocks
 
 OUT = Path("results/stacked_blocks")
 A1, A2, K = 0.1863, 0.0098, 5.0

@@ -10,13 +10,13 @@ from fenics_contact import __version__
 from fenics_contact.compat import versions
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import box
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import neo_hooke
-from meshes import box
 
-DEMOS = Path(__file__).parents[1] / "demos"
+DEMOS = Path(__file__).with_name("demos")
 SHUT, SIDE, SHARE = 1e-9, 10.0, 0.1  # share of the force that may be out of balance; mm; by which the cube is pressed
 
 
@@ -36,7 +36,7 @@ def check() -> str:
 
 
 def demos() -> dict[str, str]:
-    """{name: first line of what it says of itself} of the demos beside the package, if it is used from a checkout."""
+    """{name: first line of what it says of itself} of the demos."""
     return {path.stem: path.read_text().split('"""')[1].split("\n")[0] for path in sorted(DEMOS.glob("*.py"))}
 
 
@@ -45,9 +45,8 @@ def main(name: str | None = None) -> None:
     known = demos()
     if name is not None:
         if name not in known:
-            raise SystemExit(f"no demo '{name}'; there are: {', '.join(known) or 'none beside an installed package'}")
+            raise SystemExit(f"no demo '{name}'; there are: {', '.join(known)}")
         sys.argv = [str(DEMOS / f"{name}.py"), *sys.argv[2:]]
-        sys.path.insert(0, str(DEMOS.parent))
         runpy.run_path(sys.argv[0], run_name="__main__")
         return
     print(f"fenics_contact {__version__}: " + ", ".join(f"{what} {version}" for what, version in versions().items()))

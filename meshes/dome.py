@@ -3,7 +3,7 @@
 import gmsh
 import numpy as np
 
-from meshes import disc
+from fenics_contact.meshes import disc
 
 
 def build(

@@ -34,8 +34,8 @@ from fenics_contact import (
     rigid_surface,
 )
 from fenics_contact.compat import Constant
+from fenics_contact.meshes import box, tool_surfaces, two_blocks
 from fenics_contact.solid.materials import Isotropic
-from meshes import box, tool_surfaces, two_blocks
 
 ROOT = Path(__file__).parent.parent
 GOOD = ("converged", "cured", "impossible")

@@ -26,9 +26,9 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.meshes import box, dome, sphere_shell
 from fenics_contact.solvers.arc_length import Arc, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
-from meshes import box, dome, sphere_shell
 
 ROOT = Path(__file__).resolve().parent.parent
 

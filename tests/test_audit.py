@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, solve
-from meshes import box, two_blocks
+from fenics_contact.meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

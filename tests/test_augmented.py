@@ -25,13 +25,13 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.meshes import box, punch_plate, two_blocks
 from fenics_contact.solvers.arc_length import ArcLength
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed, Verdict
-from meshes import box, punch_plate, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

@@ -10,8 +10,8 @@ from demos import ironing
 from fenics_contact import Body, Penalty, Scene, SceneError, Stage, coulomb, from_elastic, read_gmsh, rigid_plane, solve
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from meshes import ironing as mesh_script
-from meshes import two_blocks
+from fenics_contact.meshes import ironing as mesh_script
+from fenics_contact.meshes import two_blocks
 
 COMM = MPI.COMM_WORLD
 

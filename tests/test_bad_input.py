@@ -25,8 +25,8 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
+from fenics_contact.meshes import box, two_blocks
 from fenics_contact.scene.build import build
-from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

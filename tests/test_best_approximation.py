@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
-from meshes import box
+from fenics_contact.meshes import box
 
 WIDTH, HEIGHT, SQUEEZE = 40.0, 5.0, 5e-4  # mm, of a quarter; a strain of 1e-4: the energy is quadratic to that
 FINE = 8  # cells over the height of the reference, degree 2: its own error is below a tenth of the coarse ones'

@@ -23,7 +23,7 @@ from fenics_contact import (
     rigid_plane,
     solve,
 )
-from meshes import box
+from fenics_contact.meshes import box
 
 FOLLOW = {"method": "arc_length", "progress": False}
 

@@ -9,11 +9,11 @@ from mpi4py import MPI
 
 from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_surface, run, solve
 from fenics_contact.assembly.stages import Stages
+from fenics_contact.meshes import box, dome, tool_surfaces
 from fenics_contact.scene.build import build
 from fenics_contact.solvers import control
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
-from meshes import box, dome, tool_surfaces
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Penalty, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.meshes import disc, ironing, punch_plate, tubes
 from fenics_contact.studies.punch import punched_plate
-from meshes import disc, ironing, punch_plate, tubes
 
 pytestmark = pytest.mark.serial
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)

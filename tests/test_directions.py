@@ -17,10 +17,10 @@ from fenics_contact import (
     rigid_plane,
     solve,
 )
+from fenics_contact.meshes import box, tubes
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.stage import Only
-from meshes import box, tubes
 
 pytestmark = pytest.mark.parallel
 

@@ -26,12 +26,12 @@ from fenics_contact import (
     solve,
     user_energy,
 )
+from fenics_contact.meshes import box, cook, disc, patch_block, rod, sphere_shell, two_blocks
 from fenics_contact.output.fields import Fields
 from fenics_contact.solid import materials
 from fenics_contact.solvers import linear
 from fenics_contact.solvers.choice import foreseen_costs
 from fenics_contact.solvers.newton import Newton
-from meshes import box, cook, disc, patch_block, rod, sphere_shell, two_blocks
 
 A1, A2 = 0.1863, 0.0098
 MU = 2 * (A1 + A2)

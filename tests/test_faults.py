@@ -14,7 +14,7 @@ from test_restart import alone, mpirun
 
 from fenics_contact import Body, Load, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.agreement import alike
-from meshes import box
+from fenics_contact.meshes import box
 
 ROOT = Path(__file__).resolve().parent.parent
 COMM = MPI.COMM_WORLD

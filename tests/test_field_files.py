@@ -9,10 +9,10 @@ from vtu_files import read_pvd, read_vtu
 
 from fenics_contact import Body, Scene, Units, compat, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
 from fenics_contact.assembly.pose import Pose
+from fenics_contact.meshes import box, two_blocks
 from fenics_contact.output.fields import Fields, surfaces_of
 from fenics_contact.output.series import FieldFiles, file_names
 from fenics_contact.output.vtu import GridFile
-from meshes import box, two_blocks
 
 COMM = MPI.COMM_WORLD
 KINDS = [("hexahedra", 1), ("hexahedra", 2), ("tetrahedra", 1), ("tetrahedra", 2)]

@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 
 from fenics_contact import Body, Scene, from_elastic, neo_hooke, read_gmsh, solve, user_energy
 from fenics_contact.assembly.numbering import node_keys
+from fenics_contact.meshes import box, tubes
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.stage import Only
-from meshes import box, tubes
 
 MU, K, NAN = 1.0, 5.0, float("nan")
 RUBBER = neo_hooke(MU, K)

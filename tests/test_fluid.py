@@ -10,7 +10,7 @@ from test_two_bodies import RUBBER, blocks, direction, roughened
 from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_plane, rigid_surface, solve
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.exchange import sum_to_owners
-from meshes import box, o_ring, tool_surfaces
+from fenics_contact.meshes import box, o_ring, tool_surfaces
 
 COMM = MPI.COMM_WORLD
 MU, K = 1.0, 5.0

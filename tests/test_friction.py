@@ -7,6 +7,7 @@ import pytest
 from by_node import displacements, of_all
 
 from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.meshes import box
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import first_difference, statement
 from fenics_contact.scene.stage import Only
@@ -14,7 +15,6 @@ from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed
-from meshes import box
 
 MU = 0.3
 PRESS = 0.02  # depth [mm]; the block is 1 mm high with E = 1000 MPa: small strains, nearly rigid dragging

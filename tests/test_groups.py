@@ -12,7 +12,7 @@ from mpi4py import MPI
 from refusals import refused
 
 from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, rigid_surface, solve
-from meshes import box, two_blocks
+from fenics_contact.meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import disc
 from fenics_contact.studies import hertz as study
 from fenics_contact.studies.hertz import DEPTH, STAR, A, hertz, indented
-from meshes import disc
 
 
 def error(tool, cells):

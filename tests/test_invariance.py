@@ -23,10 +23,10 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.meshes import box, ironing, two_blocks
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.softened import Softened
-from meshes import box, ironing, two_blocks
 
 COMM = MPI.COMM_WORLD
 SAME = 1e-8  # Newton ends at 1e-11 of the force; stiffness and history of a few steps enlarge that by far less than 1e3

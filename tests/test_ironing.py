@@ -5,7 +5,7 @@ import pytest
 
 from demos import ironing
 from fenics_contact import Body, Penalty, Scene, Stage, from_elastic, read_gmsh, solve
-from meshes import ironing as mesh_script
+from fenics_contact.meshes import ironing as mesh_script
 
 
 def pressed_and_drawn(**penalty):

@@ -11,13 +11,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import box
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
 from fenics_contact.solvers.choice import OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.reuse import ReusingSolver
 from fenics_contact.timing import Timers
-from meshes import box
 
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)

@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 
 from fenics_contact import compat
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import box
 from fenics_contact.solid import materials, virtual_power
 from fenics_contact.solid.powers import power_sum
-from meshes import box
 
 pytestmark = pytest.mark.serial
 

@@ -27,7 +27,7 @@ from fenics_contact import (
 )
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
-from meshes import box, tool_surfaces
+from fenics_contact.meshes import box, tool_surfaces
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 RADIUS, FRICTION = 10.0, 0.3

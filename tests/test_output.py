@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from vtu_files import times_of_fields
 
 from fenics_contact import Body, Scene, Units, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.meshes import box, punch_plate
 from fenics_contact.output.fields import Fields
 from fenics_contact.timing import STAGES
-from meshes import box, punch_plate
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

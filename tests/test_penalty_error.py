@@ -18,7 +18,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from meshes import box, punch_plate, two_blocks
+from fenics_contact.meshes import box, punch_plate, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

@@ -29,6 +29,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.meshes import box, punch_plate, two_blocks
 from fenics_contact.output.colours import BODY, STATUS, colours
 from fenics_contact.output.curves import along_line, times, words
 from fenics_contact.output.fields import Fields
@@ -37,7 +38,6 @@ from fenics_contact.output.plot import drawing
 from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import normals, symmetry_planes
 from fenics_contact.values import SceneError
-from meshes import box, punch_plate, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

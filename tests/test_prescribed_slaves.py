@@ -4,7 +4,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, rigid_sphere, solve
-from meshes import box
+from fenics_contact.meshes import box
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

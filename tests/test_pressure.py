@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from fenics_contact import Body, Scene, SceneError, compat, mooney_rivlin, neo_hooke, read_gmsh, solve
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
-from meshes import box
+from fenics_contact.meshes import box
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.meshes import punch_plate
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
-from meshes import punch_plate
 
 MOONEY = {"a1": 0.1863, "a2": 0.0098, "K": 5.0}  # MPa
 # Five codes on the 20 x 20 x 5 mesh with a fixed list of nodes

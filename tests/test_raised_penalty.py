@@ -23,11 +23,11 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.contact import penalties
+from fenics_contact.meshes import box, tool_surfaces, two_blocks
 from fenics_contact.solvers.augmented import Adapted
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed, Verdict
-from meshes import box, tool_surfaces, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

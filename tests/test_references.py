@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, solve
-from meshes import box
+from fenics_contact.meshes import box
 
 pytestmark = pytest.mark.serial
 

@@ -34,8 +34,8 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.meshes import box, dome, punch_plate, two_blocks
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
-from meshes import box, dome, punch_plate, two_blocks
 
 ROOT = Path(__file__).resolve().parent.parent
 COMM = MPI.COMM_WORLD

@@ -22,6 +22,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
+from fenics_contact.meshes import box, tool_surfaces, two_blocks
 from fenics_contact.output.chains import chains
 from fenics_contact.output.columns import Columns
 from fenics_contact.output.fields import Fields
@@ -29,7 +30,6 @@ from fenics_contact.output.history import energy_notes, energy_summary
 from fenics_contact.output.lines import zones
 from fenics_contact.output.names import plain_name
 from fenics_contact.output.units import Units
-from meshes import box, tool_surfaces, two_blocks
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

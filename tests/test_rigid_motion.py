@@ -25,7 +25,7 @@ from fenics_contact import (
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.pose import Pose, Poses, rotation, skew, spin_rate
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from meshes import box, tool_surfaces
+from fenics_contact.meshes import box, tool_surfaces
 
 STRAIGHT, OBLIQUE = np.eye(3), rotation(np.array([0.5, -0.8, 1.3]))
 

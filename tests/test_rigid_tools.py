@@ -19,7 +19,7 @@ from fenics_contact import (
     rigid_union,
     solve,
 )
-from meshes import box, tubes
+from fenics_contact.meshes import box, tubes
 
 pytestmark = pytest.mark.parallel
 

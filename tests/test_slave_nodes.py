@@ -6,8 +6,8 @@ from test_sliding_far import strip
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
 from fenics_contact.contact.surface import slave_surface
+from fenics_contact.meshes import two_blocks, two_cylinders
 from fenics_contact.studies import tubes
-from meshes import two_blocks, two_cylinders
 
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 DOWN, STEPS = 0.25, 16

@@ -6,9 +6,9 @@ import pytest
 
 from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
+from fenics_contact.meshes import two_cylinders
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
-from meshes import two_cylinders
 
 FRICTION, PRESSURE, WAY = 0.3, 0.05, 27.0  # MPa, mm
 

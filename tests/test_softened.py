@@ -6,11 +6,11 @@ from by_node import displacements, of_all
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_sphere, solve
+from fenics_contact.meshes import box
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import StepFailed, Verdict
-from meshes import box
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

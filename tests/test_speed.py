@@ -5,11 +5,11 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, timing
+from fenics_contact.meshes import punch_plate, two_blocks
 from fenics_contact.solvers import linear, reuse
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.timing import Timers
-from meshes import punch_plate, two_blocks
 
 UNIFORM = {"inside": 7, "outside": 7, "layers": 4, "ratio": 1.0}  # 3375 unknowns
 STEPS = 3

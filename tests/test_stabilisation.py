@@ -6,11 +6,11 @@ from by_node import displacements
 
 from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
 from fenics_contact.assembly.grounding import SHARE
+from fenics_contact.meshes import box, two_blocks
 from fenics_contact.solvers.held import LONGEST, Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed
-from meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)

@@ -32,7 +32,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.assembly.pose import rotation
-from meshes import box
+from fenics_contact.meshes import box
 
 COMM = MPI.COMM_WORLD
 TIGHT = {"tolerance": 1e-11, "progress": False}

@@ -11,7 +11,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
-from meshes import box, punch_plate
+from fenics_contact.meshes import box, punch_plate
 
 ROOT = Path(__file__).resolve().parent.parent
 COARSE = {"inside": 4, "outside": 3, "layers": 2, "ratio": 1.0}

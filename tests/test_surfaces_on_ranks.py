@@ -3,7 +3,7 @@
 import pytest
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
-from meshes import two_blocks
+from fenics_contact.meshes import two_blocks
 
 SQUEEZED = 0.1288051 * 400  # N: classical Mooney-Rivlin, uniaxial stretch 0.9, nominal stress [MPa] times area [mm^2]
 

@@ -19,8 +19,8 @@ from fenics_contact.assembly.pose import Pose, rotation
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import Tool
 from fenics_contact.kernels.rigid_element import distances
+from fenics_contact.meshes import box
 from fenics_contact.output.tool_surfaces import SAG, tool_surface
-from meshes import box
 
 pytestmark = pytest.mark.serial
 SIZE = 12.0

@@ -13,9 +13,9 @@ from fenics_contact import Body, Scene, SceneError, compat, mooney_rivlin, read_
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from fenics_contact.meshes import two_blocks
 from fenics_contact.studies.tubes import BASE as TUBES
 from fenics_contact.studies.tubes import tubes
-from meshes import two_blocks
 
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 STACK = {"lower": (20, 20, 10), "lower_origin": (0, 0, -10), "upper": (20, 20, 10), "upper_origin": (0, 0, 0)}

@@ -25,10 +25,10 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.meshes import box, dome, two_blocks
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead
 from fenics_contact.studies.punch import punched_plate
-from meshes import box, dome, two_blocks
 
 COMM = MPI.COMM_WORLD
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
-from meshes import punch_plate, two_blocks
+from fenics_contact.meshes import punch_plate, two_blocks
 
 RECORD = Path(__file__).with_name("versions.json")
 CASES = [(0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (0.0, 1.0)]  # friction of the demo: punch, floor

@@ -14,8 +14,8 @@ from scipy.sparse.linalg import splu
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import box
 from fenics_contact.solid import materials, virtual_power
-from meshes import box
 
 pytestmark = pytest.mark.serial
 

@@ -32,6 +32,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a small version, seconds each, into results/studies")
     parser.add_argument("--draw", action="store_true", help="draw again from the CSV files, run nothing")
     asked = parser.parse_args()
+    if not asked.quick and not (HERE.parents[1] / "pyproject.toml").exists():
+        parser.error("the tables and charts of the full studies belong to a checkout and are written there; add --quick")
     data, charts = (Path("results/studies"),) * 2 if asked.quick else (HERE / "data", HERE / "charts")
     for name in NAMES if "all" in asked.names else asked.names:
         sentences = run(name, data, charts, asked.quick, asked.draw)

@@ -5,6 +5,7 @@ from pathlib import Path
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import disc
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -12,7 +13,6 @@ from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
-from meshes import disc
 
 # (radius mm, a1, a2, K MPa, squeeze in all mm, force N/mm): classical Mooney-Rivlin, references of other codes
 RUBBERS = {"soft": (20.0, 0.1863, 0.0098, 5.0, 6.4, 4.5622), "stiff": (200.0, 0.293, 0.177, 1423.93, 40.0, 60.15)}

@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact.contact.tools import Tool, rigid_punch
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import box, two_blocks
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -16,7 +17,6 @@ from fenics_contact.solid.materials import from_elastic, mooney_rivlin
 from fenics_contact.studies import cylinder as cylinders
 from fenics_contact.studies.charts import savings
 from fenics_contact.studies.runner import Row, Run, Study, metrics
-from meshes import box, two_blocks
 
 # a rubber plate bonded to the ground, of which a quarter is 40 x 40 x 10 mm, under a punch of 40 x 40 mm
 BASE: Run = {"model": "quarter", "tool": "analytic", "slave": "top", "friction": 0.3, "points": 3, "fillet": 0.0,

@@ -12,6 +12,7 @@ import numpy as np
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_cone, rigid_cylinder, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
+from fenics_contact.meshes import graded_block
 from fenics_contact.result import Result
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
@@ -21,7 +22,6 @@ from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.exact import Field, boussinesq, flamant, under_cone, under_hertz
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
 from fenics_contact.types import Floats
-from meshes import graded_block
 
 E, NU = 1000.0, 0.3  # MPa
 STAR = E / (1 - NU**2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import disc, sphere_shell, two_blocks
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -18,7 +19,6 @@ from fenics_contact.studies.punch import punched_plate
 from fenics_contact.studies.runner import Row, Run, Study, grid, metrics
 from fenics_contact.studies.sphere import RADIUS, WALL, inner_radial
 from fenics_contact.studies.stability import iterations, stability_map
-from meshes import disc, sphere_shell, two_blocks
 
 RUBBER: dict[str, Any] = {"a1": A1, "a2": A2, "K": 5.0}  # MPa
 SHEAR = 2 * A1 + 2 * A2  # MPa, classical reading at rest

@@ -6,6 +6,7 @@ from typing import Any
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_punch
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import punch_plate
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -13,7 +14,6 @@ from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
-from meshes import punch_plate
 
 BASE: Run = {"cells": 10, "degree": 1, "element": "displacement", "friction": 0.3, "points": "nodes", "factor": 100.0,
         "share": 0.1, "penetration": 0.0, "method": "newton", "steps": 5, "linear": "direct", "processes": 1}  # fmt: skip

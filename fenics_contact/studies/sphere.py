@@ -6,6 +6,7 @@ from pathlib import Path
 from fenics_contact import compat
 from fenics_contact.assembly.term import State
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import sphere_shell
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -14,7 +15,6 @@ from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, medians, work_precision
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
-from meshes import sphere_shell
 
 RADIUS, WALL, K = 95.0, 1.0, 5.0  # mm, mm, MPa
 REACH = 19.0  # mm, at 87 % of the limit pressure

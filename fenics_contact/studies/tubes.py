@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.mesh_io import read_gmsh
+from fenics_contact.meshes import tubes as tube_mesh
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -16,7 +17,6 @@ from fenics_contact.studies.charts import answer, hold_slope, work_precision
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
 from fenics_contact.types import Function
-from meshes import tubes as tube_mesh
 
 INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
 REACH = 120.0  # mm, inner radius under the largest pressure
