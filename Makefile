@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test suite suite-beside suite-ranks suite-newest test-slow test-rounding nightly bench study docs lint setup test-debian13 test-newest
+.PHONY: demo test suite suite-beside suite-ranks suite-newest test-slow test-rounding nightly bench study docs pictures lint setup test-debian13 test-newest
 setup: fenics_contact/kernels/__pycache__/fresh
 	@bash .ci/setup
 
@@ -20,7 +20,11 @@ study: setup
 # HTML in build/docs, without a network; a warning is an error
 docs: setup
 	@bash .ci/setup docs
-	@$(ENV) python3 -m sphinx -W --keep-going -q -b html docs build/docs && echo "documents: build/docs/index.html"
+	@$(ENV) python3 -m sphinx -n -W --keep-going -q -b html docs build/docs && echo "documents: build/docs/index.html"
+
+# Runs the code of the documents' pages and draws their pictures again: make pictures PAGES="wiper balloon", all by default
+pictures: setup
+	@$(ENV) python3 docs/pages.py $(PAGES)
 
 lint: setup
 	@$(ENV) ruff check . && ruff format --check . && mypy

@@ -7,17 +7,19 @@ from pathlib import Path
 
 import pytest
 
+import fenics_contact
 from fenics_contact import __main__ as itself
-from fenics_contact import __version__
+from fenics_contact import __version__, studies
 from fenics_contact.assembly import finding
 
 pytestmark = pytest.mark.serial
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.stem}")
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
         assert "://" in target or (page.parent / target).exists(), target
@@ -30,8 +32,23 @@ def test_every_kind_of_verdict_has_its_section():
 
 
 def test_every_page_is_in_the_contents():
-    listed = set(re.findall(r"^(\w+)$", (ROOT / "docs" / "index.md").read_text(), re.M))
-    assert {page.stem for page in PAGES[1:]} - {"index"} | {"reference"} == listed
+    """Of the front page, or of the index of its folder."""
+    listed = {
+        (page.parent / name).relative_to(DOCS)
+        for page in PAGES[1:]
+        for tree in re.findall(r"^```{toctree}\n(.*?)^```", page.read_text(), re.M | re.S)
+        for name in re.findall(r"^([\w/]+)$", tree, re.M)
+    }
+    pages = {page.relative_to(DOCS).with_suffix("") for page in [*PAGES[1:], *DOCS.glob("*.rst")]}
+    assert pages - {Path("index")} == listed
+
+
+def test_the_reference_has_what_is_offered():
+    text = (DOCS / "reference.rst").read_text()
+    offered, studied = text.split(".. currentmodule:: fenics_contact.studies")
+    named = r"^\.\. auto(?:function|class|exception):: (\w+)$"
+    assert set(re.findall(named, offered, re.M)) == set(fenics_contact.__all__)
+    assert set(re.findall(named, studied, re.M)) == set(studies.__all__)
 
 
 def test_the_readme_is_short_and_its_scene_runs(tmp_path):

@@ -30,10 +30,7 @@ from fenics_contact import (
 )
 from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
 from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
-<<<<<<< HEAD
-from meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
-=======
->>>>>>> 3e19b1d (A wheel holds the mesh scripts and the demos, as fenics_contact.meshes and beside it; installed, it runs anywhere)
+from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
 
 RUBBER = neo_hooke(1.0, 10.0)
 THICKNESS = 0.5
