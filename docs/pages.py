@@ -16,7 +16,7 @@ from PIL import Image
 
 DOCS = Path(__file__).parent
 PICTURES = DOCS / "pictures"
-WIDTH, COLOURS = 900, 192  # of committed pictures: pixels, and colours of their palette
+WIDTH, COLOURS = 850, 192  # of committed pictures: pixels, and colours of their palette
 
 
 def script(page):
