@@ -36,6 +36,7 @@ NEEDED = (
 )
 mathjax_path = "mathjax/MathJax.js?config=TeX-AMS_SVG"
 mathjax2_config = {"messageStyle": "none"}
+myst_update_mathjax = False  # it would write the settings of MathJax 3
 
 
 def copy_mathjax(app, exception):
