@@ -1,4 +1,5 @@
 """Runs the code of the pages of the documents: `python3 docs/pages.py [NAME ...]` draws their pictures anew.
+`python3 docs/pages.py gallery [DEMO ...]` runs demos in full, a few minutes, and draws those of the gallery.
 
 Those are the front page, the lessons of the tutorial and the how-to pages. The blocks marked `python` of a page are one
 script, in their order. Blocks marked `py` need packages that may not be installed, and are shown only. `pictures/NAME.png`
@@ -7,7 +8,9 @@ of a page is the file NAME.png that its script writes.
 
 import contextlib
 import re
+import resource
 import runpy
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -16,7 +19,7 @@ from PIL import Image
 
 DOCS = Path(__file__).parent
 PICTURES = DOCS / "pictures"
-WIDTH, COLOURS = 850, 192  # of committed pictures: pixels, and colours of their palette
+WIDTH, COLOURS, LARGEST = 850, 160, 100_000  # of committed pictures: pixels, colours of their palette, bytes
 
 
 def script(page):
@@ -49,11 +52,35 @@ def keep(source, name):
     with Image.open(source) as picture:
         flat = Image.new("RGB", picture.size, "white")
         flat.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
-    flat.thumbnail((WIDTH, 2 * WIDTH), Image.LANCZOS)
-    flat.quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
+    width = WIDTH
+    while True:
+        flat.thumbnail((width, 2 * width), Image.LANCZOS)
+        flat.quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
+        if (PICTURES / name).stat().st_size < LARGEST:
+            return
+        width = int(0.9 * width)
+
+
+def demos():
+    """{demo: its picture among its results} of those that the gallery shows."""
+    names = sorted(path.stem for path in (DOCS.parent / "demos").glob("*.py"))
+    return {name: f"{name}.png" for name in names if name != "speed"} | {"punch_on_plate": "deformed_quarters.png"}
+
+
+def draw_gallery(names):
+    """Run demos in full, keep their pictures, print the CPU seconds that they took."""
+    for name, picture in demos().items():
+        if not names or name in names:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            with tempfile.TemporaryDirectory() as folder:
+                subprocess.run([sys.executable, DOCS.parent / "demos" / f"{name}.py"], cwd=folder, check=True)
+                keep(Path(folder) / "results" / name / picture, f"demo_{name}.png")
+            print(f"{name}: {resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before:.0f} s of CPU")
 
 
 def main(names):
+    if names[:1] == ["gallery"]:
+        return draw_gallery(names[1:])
     for page in pages():
         if not names or page.stem in names:
             with tempfile.TemporaryDirectory() as folder:

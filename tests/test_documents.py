@@ -43,6 +43,19 @@ def test_every_page_is_in_the_contents():
     assert pages - {Path("index")} == listed
 
 
+def test_every_demo_is_in_the_gallery():
+    text = (DOCS / "gallery.md").read_text()
+    demos = {path.stem for path in (ROOT / "demos").glob("*.py")}
+    assert set(re.findall(r"`demos/(\w+)\.py`", text)) == demos
+    assert set(re.findall(r"demo_(\w+)\.png", text)) == demos - {"speed"}
+
+
+def test_pictures_are_small_and_shown():
+    text = "".join(page.read_text() for page in PAGES)
+    for picture in (DOCS / "pictures").iterdir():
+        assert picture.stat().st_size < 100_000 and picture.name in text, picture
+
+
 def test_the_reference_has_what_is_offered():
     text = (DOCS / "reference.rst").read_text()
     offered, studied = text.split(".. currentmodule:: fenics_contact.studies")
