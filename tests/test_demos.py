@@ -84,7 +84,7 @@ def block_on_block(results, said):
 
 
 def nested_tubes(results, said):
-    """Contact pressure on the coarsest mesh: 2 % (docs/evidence.md), at second order a sixteenth at four times the cells."""
+    """Contact pressure on the coarsest mesh: 2 % (docs/benchmarks.md); at order two a sixteenth at four times the cells."""
     inside, contact = (float(e) for e in re.search(r"errors p_inner (\S+)%, p_contact (\S+)%", said).groups())
     assert inside < 2.0 and contact < 4.0
 

@@ -50,6 +50,16 @@ def test_every_demo_is_in_the_gallery():
     assert set(re.findall(r"demo_(\w+)\.png", text)) == demos - {"speed"}
 
 
+def test_benchmarks_name_what_computes_them():
+    rows = re.findall(r"^\|.*\| (.*) \|$", (DOCS / "benchmarks.md").read_text(), re.M)
+    cases = [row for row in rows if row not in ("computed by", "---")]
+    assert len(cases) > 25
+    for named in cases:
+        files = re.findall(r"`([\w/]+\.py)`", named)
+        assert files or "](" in named, named
+        assert all((ROOT / file).exists() for file in files), named
+
+
 def test_pictures_are_small_and_shown():
     text = "".join(page.read_text() for page in PAGES)
     for picture in (DOCS / "pictures").iterdir():
