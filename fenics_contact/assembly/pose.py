@@ -56,7 +56,8 @@ class Pose(NamedTuple):
 
     def wrench(self, x: Floats, forces: Floats) -> Floats:
         """Resultant (6,) of forces (n, 3) at x (n, 3): force; torque about the reference point, over the lever [force]."""
-        torque = np.cross(x - self.place, forces).sum(axis=0)
+        moments = (x - self.place).T @ forces  # sums of products: x x f is what of them is skew
+        torque = np.array([moments[i, j] - moments[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
         return np.concatenate([forces.sum(axis=0), torque / self.lever])
 
 
@@ -74,12 +75,17 @@ class Poses:
         self.starts, self.lever, self._spherical = starts, lever, spherical
         self.counted = np.zeros_like(starts)  # q[:, 3:] of the pose from which rotations are counted,
         self.turns = np.tile(np.eye(3), (len(starts), 1, 1))  # and the rotation there
+        self._known: dict[int, tuple[bytes, Pose]] = {}  # of each body the last coordinates asked for and their pose
 
     def at(self, i: int, q: Floats) -> Pose:
         """The Pose of body i; q (6,): its coordinates."""
-        vector = (q[3:] - self.counted[i]) / self.lever
-        turn = rotation(vector) @ self.turns[i]
-        return Pose(self.starts[i], q[:3].copy(), turn, spin_rate(vector) / self.lever, self.lever)
+        key, (known, pose) = q.tobytes(), self._known.get(i, (b"", None))
+        if pose is None or known != key:  # asked for many times at each: as dear as the kernels of a small contact
+            vector = (q[3:] - self.counted[i]) / self.lever
+            turn = rotation(vector) @ self.turns[i]
+            pose = Pose(self.starts[i], q[:3].copy(), turn, spin_rate(vector) / self.lever, self.lever)
+            self._known[i] = key, pose
+        return pose
 
     def accept(self, q: Floats) -> None:
         """Count from the poses of q (tools, 6) on, where all rotations are free."""
@@ -93,10 +99,12 @@ class Poses:
         for i in bodies:
             left, _, right = np.linalg.svd(self.at(i, q[i]).turn)  # products of many rotations stay one
             self.turns[i], self.counted[i] = left @ right, q[i, 3:]
+        self._known.clear()
 
     def resume(self, counted: Floats, turns: Floats) -> None:
         """Count from where a run that is resumed did."""
         self.counted[:], self.turns[:] = counted, turns
+        self._known.clear()
 
 
 def skew(vectors: Floats) -> Floats:
