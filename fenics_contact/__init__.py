@@ -14,7 +14,7 @@ from fenics_contact.contact.tools import (
     rigid_torus,
     rigid_union,
 )
-from fenics_contact.mesh_io import NamedMesh, read_gmsh
+from fenics_contact.mesh_io import NamedMesh, read_gmsh, read_mesh
 from fenics_contact.output.film import Film
 from fenics_contact.output.units import Units
 from fenics_contact.result import Result
@@ -64,6 +64,7 @@ __all__ = [
     "neo_hooke",
     "ogden",
     "read_gmsh",
+    "read_mesh",
     "rigid_cone",
     "rigid_curve",
     "rigid_cylinder",

@@ -10,6 +10,7 @@ import gmsh
 import numpy as np
 
 from fenics_contact.meetings import Meeting, key, meetings
+from fenics_contact.mesh_files.load import load
 from fenics_contact.types import Array, Floats, Ints64
 
 # gmsh's numbering of a cell's faces by its corners, counter-clockwise where these are edges
@@ -36,7 +37,7 @@ _TURNED = {
 _FLAT = 1e-9  # of a model's size: what is in the plane z = 0
 _LONGEST_LOG = 5  # lines
 
-Source = Callable[..., Any] | str  # a script that draws and meshes the current model, or a path
+Source = Callable[..., Any] | str | Path  # a script that draws and meshes the current model, or a path
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Groups:
 
 # -- session ----------------------------------------------------------------------------------------------------------
 def draw(source: Source, parameters: dict[str, Any]) -> None:
-    """Run a script in a new gmsh session, or open a file."""
+    """Run a script in a new gmsh session, or read a file into it."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.logger.start()
@@ -69,10 +70,8 @@ def draw(source: Source, parameters: dict[str, Any]) -> None:
         with _script_in_our_session():
             source(**parameters)
         return
-    if not Path(source).is_file():
-        raise ValueError("the file does not exist")
     with _errors_gathered():
-        gmsh.open(str(source))
+        load(str(source), **parameters)
 
 
 def close() -> None:

@@ -1,7 +1,8 @@
-"""gmsh script or .msh file -> distributed mesh whose volumes and surfaces are known by name, or the facets of a tool."""
+"""gmsh script or mesh file -> distributed mesh whose volumes and surfaces are known by name, or the facets of a tool."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import gmsh
@@ -133,6 +134,27 @@ def read_gmsh(
     )  # fmt: skip
 
 
+def read_mesh(
+    path: str | Path,
+    size: float | None = None,
+    bodies: str | Sequence[str] | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    ranks: dict[str, int] | None = None,
+) -> NamedMesh:
+    """Mesh from a file by its ending, the same on any number of ranks; `docs/meshes.md` says what becomes of its sets.
+
+    .msh; .inp (Abaqus, CalculiX); .bdf, .nas (Nastran); .vtu, with meshio; .step, .stp, .brep, .iges, .igs, .geo, meshed
+    with tetrahedra of `size` [length]. bodies: the element sets (.inp) that are bodies, the cell data (.vtu) that say which.
+    Raises ValueError, on all ranks, as read_gmsh does, and for another ending and what is not understood.
+    """
+    if Path(path).suffix.lower() == ".stl":
+        raise ValueError(
+            f"the mesh '{path}' cannot be made: an .stl file has no volume; read it as a tool, rigid_surface(path)"
+        )
+    asked = {name: value for name, value in (("size", size), ("bodies", bodies)) if value is not None}
+    return read_gmsh(path, comm, ranks, **asked)
+
+
 def read_surface(
     source: Source, group: str | None = None, comm: MPI.Comm = MPI.COMM_WORLD, **parameters: Any
 ) -> tuple[Ints64, Ints64, Floats]:
@@ -210,7 +232,7 @@ def _refusal(source: Source, error: BaseException) -> str:
     reason = str(error) or type(error).__name__
     said = gmsh_model.log(reason)
     said = f" (gmsh: {said})" if said else ""
-    return f"the gmsh mesh '{getattr(source, '__module__', source)}' cannot be made: {reason}{said}"
+    return f"the mesh '{source.__module__ if callable(source) else source}' cannot be made: {reason}{said}"
 
 
 def _facets(group: str | None) -> tuple[Ints64, Ints64, Floats]:

@@ -1,11 +1,10 @@
 """The modules that the package needs and the Debian packages that bring them: a missing one is named with its package."""
 
 from importlib import import_module
+from types import ModuleType
 
-PACKAGES = {
-    name: f"python3-{name}"
-    for name in ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "numpy", "gmsh", "numba", "matplotlib", "tqdm", "scipy")
-}
+NAMES = ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "numpy", "gmsh", "numba", "matplotlib", "tqdm", "scipy", "meshio")
+PACKAGES = {name: f"python3-{name}" for name in NAMES}
 
 
 def require(*names: str) -> None:
@@ -33,4 +32,10 @@ def _missing_under(name: str) -> str:
     return name
 
 
-require(*(name for name in PACKAGES if name != "scipy"))  # that one is for the studies alone
+def module(name: str) -> ModuleType:
+    """A module of PACKAGES that few need, imported where it is needed. Raises ImportError as `require` does."""
+    require(name)
+    return import_module(name)
+
+
+require(*(name for name in PACKAGES if name not in ("scipy", "meshio")))  # of the studies, and of one kind of mesh file

@@ -36,13 +36,14 @@ class MeshedTool(Tool):
     """A rigid tool given by facets that are counter-clockwise seen from outside it, so that normals point at the body.
 
     nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length]; is_curve:
-    its facets stand for the sides of a curve in a plane scene.
+    its facets stand for the sides of a curve in a plane scene; left_out: how many facets of its file have no area.
     """
 
     nodes: Ints64
     size: Ints64
     X: Floats
     is_curve: bool = False
+    left_out: int = 0
 
     @property
     def reach(self) -> float:

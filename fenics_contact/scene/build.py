@@ -33,6 +33,7 @@ from fenics_contact.contact.term import Contact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.scene.checks import (
     bonded_bodies,
+    left_out_notes,
     refuse_across,
     refuse_behind,
     refuse_deep_start,
@@ -149,7 +150,7 @@ def _start(
     Collective."""
     refuse_behind(system)
     refuse_held(scene, system)
-    notes = unmet_notes(scene) + refuse_deep_start(scene, system)
+    notes = left_out_notes(scene) + unmet_notes(scene) + refuse_deep_start(scene, system)
     if start:
         notes += begin(system, driven, start)
         turns = system.state.poses.turns

@@ -269,6 +269,14 @@ def unmet_notes(scene: "Scene") -> list[str]:
     return notes
 
 
+def left_out_notes(scene: "Scene") -> list[str]:
+    """What is to be said of tools' files: facets without an area, which are no part of the tool."""
+    tools = {one.master.name: one.master.left_out for one in scene.contacts if isinstance(one.master, MeshedTool)}
+    return [
+        f"tool '{name}': {count} facets of its file, without area, are left out" for name, count in tools.items() if count
+    ]
+
+
 def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
     for i, axes in holds.loose(lambda contact: contact.held_axes(state)).items():

@@ -1,6 +1,7 @@
 """rigid_surface(script or file, ...): a meshed rigid tool, read and checked."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,11 @@ from mpi4py import MPI
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.mesh_io import read_curve, read_surface
-from fenics_contact.types import Floats, Ints64
+from fenics_contact.types import Bools, Floats, Ints64
 
 
 def rigid_surface(
-    source: Callable[..., Any] | str,
+    source: Callable[..., Any] | str | Path,
     group: str | None = None,
     name: str = "tool",
     flip: bool = False,
@@ -22,20 +23,26 @@ def rigid_surface(
 ) -> MeshedTool:
     """Rigid tool whose surface is a gmsh mesh of triangles or quadrilaterals.
 
-    source: a gmsh script, called with `parameters`, or a .msh file; group: the surface group that is the tool, by default
-    all surfaces. Its facets must be counter-clockwise seen from the body they touch; flip=True turns them all. Raises
-    ValueError, on all ranks, where there are no such facets, where some have no area, or where they turn different ways.
+    source: a gmsh script, called with `parameters`, or a file as for read_mesh, an .stl file too (its facets without an area
+    are left out); group: the surface group that is the tool, by default all surfaces. Its facets must be counter-clockwise
+    seen from the body they touch; flip=True turns them all. Raises ValueError, on all ranks, where there are no such
+    facets, where some have no area, or where they turn different ways.
     """
     nodes, size, X = read_surface(source, group, comm, **parameters)
+    found = len(nodes)
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".stl":
+        nodes, size = (rows[~_flat(nodes, X)] for rows in (nodes, size))
+        if not len(nodes):
+            raise ValueError(f"{name}: '{source}' has no facets with an area")
     if flip:
         nodes = np.where(size[:, None] == 4, nodes[:, [0, 3, 2, 1]], nodes[:, [0, 2, 1, 1]])
     _refuse_flat(name, nodes, X)
     _refuse_mixed(name, nodes, X)
-    return MeshedTool(name, np.ascontiguousarray(nodes), size, X)
+    return MeshedTool(name, np.ascontiguousarray(nodes), size, X, left_out=found - len(nodes))
 
 
 def rigid_curve(
-    source: Callable[..., Any] | str,
+    source: Callable[..., Any] | str | Path,
     group: str | None = None,
     name: str = "tool",
     flip: bool = False,
@@ -58,9 +65,13 @@ def rigid_curve(
     return MeshedTool(name, nodes, np.full(len(nodes), 4, dtype=np.int64), np.concatenate([X - deep, X + deep]), True)
 
 
+def _flat(nodes: Ints64, X: Floats) -> Bools:
+    """Which facets have no area."""
+    return np.linalg.norm(area_vectors(X[nodes]), axis=1) < 1e-12 * np.ptp(X, axis=0).max() ** 2
+
+
 def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:
-    area = np.linalg.norm(area_vectors(X[nodes]), axis=1)
-    flat = np.flatnonzero(area < 1e-12 * np.ptp(X, axis=0).max() ** 2)
+    flat = np.flatnonzero(_flat(nodes, X))
     if len(flat):
         place = X[nodes[flat[0]]].mean(axis=0)
         raise ValueError(f"{name}: {len(flat)} facets have no area, the first at {place}; mesh that surface again")

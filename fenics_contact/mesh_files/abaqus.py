@@ -1,0 +1,104 @@
+"""An Abaqus input file's sets as groups: bodies of its sections, sides of its surfaces, node sets on facets or as points."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fenics_contact.mesh_files import keywords
+from fenics_contact.mesh_files.parts import CURVED, SUPPORTED, TYPES, Block, Parts, chosen, joined, nodes_of, outer, put
+from fenics_contact.types import Ints64
+
+
+def read_inp(path: str, bodies: str | Sequence[str] | None = None) -> None:
+    """Bodies: the element sets of this name, else those with a *SOLID SECTION, else all with cells, each cell in one."""
+    model = keywords.read(Path(path))
+    if not model.elements:
+        raise ValueError("it has no *ELEMENT with a mesh")
+    number = np.concatenate(model.number)
+    for what, numbers in (("*NODE", number), ("*ELEMENT", np.concatenate([one.number for one in model.elements]))):
+        if len(np.unique(numbers)) < len(numbers):
+            raise ValueError(f"{what}: there are numbers that are given twice")
+    dim = max(block.dim for block in model.elements)
+    cells, facets = ([_block(one, number) for one in model.elements if one.dim == d] for d in (dim, dim - 1))
+    parts = Parts(dim, np.concatenate(model.places), _bodies(model, cells, bodies))
+    for name, numbers in model.elsets.found.items():
+        if (side := chosen(facets, numbers)) and name not in model.elsets.internal:
+            parts.sides[name] = side
+    for name, rows in model.surfaces.items():
+        parts.sides[name] = joined([one for row in rows for one in _faces(model, cells, facets, *row)])
+    _add_node_sets(parts, model, cells, number)
+    put(parts)
+
+
+def _block(elements: keywords.Elements, number: Ints64) -> Block:
+    """The elements of a keyword, with rows of the nodes in the place of their numbers."""
+    kind = TYPES.get((elements.dim, elements.nodes.shape[1]))
+    if kind is None:
+        raise ValueError(
+            f"*ELEMENT: type {elements.kind} is not supported; {SUPPORTED}. Scene(..., degree=2) has quadratic "
+            "displacements on any of these"
+        )
+    order = np.argsort(number)
+    at = order[np.minimum(np.searchsorted(number, elements.nodes, sorter=order), len(number) - 1)]
+    if missing := int((number[at] != elements.nodes).sum()):
+        raise ValueError(f"*ELEMENT: {missing} nodes of elements of type {elements.kind} are not in the file")
+    return Block(kind, elements.number, at)
+
+
+def _bodies(model: keywords.Model, cells: list[Block], asked: str | Sequence[str] | None) -> dict[str, list[Block]]:
+    """{name: its cells}, each cell in one."""
+    names = [asked] if isinstance(asked, str) else list(asked or model.sections)
+    names = names or [name for name in model.elsets.found if name not in model.elsets.internal]
+    found: dict[str, list[Block]] = {}
+    owner: dict[int, str] = {}
+    for name in dict.fromkeys(model.elsets.spelled(name) for name in names):
+        if not (own := chosen(cells, model.elsets.get(name))):
+            continue
+        found[name] = own
+        for element in (int(one) for block in own for one in block.number):
+            if element in owner:
+                raise ValueError(
+                    f"element {element} is in two bodies, '{owner[element]}' and '{name}'; name the sets that are bodies, "
+                    "bodies=(...): a cell is in one"
+                )
+            owner[element] = name
+    if left := sum(map(len, cells)) - len(owner):
+        raise ValueError(
+            f"{left} cells are in no body; give them an element set with a *SOLID SECTION, or name it in bodies=(...). The "
+            f"bodies are: {', '.join(found) or 'none'}"
+        )
+    return found
+
+
+def _faces(model: keywords.Model, cells: list[Block], facets: list[Block], name: str, face: str) -> list[Block]:
+    """Facets of a line of *SURFACE, of an element or a set: one face of each, all outer ones, or the facets of the set."""
+    numbers = np.array([name], dtype=np.int64) if name.isdigit() else model.elsets.get(name)
+    if face in ("", "SPOS", "SNEG"):
+        return ([] if face else outer(cells, numbers)) + chosen(facets, numbers)
+    found = []
+    for block in chosen(cells, numbers):
+        faces = {f"S{i}": one for i, one in enumerate(block.faces(), start=1)}
+        if face not in faces:
+            raise ValueError(f"*SURFACE: elements of '{name}' have no face {face}; they have {', '.join(faces)}")
+        found.append(faces[face])
+    return found
+
+
+def _add_node_sets(parts: Parts, model: keywords.Model, cells: list[Block], number: Ints64) -> None:
+    """Sets that are all nodes of some outer facets are these facets, others points (those of curved cells are left out)."""
+    faces, of_cells = joined(outer(cells)), nodes_of(cells)
+    curved = any(block.kind in CURVED for block in cells)
+    spelled = {name.upper(): name for name in parts.sides}
+    for name, numbers in model.nsets.found.items():
+        nodes = np.intersect1d(np.flatnonzero(np.isin(number, numbers)), of_cells)
+        covered = [face.only(face.number[np.isin(face.nodes, nodes).all(axis=1)]) for face in faces]
+        if twin := spelled.get(name.upper()):
+            if not np.array_equal(nodes_of(parts.sides[twin]), nodes):
+                raise ValueError(f"node set '{name}' and surface '{twin}' have different nodes; give one another name")
+        elif name in model.nsets.internal or not len(nodes):
+            continue
+        elif np.array_equal(nodes_of(covered), nodes):
+            parts.sides[name] = [face for face in covered if len(face)]
+        elif not curved:
+            parts.points[name] = nodes

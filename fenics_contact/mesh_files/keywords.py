@@ -1,0 +1,209 @@
+"""An Abaqus input file: its nodes, elements, sets and surfaces, in order and as they are numbered there.
+
+*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *SOLID SECTION, *INCLUDE, one *PART with one *INSTANCE. What says nothing of the
+mesh is passed over, what would place or make nodes is refused. Names are the same in capitals and in small letters.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fenics_contact.types import Floats, Ints64
+
+# elements with as many nodes as the number in their name; an S at the front is a shell's
+_NAMED = re.compile(r"(C3D|CPE|CPEG|CPS|CAX|CGAX|STRI|SFM3D|M3D|R3D|DS|S|T2D|T3D|R2D|RAX)(\d+)")
+_LINES = {"B21": 2, "B31": 2, "B22": 3, "B32": 3}
+_DIMENSION = {"C3D": 3} | dict.fromkeys(("T2D", "T3D", "R2D", "RAX"), 1)  # 2 for all others
+# springs, masses and the like, which have no mesh
+_PASSED = ("MASS", "ROTARYI", "SPRING", "DASHPOT", "CONN", "GAP", "DCOUP", "RNODE", "HEATCAP", "B33", "B23", "PIPE", "FRAME")
+_PLACED = {"NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "SYSTEM"}  # make or move nodes and elements
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Of one keyword: dim, type as in the file, numbers (n,) and nodes' numbers (n, k)."""
+
+    dim: int
+    kind: str
+    number: Ints64
+    nodes: Ints64
+
+
+@dataclass
+class Sets:
+    """{name: numbers (n,), each once and rising}; a name may be written in small letters or in capitals."""
+
+    what: str
+    found: dict[str, Ints64] = field(default_factory=dict)
+    internal: set[str] = field(default_factory=set)  # written by Abaqus/CAE for itself
+
+    def spelled(self, name: str) -> str:
+        """The name as it was first written."""
+        return next((known for known in self.found if known.upper() == name.upper()), name)
+
+    def get(self, name: str) -> Ints64:
+        """Numbers of a set, which may be asked for with its instance's name before it; ValueError where there is none."""
+        for asked in (name, name.rpartition(".")[2]):
+            if self.spelled(asked) in self.found:
+                return self.found[self.spelled(asked)]
+        raise ValueError(f"there is no {self.what} '{name}'; the file has: {', '.join(self.found) or 'none'}")
+
+    def add(self, name: str, numbers: Ints64) -> None:
+        """A set is one more time what it was and these."""
+        name = self.spelled(name)
+        self.found[name] = np.union1d(self.found.get(name, numbers), numbers)
+
+
+@dataclass
+class Model:
+    """number (n,) and places (n, 3) of nodes, an array for each keyword; surfaces: {name: rows of (set or element, face)};
+    sections: names of the element sets with a *SOLID SECTION."""
+
+    number: list[Ints64] = field(default_factory=list)
+    places: list[Floats] = field(default_factory=list)
+    elements: list[Elements] = field(default_factory=list)
+    nsets: Sets = field(default_factory=lambda: Sets("node set"))
+    elsets: Sets = field(default_factory=lambda: Sets("element set"))
+    surfaces: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+    sections: list[str] = field(default_factory=list)
+    parts: int = 0
+    instances: int = 0
+
+
+def read(path: Path) -> Model:
+    """The file's Model. Raises ValueError that names the keyword, and OSError where a file that it includes is missing."""
+    model = Model()
+    for keyword, parameters, data in _keywords(path):
+        try:
+            _take(model, keyword, parameters, data)
+        except (KeyError, IndexError, ValueError) as error:
+            said = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise ValueError(f"*{keyword}: {said}") from error
+    return model
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """Lines without comments and blank ones; another file's in the place where that is included."""
+    for line in path.read_text(errors="replace").splitlines():
+        if line.startswith("**") or not line.strip():
+            continue
+        other = re.search(r",\s*INPUT\s*=\s*\"?([^,\"]+)", line, re.IGNORECASE) if line.startswith("*") else None
+        if not (other and line.upper().startswith("*INCLUDE")):
+            yield line.strip()
+        if other:
+            yield from _lines(path.parent / other[1].strip())
+
+
+def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
+    """(keyword in capitals, {parameter in capitals: value}, lines of data)."""
+    head = ""
+    data: list[str] = []
+    for line in [*_lines(path), "*END"]:
+        if not line.startswith("*"):
+            if head.endswith(",") and not data:
+                head += line
+            else:
+                data.append(line)
+            continue
+        if head:
+            keyword, *parameters = (part.strip() for part in head[1:].split(","))
+            pairs = (part.partition("=") for part in parameters if part)
+            yield " ".join(keyword.upper().split()), {k.strip().upper(): v.strip().strip('"') for k, _, v in pairs}, data
+        head, data = line, []
+
+
+def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[str]) -> None:
+    """What one keyword adds to the model."""
+    if keyword in _PLACED:
+        raise ValueError("nodes and elements that a keyword makes or moves are not read; have them written out")
+    if keyword == "NODE":
+        _nodes(model, parameters, data)
+    elif keyword == "ELEMENT":
+        _elements(model, parameters, data)
+    elif keyword in ("NSET", "ELSET"):
+        _set(model, keyword, parameters, data)
+    elif keyword == "SURFACE" and not {"COMBINE", "CROP"} & set(parameters):
+        _surface(model, parameters, data)
+    elif keyword == "SOLID SECTION":
+        model.sections.append(parameters["ELSET"])
+    elif keyword in ("PART", "INSTANCE"):
+        model.parts += keyword == "PART"
+        model.instances += keyword == "INSTANCE"
+        if max(model.parts, model.instances) > 1 or (keyword == "INSTANCE" and data):
+            raise ValueError(
+                "several parts, or one that is moved, are not read; have the file written without parts "
+                "(Abaqus/CAE: Model > Edit Attributes > Do not use parts and assemblies in input files)"
+            )
+
+
+def _nodes(model: Model, parameters: dict[str, str], data: list[str]) -> None:
+    if parameters.get("SYSTEM", "R").upper() != "R":
+        raise ValueError("only Cartesian coordinates are read")
+    rows = [(line.upper().replace("D", "E") + ",,,").split(",") for line in data]
+    numbers = np.array([row[0] for row in rows], dtype=np.int64)
+    X = np.array([[part.strip() or "0" for part in row[1:4]] for row in rows], dtype=np.float64).reshape(-1, 3)
+    model.number.append(numbers)
+    model.places.append(X)
+    if "NSET" in parameters:
+        model.nsets.add(parameters["NSET"], numbers)
+
+
+def _shape(kind: str) -> tuple[int, int]:
+    """(dimension, number of nodes) of a type; (0, 0): it has no mesh."""
+    if kind in _LINES:
+        return 1, _LINES[kind]
+    named = _NAMED.match(kind)
+    if named is None and kind.startswith(_PASSED):
+        return 0, 0
+    if named is None:
+        raise ValueError(f"elements of type {kind} are not known")
+    count = 6 if kind == "STRI65" else int(named[2])
+    return _DIMENSION.get(named[1], 2), count
+
+
+def _elements(model: Model, parameters: dict[str, str], data: list[str]) -> None:
+    kind = parameters["TYPE"].upper()
+    dim, count = _shape(kind)
+    if dim == 0:
+        return
+    numbers = np.array([part for line in data for part in line.split(",") if part.strip()], dtype=np.int64)
+    if len(numbers) % (count + 1):
+        raise ValueError(f"{len(numbers)} entries are not elements of type {kind}, a number and {count} nodes each")
+    rows = numbers.reshape(-1, count + 1)
+    model.elements.append(Elements(dim, kind, rows[:, 0], rows[:, 1:]))
+    if "ELSET" in parameters:
+        model.elsets.add(parameters["ELSET"], rows[:, 0])
+
+
+def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[str]) -> None:
+    """*NSET and *ELSET: numbers, other sets, ranges; the nodes of an element set."""
+    sets, name = (model.nsets if keyword == "NSET" else model.elsets), parameters[keyword]
+    rows = [[part.strip() for part in line.split(",") if part.strip()] for line in data]
+    found: list[Ints64] = [np.empty(0, dtype=np.int64)]
+    if "GENERATE" in parameters:
+        for first, last, *step in rows:
+            found.append(np.arange(int(first), int(last) + 1, int(step[0]) if step else 1))
+    else:
+        parts = [part for row in rows for part in row]
+        found.append(np.array([part for part in parts if part.isdigit()], dtype=np.int64))
+        found += [sets.get(part) for part in parts if not part.isdigit()]
+    if keyword == "NSET" and "ELSET" in parameters:
+        of = model.elsets.get(parameters["ELSET"])
+        found += [block.nodes[np.isin(block.number, of)].ravel() for block in model.elements]
+    sets.add(name, np.unique(np.concatenate(found)))
+    if "INTERNAL" in parameters:
+        sets.internal.add(sets.spelled(name))
+
+
+def _surface(model: Model, parameters: dict[str, str], data: list[str]) -> None:
+    """*SURFACE of faces of elements, or of nodes; those of other types are drawn, not meshed."""
+    kind, name = parameters.get("TYPE", "ELEMENT").upper(), parameters["NAME"]
+    rows = [[part.strip() for part in line.split(",")] for line in data]
+    if kind == "ELEMENT":
+        model.surfaces[name] = [(row[0], row[1].upper() if len(row) > 1 else "") for row in rows]
+    elif kind == "NODE":
+        for row in rows:
+            model.nsets.add(name, np.array([row[0]], dtype=np.int64) if row[0].isdigit() else model.nsets.get(row[0]))

@@ -1,0 +1,394 @@
+"""Mesh files of other programs: the same scene as gmsh's own model gives, sets as groups, and what is refused."""
+
+import sys
+from functools import cache
+from pathlib import Path
+
+import gmsh
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from refusals import refused
+
+from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, read_mesh, rigid_plane, rigid_surface, solve
+from fenics_contact.meshes import box
+
+pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
+SIZE = (2.0, 1.0, 1.5)
+# A cell with a number for each node, and what of it lies where: by the manual's figures of the faces S1, S2, ...
+HEXAHEDRON = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """One folder for all ranks."""
+    return Path(COMM.bcast(str(tmp_path)))
+
+
+def written(path, text):
+    """The path, as users give it, once rank 0 has written the text there."""
+    if COMM.rank == 0:
+        path.write_text(text)
+    COMM.Barrier()
+    return str(path)
+
+
+@cache
+def meshio():
+    return pytest.importorskip("meshio", reason="Debian's package python3-meshio is not installed")
+
+
+# -- the same scene ---------------------------------------------------------------------------------------------------
+def pressed(mesh, body, foot, head, bottom=0.0, **options):
+    """A block that stands on its foot under a rough plate: forces of both, and its volume by the form."""
+    scene = Scene(Body(mesh, body, neo_hooke(0.5, 2.0)), **options)
+    scene.fix(foot)
+    plate = rigid_plane((0, 0, bottom + SIZE[2]), (0, 0, -1), name="plate")
+    scene.contact(head, plate, 0.3, name="c")
+    result = solve(scene, move={plate: (0.05, 0, -0.15)}, steps=2, progress=False, tolerance=1e-11).require()
+    return [result.history[-1][f"c_force_{axis}_N"] for axis in "xyz"] + [volume(scene)]
+
+
+def volume(scene):
+    return integral(scene, ufl.dx(domain=scene.mesh.domain))
+
+
+def integral(scene, measure):
+    form = ufl.TestFunction(compat.lagrange_space(scene.mesh.domain, 1)) * measure
+    parts = np.zeros(scene.space.dofmap.index_map.size_local + scene.space.dofmap.index_map.num_ghosts)
+    compat.assemble_vector(parts, compat.compile_form(form))
+    return COMM.allreduce(parts.sum())
+
+
+def area(mesh, body, group):
+    """Of a surface; of a plane scene the length of a curve."""
+    plane = "strain" if mesh.plane else None
+    scene = Scene(Body(mesh, body, neo_hooke(0.5, 2.0)), accept_locking=True, plane=plane)
+    return integral(scene, scene.ds((group,)))
+
+
+@cache
+def by_gmsh():
+    return pressed(read_gmsh(box.build, size=SIZE, cells=(3, 2, 2)), "box", "zmin", "zmax")
+
+
+def drawn(path, draw, **parameters):
+    """What gmsh draws, written on rank 0 as it stands; the arrays (X, {gmsh's type: nodes}) too."""
+    found = None
+    if COMM.rank == 0:
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        draw(**parameters)
+        gmsh.write(str(path))
+        tags, X, _ = gmsh.model.mesh.getNodes()
+        kinds, _, nodes = gmsh.model.mesh.getElements()
+        counts = [gmsh.model.mesh.getElementProperties(kind)[3] for kind in kinds]
+        by_kind = {int(k): np.asarray(n, dtype=int).reshape(-1, c) for k, n, c in zip(kinds, nodes, counts, strict=True)}
+        found = X.reshape(-1, 3)[np.argsort(tags)], by_kind
+        gmsh.finalize()
+    return COMM.bcast(found)
+
+
+def rows(numbers):
+    return ",\n".join(", ".join(map(str, numbers[i : i + 8])) for i in range(0, len(numbers), 8)) + "\n"
+
+
+def test_an_abaqus_file_with_its_sets(folder):
+    """People fix a node set and press a surface; sets in pieces, by ranges, of sets, in an included file."""
+    X, elements = drawn(folder / "box.msh", box.build, size=SIZE, cells=(3, 2, 2))
+    cells = elements[5]
+    foot = [int(n) for n in np.flatnonzero(X[:, 2] == 0.0) + 1]
+    high = [e for e, nodes in enumerate(cells, start=101) if X[nodes - 1, 2].max() == SIZE[2]]
+    face = {e: faces_at(X, cells[e - 101], SIZE[2]) for e in high}
+    nodes = "".join(f"{n}, {x!r}, {y!r}, {z!r}\n" for n, (x, y, z) in enumerate(X.tolist(), start=1))
+    half = nodes.splitlines(keepends=True)
+    written(folder / "rest.txt", "".join(half[9:]))
+    text = "** a comment\n*Heading\n a block\n*Node, nset=Everything\n" + "".join(half[:9]) + "*Node, Input=rest.txt\n"
+    text += "*ELEMENT, TYPE=C3D8RH,\n ELSET=rubber\n"
+    for e, own in enumerate(cells, start=101):
+        text += f"{e}, {', '.join(map(str, own[:5]))},\n {', '.join(map(str, own[5:]))}\n"
+    text += f"*Nset, nset=_foot, internal\n{rows(foot[:4])}*Nset, nset=Foot\n_foot\n*Nset, nset=foot\n{rows(foot[4:])}"
+    for side in sorted(set(face.values())):
+        text += f"*Elset, elset=_high_{side}, internal\n{rows([e for e in high if face[e] == side])}"
+    text += "*Surface, name=Head\n" + "".join(f"_high_{side}, {side}\n" for side in sorted(set(face.values())))
+    text += f"*Surface, type=ELEMENT, name=Skin\nrubber,\n*Elset, elset=all, generate\n101, {100 + len(cells)}, 1\n"
+    text += "*Nset, nset=Corner\n1\n*Nset, nset=OfRubber, elset=rubber\n"
+    text += "*Solid Section, elset=RUBBER, material=Gum\n*Material, name=Gum\n*Hyperelastic\n1., 2.\n*Step\n*End Step\n"
+    mesh = read_mesh(written(folder / "block.inp", text))
+    assert set(mesh.volumes) == {"rubber"} and set(mesh.surfaces) == {"Foot", "Head", "Skin"}
+    assert set(mesh.points) == {"Corner", "Everything", "OfRubber"} and len(mesh.points["Corner"]) == 1
+    assert pressed(mesh, "rubber", "Foot", "Head") == pytest.approx(by_gmsh(), rel=1e-9, abs=1e-9)
+    (a, b, c), areas = SIZE, [area(mesh, "rubber", name) for name in ("Foot", "Head", "Skin")]
+    assert areas == pytest.approx([a * b, a * b, 2 * (a * b + b * c + c * a)])
+
+
+def faces_at(X, nodes, height):
+    """The name of the cell's face at this height, by its nodes in the manual."""
+    there = "".join(str(i) for i in np.flatnonzero(np.isclose(X[nodes - 1, 2], height)) + 1)
+    return {"1234": "S1", "5678": "S2", "1256": "S3", "2367": "S4", "3478": "S5", "1458": "S6"}[there]
+
+
+def element(kind, X, more=""):
+    """An input file of one element."""
+    nodes = "".join(f"{n}, {', '.join(map(str, x))}\n" for n, x in enumerate(X, start=1))
+    return f"*NODE\n{nodes}*ELEMENT, TYPE={kind}, ELSET=one\n1, {', '.join(str(n) for n in range(1, len(X) + 1))}\n{more}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "X", "outward"),
+    [
+        ("C3D8", HEXAHEDRON, [(0, 0, -1), (0, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0)]),
+        ("C3D4H", TETRAHEDRON, [(0, 0, -1), (0, -1, 0), (1, 1, 1), (-1, 0, 0)]),
+    ],
+)
+def test_each_face_of_an_element_is_where_the_manual_has_it(folder, kind, X, outward):
+    names = [f"S{i}" for i in range(1, len(outward) + 1)]
+    text = element(kind, X, "".join(f"*SURFACE, NAME=on_{name}\none, {name}\n" for name in names))
+    path = written(folder / "one.inp", text)
+    for name, normal in zip(names, outward, strict=True):
+        tool = rigid_surface(path, f"on_{name}")
+        a, b, c = tool.X[tool.nodes[0, :3]]
+        turn = np.cross(b - a, c - a)
+        np.testing.assert_allclose(turn / np.linalg.norm(turn), np.array(normal) / np.linalg.norm(normal), atol=1e-12)
+        assert tool.X @ normal == pytest.approx(max(np.array(X) @ normal), abs=1e-12)  # the outermost there is
+
+
+def test_surfaces_of_curved_cells(folder):
+    """Ten nodes: the volume and the area of a ball's octant are those of gmsh's own curved cells, not of straight ones."""
+    path = folder / "ball.msh"
+    X, elements = drawn(path, octant)
+    number = np.arange(1, len(X) + 1)
+    last = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]  # Abaqus: nodes 9 and 10 lie between 2 and 4, 3 and 4; gmsh: the other way round
+    cells = elements[11][:, last]
+    text = "*NODE\n" + "".join(f"{n}, {x!r}, {y!r}, {z!r}\n" for n, (x, y, z) in zip(number, X.tolist(), strict=True))
+    text += "*ELEMENT, TYPE=C3D10MH, ELSET=ball\n"
+    text += "".join(f"{e}, {', '.join(map(str, own))}\n" for e, own in enumerate(cells, start=1))
+    round_ = np.flatnonzero(np.abs(np.linalg.norm(X, axis=1) - 1.0) < 1e-9) + 1
+    text += f"*NSET, NSET=round\n{rows(list(round_))}*NSET, NSET=some\n{rows(list(round_[:5]))}"
+    mesh, wanted = read_mesh(written(folder / "ball.inp", text)), read_mesh(str(path))
+    assert set(mesh.surfaces) == {"round"} and not mesh.points  # five nodes of curved cells are no points: see the page
+    figures = [[volume_of(one), area(one, "ball", "round")] for one in (mesh, wanted)]
+    assert figures[0] == pytest.approx(figures[1], rel=1e-12)
+    assert figures[0] == pytest.approx([np.pi / 6, np.pi / 2], rel=2e-3)  # straight edges of 0.5: 3 % less
+
+
+def volume_of(mesh):
+    return volume(Scene(Body(mesh, next(iter(mesh.volumes)), neo_hooke(0.5, 2.0)), accept_locking=True))
+
+
+def octant():
+    ball = gmsh.model.occ.addSphere(0, 0, 0, 1.0, angle1=0.0, angle3=np.pi / 2)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.setOrder(2)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [ball]), "ball")
+    hull = [tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) == "Sphere"]
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, hull), "round")
+
+
+def test_a_plane_abaqus_file(folder):
+    """CAX4H with a node set on an edge, clockwise too: what gmsh's rectangles give."""
+    text = element("CAX4RH", [(0, 0), (1, 0), (1, 2), (0, 2)], "*NSET, NSET=axis\n1, 4\n*SURFACE, NAME=rim\none, S2\n")
+    mesh = read_mesh(written(folder / "plane.inp", text))
+    assert mesh.plane and set(mesh.surfaces) == {"axis", "rim"} and set(mesh.volumes) == {"one"}
+    assert area(mesh, "one", "rim") == pytest.approx(2.0) and area(mesh, "one", "axis") == pytest.approx(2.0)
+    turned = element("CAX4RH", [(0, 0), (0, 2), (1, 2), (1, 0)], "*SURFACE, NAME=rim\none, S3\n")
+    assert area(read_mesh(written(folder / "turned.inp", turned)), "one", "rim") == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("writer", ["gmsh", "fixed-small", "fixed-large"])
+def test_a_nastran_file(folder, writer):
+    path = folder / "block.bdf"
+    drawn(path, box.build, size=SIZE, cells=(3, 2, 2))
+    if writer != "gmsh":
+        drawn(folder / "block.msh", box.build, size=SIZE, cells=(3, 2, 2))
+        if meshio() and COMM.rank == 0:
+            mesh = meshio().read(folder / "block.msh")
+            mesh.cell_data = {"nastran:ref": mesh.cell_data["gmsh:physical"]}
+            meshio().nastran.write(path, mesh, point_format=writer, cell_format="fixed-small")
+        COMM.Barrier()
+    mesh = read_mesh(str(path))
+    assert set(mesh.volumes) == {"pid_1"} and len(mesh.surfaces) == 6
+    low, high = (next(name for name in mesh.surfaces if at(mesh, name, z)) for z in (0.0, SIZE[2]))
+    assert pressed(mesh, "pid_1", low, high) == pytest.approx(by_gmsh(), rel=1e-6, abs=1e-6)  # seven digits of coordinates
+
+
+def at(mesh, name, height):
+    """Whether a surface lies in z = height."""
+    facets = mesh.facets(name)
+    space = compat.lagrange_space(mesh.domain, 1)
+    z = space.tabulate_dof_coordinates()[compat.locate_blocks(space, facets), 2]
+    return COMM.allreduce(float(np.abs(z - height).max(initial=0.0)), op=MPI.MAX) < 1e-6
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_vtu_file(folder, binary):
+    path = folder / "block.vtu"
+    meshio()
+    drawn(folder / "block.msh", box.build, size=SIZE, cells=(3, 2, 2))
+    if COMM.rank == 0:
+        mesh = meshio().read(folder / "block.msh")
+        data = {"part": mesh.cell_data["gmsh:physical"], "quality": [np.ones(len(block.data)) for block in mesh.cells]}
+        meshio().vtu.write(path, meshio().Mesh(mesh.points, mesh.cells, cell_data=data), binary=binary)
+    COMM.Barrier()
+    mesh = read_mesh(str(path))
+    low, high = (next(name for name in mesh.surfaces if at(mesh, name, z)) for z in (0.0, SIZE[2]))
+    assert pressed(mesh, "part_1", low, high) == pytest.approx(by_gmsh(), rel=1e-8, abs=1e-8)
+    refused(lambda: read_mesh(str(path), bodies="quality"), "bodies='...'", "it has: part")
+    refused(lambda: read_mesh(str(path), bodies="material"), "it has: part")
+
+
+def test_curved_cells_of_a_vtu_file(folder):
+    """As meshio orders their nodes."""
+    meshio()
+    drawn(folder / "ball.msh", octant)
+    if COMM.rank == 0:
+        mesh = meshio().read(folder / "ball.msh")
+        groups = meshio().Mesh(mesh.points, mesh.cells, cell_data={"part": mesh.cell_data["gmsh:physical"]})
+        meshio().vtu.write(folder / "ball.vtu", groups)
+    COMM.Barrier()
+    found, wanted = read_mesh(folder / "ball.vtu"), read_mesh(folder / "ball.msh")
+    ((body,), (side,)) = found.volumes, found.surfaces
+    figures = [[volume_of(found), area(found, body, side)], [volume_of(wanted), area(wanted, "ball", "round")]]
+    assert figures[0] == pytest.approx(figures[1], rel=1e-12)
+
+
+# -- geometries, tools ------------------------------------------------------------------------------------------------
+def solid():
+    gmsh.model.occ.addBox(0, 0, 0, *SIZE)
+    gmsh.model.occ.synchronize()
+
+
+@pytest.mark.parametrize("suffix", [".step", ".brep"])
+def test_a_geometry_is_meshed_with_a_size(folder, suffix):
+    path = folder / f"solid{suffix}"
+    drawn(path, solid)
+    coarse, fine = (read_mesh(str(path), size=size) for size in (1.0, 0.5))
+    assert set(fine.volumes) == {"volume_1"} and set(fine.surfaces) == {f"surface_{i}" for i in range(1, 7)}
+    counts = [mesh.domain.topology.index_map(3).size_global for mesh in (coarse, fine)]
+    assert 24 <= counts[0] < counts[1]
+    assert volume_of(fine) == pytest.approx(np.prod(SIZE), rel=1e-12)
+    low = next(name for name in fine.surfaces if at(fine, name, 0.0))
+    assert area(fine, "volume_1", low) == pytest.approx(SIZE[0] * SIZE[1], rel=1e-12)
+    refused(lambda: read_mesh(str(path)), "size=", "geometry")
+    tool = rigid_surface(str(path), size=1.0)  # facets look out of the solid: its volume by the divergence theorem
+    corners = tool.X[tool.nodes[:, :3]]
+    assert np.linalg.det(corners).sum() / 6 == pytest.approx(np.prod(SIZE), rel=1e-12)
+
+
+def test_a_geo_script_with_names_and_sizes_of_its_own(folder):
+    text = 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 1, 1.5}; MeshSize {:} = 0.75;\n'
+    text += 'Physical Volume("rubber") = {1}; Physical Surface("ends") = {1, 2};\n'
+    path = written(folder / "solid.geo", text)
+    own, fine = read_mesh(path), read_mesh(path, size=0.4)
+    assert set(own.volumes) == {"rubber"} and set(own.surfaces) == {"ends"}
+    assert own.domain.topology.index_map(3).size_global < fine.domain.topology.index_map(3).size_global
+    assert area(own, "rubber", "ends") == pytest.approx(3.0, rel=1e-12)
+
+
+def stl(*facets):
+    """Text of facets, each of three corners."""
+    corners = ("outer loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in one) + "endloop\n" for one in facets)
+    return "solid tool\n" + "".join(f"facet normal 0 0 0\n{one}endfacet\n" for one in corners) + "endsolid tool\n"
+
+
+SQUARE = [((-9, -9, 1.5), (-9, 9, 1.5), (9, -9, 1.5)), ((9, -9, 1.5), (-9, 9, 1.5), (9, 9, 1.5))]  # seen from below
+SLIVER = ((-9, 9, 1.5), (0, 9, 1.5), (9, 9, 1.5))  # without an area
+
+
+def two_triangles():
+    gmsh.model.addDiscreteEntity(2, 1)
+    gmsh.model.mesh.addNodes(2, 1, range(1, 7), np.ravel(SQUARE))
+    gmsh.model.mesh.addElementsByType(1, 2, [], range(1, 7))
+    gmsh.model.mesh.removeDuplicateNodes()
+
+
+def test_an_stl_file_is_a_tool(folder):
+    """A plate of two triangles presses as gmsh's own two do; facets without area are left out, and said."""
+    path = written(folder / "plate.stl", stl(*SQUARE, SLIVER))
+    notes, forces = [], []
+    for plate in (rigid_surface(two_triangles), rigid_surface(path)):
+        scene = Scene(Body(read_gmsh(box.build, size=SIZE, cells=(3, 2, 2)), "box", neo_hooke(0.5, 2.0)))
+        scene.fix("zmin")
+        scene.contact("zmax", plate, name="c")
+        result = solve(scene, move={plate: (0, 0, -0.15)}, steps=2, progress=False, tolerance=1e-11).require()
+        forces.append(result.history[-1]["c_force_z_N"])
+        notes.append([note for note in result.verdict.notes if "without area" in note])
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+    assert notes[0] == [] and len(notes[1]) == 1 and "'tool'" in notes[1][0] and "1 facet" in notes[1][0]
+    turned = written(folder / "turned.stl", stl(SQUARE[0], SQUARE[1][::-1]))
+    refused(lambda: rigid_surface(turned), "different ways")
+    refused(lambda: read_mesh(path), "plate.stl", "rigid_surface(path)")
+    refused(lambda: rigid_surface(written(folder / "nothing.stl", stl(SLIVER))), "no facets with an area")
+
+
+# -- what is refused --------------------------------------------------------------------------------------------------
+CUBE = element("C3D8", HEXAHEDRON)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("*HEADING\n", ("no *ELEMENT",)),
+        (element("C3D20R", [*HEXAHEDRON, *[(0, 0, i) for i in range(12)]]), ("C3D20R", "8 nodes", "degree=2")),
+        (element("C3D6", [(0, 0, 0)] * 6), ("C3D6", "hexahedra")),
+        (element("COH3D8", HEXAHEDRON), ("COH3D8", "not known")),
+        (element("C3D8", HEXAHEDRON[:7]), ("*ELEMENT", "8 entries", "8 nodes each")),
+        (element("C3D8", HEXAHEDRON[4:] + HEXAHEDRON[:4]), ("inverted", "element 1 ")),
+        (
+            element("C3D8", HEXAHEDRON) + "*ELEMENT, TYPE=C3D4, ELSET=one\n2, 1, 2, 4, 5\n",
+            ("mixes", "Hexahedron 8", "Tetrahedron 4"),
+        ),
+        (CUBE.replace("1, 1, 2", "1, 99, 2"), ("1 nodes", "not in the file")),
+        (CUBE + "*NODE\n1, 0, 0, 0\n", ("*NODE", "twice")),
+        (CUBE.replace(", ELSET=one", ""), ("1 cells", "no body", "SOLID SECTION")),
+        (CUBE + "*ELSET, ELSET=other\n1\n", ("element 1", "'one'", "'other'", "bodies=")),
+        (CUBE + "*SOLID SECTION, ELSET=gum\n", ("'gum'", "the file has: one")),
+        (CUBE + "*SURFACE, NAME=top\none, S7\n", ("S7", "S1, S2")),
+        (CUBE + "*SURFACE, NAME=top\ntwo, S1\n", ("set 'two'",)),
+        (CUBE + "*SURFACE, NAME=top\none, S2\n*NSET, NSET=Top\n1, 2\n", ("'Top'", "'top'", "different nodes")),
+        (CUBE + "*NSET, NSET=a\nb\n", ("*NSET", "node set 'b'")),
+        ("*PART, NAME=a\n" + CUBE + "*END PART\n*PART, NAME=b\n*END PART\n", ("*PART", "without parts")),
+        ("*PART, NAME=a\n" + CUBE + "*END PART\n*ASSEMBLY\n*INSTANCE, NAME=a-1, PART=a\n1., 0., 0.\n", ("moved",)),
+        (CUBE + "*NGEN\n1, 8\n", ("*NGEN", "written out")),
+        (CUBE.replace("*NODE", "*NODE, SYSTEM=C"), ("*NODE", "Cartesian")),
+        (CUBE.replace("TYPE=C3D8, ", ""), ("*ELEMENT", "'TYPE'")),
+        (CUBE + "*INCLUDE, INPUT=missing.txt\n", ("missing.txt",)),
+        (CUBE.replace("1, 0, 0, 0", "1, 0, zero, 0"), ("*NODE", "ZERO")),
+    ],
+)
+def test_an_abaqus_file_that_is_refused(folder, text, words):
+    refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words)
+
+
+def test_one_part_and_one_instance_are_the_part(folder):
+    text = "*PART, NAME=a\n" + CUBE + "*END PART\n*ASSEMBLY, NAME=all\n*INSTANCE, NAME=a-1, PART=a\n*END INSTANCE\n"
+    text += "*ELSET, ELSET=_s, INTERNAL, INSTANCE=a-1\n1\n*SURFACE, NAME=top\n_s, S2\n"
+    text += "*NSET, NSET=low, INSTANCE=a-1\n1, 2\n 3, 4\n*SURFACE, TYPE=NODE, NAME=held\na-1.low\n*END ASSEMBLY\n"
+    mesh = read_mesh(written(folder / "parts.inp", text), bodies="ONE")
+    assert set(mesh.surfaces) == {"top", "low", "held"} and set(mesh.volumes) == {"one"}
+
+
+NASTRAN = "BEGIN BULK\n" + "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(TETRAHEDRON, start=1))
+
+
+def test_other_files_that_are_refused(folder):
+    refused(lambda: read_mesh(written(folder / "mesh.xyz", "")), "mesh.xyz", "'.xyz'", ".inp", ".step")
+    refused(lambda: read_mesh(str(folder / "none.inp")), "none.inp", "does not exist")
+    refused(lambda: read_mesh(written(folder / "cube.inp", CUBE), size=1.0), "size=", ".step", "leave it out")
+    tetrahedron = NASTRAN + "CTETRA,1,7,1,2,3,4\nENDDATA\n"
+    assert set(read_mesh(written(folder / "one.bdf", tetrahedron)).volumes) == {"pid_7"}
+    refused(lambda: read_mesh(str(folder / "one.bdf"), bodies="pid_7"), "bodies=", ".inp, .vtu")
+    turned = tetrahedron.replace("GRID,4,,", "GRID,4,2,")
+    refused(lambda: read_mesh(written(folder / "turned.bdf", turned)), "GRID", "basic coordinate system", "not in 2")
+    more = tetrahedron.replace("ENDDATA", "CTRIAX,2,8,1,2,3\nENDDATA")
+    refused(lambda: read_mesh(written(folder / "more.bdf", more)), "1 of its 2 elements")
+
+
+def test_a_missing_meshio_is_named_with_its_package(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshio", None)
+    refused(lambda: read_mesh(written(folder / "mesh.vtu", "<VTKFile/>")), "mesh.vtu", "python3-meshio")
