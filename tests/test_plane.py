@@ -28,9 +28,8 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
-from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
 from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
+from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
 
 RUBBER = neo_hooke(1.0, 10.0)
 THICKNESS = 0.5
