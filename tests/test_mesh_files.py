@@ -107,7 +107,7 @@ def test_an_abaqus_file_with_its_sets(folder):
     half = nodes.splitlines(keepends=True)
     written(folder / "rest.txt", "".join(half[9:]))
     text = "** a comment\n*Heading\n a block\n*Node, nset=Everything\n" + "".join(half[:9]) + "*Node, Input=rest.txt\n"
-    text += "*ELEMENT, TYPE=C3D8RH,\n ELSET=rubber\n"
+    text += "  ** another\n*ELEMENT, TYPE=C3D8RH,\n ELSET=rubber\n  ** a third\n"
     for e, own in enumerate(cells, start=101):
         text += f"{e}, {', '.join(map(str, own[:5]))},\n {', '.join(map(str, own[5:]))}\n"
     text += f"*Nset, nset=_foot, internal\n{rows(foot[:4])}*Nset, nset=Foot\n_foot\n*Nset, nset=foot\n{rows(foot[4:])}"
@@ -367,10 +367,12 @@ def test_an_abaqus_file_that_is_refused(folder, text, words):
 
 def test_one_part_and_one_instance_are_the_part(folder):
     text = "*PART, NAME=a\n" + CUBE + "*END PART\n*ASSEMBLY, NAME=all\n*INSTANCE, NAME=a-1, PART=a\n*END INSTANCE\n"
+    text += "*NODE\n1, 5, 5, 5\n*NSET, NSET=reference\n1\n*ELEMENT, TYPE=MASS, ELSET=heavy\n1, 1\n"  # the assembly's own
     text += "*ELSET, ELSET=_s, INTERNAL, INSTANCE=a-1\n1\n*SURFACE, NAME=top\n_s, S2\n"
-    text += "*NSET, NSET=low, INSTANCE=a-1\n1, 2\n 3, 4\n*SURFACE, TYPE=NODE, NAME=held\na-1.low\n*END ASSEMBLY\n"
+    text += "*NSET, NSET=low, INSTANCE=a-1\n1, 2\n 3, 4\n*SURFACE, TYPE=NODE, NAME=held\na-1.low\n"
+    text += "*SURFACE, TYPE=NODE, NAME=_c, INTERNAL\nreference, 1.\n*END ASSEMBLY\n"
     mesh = read_mesh(written(folder / "parts.inp", text), bodies="ONE")
-    assert set(mesh.surfaces) == {"top", "low", "held"} and set(mesh.volumes) == {"one"}
+    assert set(mesh.surfaces) == {"top", "low", "held"} and set(mesh.volumes) == {"one"} and not mesh.points
 
 
 NASTRAN = "BEGIN BULK\n" + "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(TETRAHEDRON, start=1))

@@ -20,6 +20,7 @@ _DIMENSION = {"C3D": 3} | dict.fromkeys(("T2D", "T3D", "R2D", "RAX"), 1)  # 2 fo
 # springs, masses and the like, which have no mesh
 _PASSED = ("MASS", "ROTARYI", "SPRING", "DASHPOT", "CONN", "GAP", "DCOUP", "RNODE", "HEATCAP", "B33", "B23", "PIPE", "FRAME")
 _PLACED = {"NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "SYSTEM"}  # make or move nodes and elements
+_LOOSE = {"ASSEMBLY": True, "INSTANCE": False, "END INSTANCE": True, "END ASSEMBLY": False}
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class Model:
     sections: list[str] = field(default_factory=list)
     parts: int = 0
     instances: int = 0
+    loose: bool = False  # the assembly's own nodes and elements are at hand: reference points, numbered for themselves
 
 
 def read(path: Path) -> Model:
@@ -87,12 +89,12 @@ def read(path: Path) -> Model:
 
 def _lines(path: Path) -> Iterator[str]:
     """Lines without comments and blank ones; another file's in the place where that is included."""
-    for line in path.read_text(errors="replace").splitlines():
-        if line.startswith("**") or not line.strip():
+    for line in (raw.strip() for raw in path.read_text(errors="replace").splitlines()):
+        if line.startswith("**") or not line:
             continue
         other = re.search(r",\s*INPUT\s*=\s*\"?([^,\"]+)", line, re.IGNORECASE) if line.startswith("*") else None
         if not (other and line.upper().startswith("*INCLUDE")):
-            yield line.strip()
+            yield line
         if other:
             yield from _lines(path.parent / other[1].strip())
 
@@ -119,13 +121,17 @@ def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[str
     """What one keyword adds to the model."""
     if keyword in _PLACED:
         raise ValueError("nodes and elements that a keyword makes or moves are not read; have them written out")
+    if keyword in _LOOSE:
+        model.loose = _LOOSE[keyword]
+    if model.loose and keyword in ("NODE", "ELEMENT"):
+        return
     if keyword == "NODE":
         _nodes(model, parameters, data)
     elif keyword == "ELEMENT":
         _elements(model, parameters, data)
     elif keyword in ("NSET", "ELSET"):
         _set(model, keyword, parameters, data)
-    elif keyword == "SURFACE" and not {"COMBINE", "CROP"} & set(parameters):
+    elif keyword == "SURFACE" and not {"COMBINE", "CROP", "INTERNAL"} & set(parameters):
         _surface(model, parameters, data)
     elif keyword == "SOLID SECTION":
         model.sections.append(parameters["ELSET"])
@@ -182,6 +188,8 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[str]
     """*NSET and *ELSET: numbers, other sets, ranges; the nodes of an element set."""
     sets, name = (model.nsets if keyword == "NSET" else model.elsets), parameters[keyword]
     rows = [[part.strip() for part in line.split(",") if part.strip()] for line in data]
+    if model.loose and "INSTANCE" not in parameters and any(part.isdigit() for row in rows for part in row):
+        return
     found: list[Ints64] = [np.empty(0, dtype=np.int64)]
     if "GENERATE" in parameters:
         for first, last, *step in rows:
