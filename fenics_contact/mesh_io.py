@@ -102,7 +102,7 @@ def read_gmsh(
     """Mesh from a script or a file, the same on any number of ranks. Of a model without volumes: a plane mesh, of its
     surfaces, which lie in z = 0, with its curves for their sides.
 
-    source: a function that draws and meshes the current gmsh model (called with `parameters`), or a .msh path. Volume and
+    source: a function that draws and meshes the current gmsh model (called with `parameters`), or a file's path. Volume and
     surface groups need names; a surface may be in several. ranks: {volume: rank that holds all of it}, of bodies that share
     no node, where dolfinx is not to choose. Raises ValueError, on all ranks, for what gmsh or the script fails at, unnamed
     groups, cells that are not hexahedra or tetrahedra, of two types, in two groups or in none, and inverted cells.

@@ -14,7 +14,6 @@ from refusals import refused
 from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, read_mesh, rigid_plane, rigid_surface, solve
 from fenics_contact.meshes import box
 
-pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
 SIZE = (2.0, 1.0, 1.5)
 # A cell with a number for each node, and what of it lies where: by the manual's figures of the faces S1, S2, ...
@@ -96,6 +95,7 @@ def rows(numbers):
     return ",\n".join(", ".join(map(str, numbers[i : i + 8])) for i in range(0, len(numbers), 8)) + "\n"
 
 
+@pytest.mark.parallel
 def test_an_abaqus_file_with_its_sets(folder):
     """People fix a node set and press a surface; sets in pieces, by ranges, of sets, in an included file."""
     X, elements = drawn(folder / "box.msh", box.build, size=SIZE, cells=(3, 2, 2))
@@ -137,6 +137,7 @@ def element(kind, X, more=""):
     return f"*NODE\n{nodes}*ELEMENT, TYPE={kind}, ELSET=one\n1, {', '.join(str(n) for n in range(1, len(X) + 1))}\n{more}"
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("kind", "X", "outward"),
     [
@@ -156,6 +157,7 @@ def test_each_face_of_an_element_is_where_the_manual_has_it(folder, kind, X, out
         assert tool.X @ normal == pytest.approx(max(np.array(X) @ normal), abs=1e-12)  # the outermost there is
 
 
+@pytest.mark.parallel
 def test_surfaces_of_curved_cells(folder):
     """Ten nodes: the volume and the area of a ball's octant are those of gmsh's own curved cells, not of straight ones."""
     path = folder / "ball.msh"
@@ -190,6 +192,7 @@ def octant():
     gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, hull), "round")
 
 
+@pytest.mark.serial
 def test_a_plane_abaqus_file(folder):
     """CAX4H with a node set on an edge, clockwise too: what gmsh's rectangles give."""
     text = element("CAX4RH", [(0, 0), (1, 0), (1, 2), (0, 2)], "*NSET, NSET=axis\n1, 4\n*SURFACE, NAME=rim\none, S2\n")
@@ -200,6 +203,7 @@ def test_a_plane_abaqus_file(folder):
     assert area(read_mesh(written(folder / "turned.inp", turned)), "one", "rim") == pytest.approx(2.0)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("writer", ["gmsh", "fixed-small", "fixed-large"])
 def test_a_nastran_file(folder, writer):
     path = folder / "block.bdf"
@@ -225,6 +229,7 @@ def at(mesh, name, height):
     return COMM.allreduce(float(np.abs(z - height).max(initial=0.0)), op=MPI.MAX) < 1e-6
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("binary", [True, False])
 def test_a_vtu_file(folder, binary):
     path = folder / "block.vtu"
@@ -242,6 +247,7 @@ def test_a_vtu_file(folder, binary):
     refused(lambda: read_mesh(str(path), bodies="material"), "it has: part")
 
 
+@pytest.mark.serial
 def test_curved_cells_of_a_vtu_file(folder):
     """As meshio orders their nodes."""
     meshio()
@@ -263,6 +269,7 @@ def solid():
     gmsh.model.occ.synchronize()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("suffix", [".step", ".brep"])
 def test_a_geometry_is_meshed_with_a_size(folder, suffix):
     path = folder / f"solid{suffix}"
@@ -280,6 +287,7 @@ def test_a_geometry_is_meshed_with_a_size(folder, suffix):
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(np.prod(SIZE), rel=1e-12)
 
 
+@pytest.mark.serial
 def test_a_geo_script_with_names_and_sizes_of_its_own(folder):
     text = 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 1, 1.5}; MeshSize {:} = 0.75;\n'
     text += 'Physical Volume("rubber") = {1}; Physical Surface("ends") = {1, 2};\n'
@@ -307,6 +315,7 @@ def two_triangles():
     gmsh.model.mesh.removeDuplicateNodes()
 
 
+@pytest.mark.parallel
 def test_an_stl_file_is_a_tool(folder):
     """A plate of two triangles presses as gmsh's own two do; facets without area are left out, and said."""
     path = written(folder / "plate.stl", stl(*SQUARE, SLIVER))
@@ -330,6 +339,7 @@ def test_an_stl_file_is_a_tool(folder):
 CUBE = element("C3D8", HEXAHEDRON)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -365,6 +375,7 @@ def test_an_abaqus_file_that_is_refused(folder, text, words):
     refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words)
 
 
+@pytest.mark.serial
 def test_one_part_and_one_instance_are_the_part(folder):
     text = "*PART, NAME=a\n" + CUBE + "*END PART\n*ASSEMBLY, NAME=all\n*INSTANCE, NAME=a-1, PART=a\n*END INSTANCE\n"
     text += "*NODE\n1, 5, 5, 5\n*NSET, NSET=reference\n1\n*ELEMENT, TYPE=MASS, ELSET=heavy\n1, 1\n"  # the assembly's own
@@ -378,6 +389,7 @@ def test_one_part_and_one_instance_are_the_part(folder):
 NASTRAN = "BEGIN BULK\n" + "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(TETRAHEDRON, start=1))
 
 
+@pytest.mark.parallel
 def test_other_files_that_are_refused(folder):
     refused(lambda: read_mesh(written(folder / "mesh.xyz", "")), "mesh.xyz", "'.xyz'", ".inp", ".step")
     refused(lambda: read_mesh(str(folder / "none.inp")), "none.inp", "does not exist")
@@ -391,6 +403,7 @@ def test_other_files_that_are_refused(folder):
     refused(lambda: read_mesh(written(folder / "more.bdf", more)), "1 of its 2 elements")
 
 
+@pytest.mark.parallel
 def test_a_missing_meshio_is_named_with_its_package(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "meshio", None)
     refused(lambda: read_mesh(written(folder / "mesh.vtu", "<VTKFile/>")), "mesh.vtu", "python3-meshio")

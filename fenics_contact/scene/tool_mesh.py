@@ -51,9 +51,10 @@ def rigid_curve(
 ) -> MeshedTool:
     """Rigid tool of a plane scene whose surface is a gmsh mesh of curves.
 
-    source: a gmsh script, called with `parameters`, or a .msh file; group: the curve group that is the tool, by default all
-    curves. The tool is on the left of its curve: that is where a meshed surface which the curve bounds lies, else the curve
-    runs so; flip=True turns it. Raises ValueError, on all ranks, where there is no such curve or where it has no length.
+    source: a gmsh script, called with `parameters`, or a file as for read_mesh; group: the curve group that is the tool, by
+    default all curves. The tool is on the left of its curve: that is where a meshed surface which the curve bounds lies,
+    else the curve runs so; flip=True turns it. Raises ValueError, on all ranks, where there is no such curve or where it has
+    no length.
     """
     ends, X = read_curve(source, group, comm, **parameters)
     ends = ends[:, ::-1] if flip else ends
