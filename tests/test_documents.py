@@ -1,5 +1,6 @@
 """The documents: their links lead somewhere, the README stays short and its scene runs, the package says what it is."""
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -58,6 +59,13 @@ def test_benchmarks_name_what_computes_them():
         files = re.findall(r"`([\w/]+\.py)`", named)
         assert files or "](" in named, named
         assert all((ROOT / file).exists() for file in files), named
+
+
+def test_the_picture_of_the_rooms_is_that_of_their_table():
+    spec = importlib.util.spec_from_file_location("house", DOCS / "house.py")
+    house = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(house)
+    assert house.PICTURE.read_text() == house.picture(), "python3 docs/house.py"
 
 
 def test_pictures_are_small_and_shown():
