@@ -26,6 +26,7 @@ KNOWS = {
     "output": "columns, files, pictures",
     "mesh_io": "distributed meshes",
     "gmsh_model": "groups by name",
+    "mesh_files": "Abaqus, Nastran, .vtu, STL",
     "solid": "energies, elements",
     "contact": "surfaces, partners, law",
     "solvers": "Newton, arc, verdicts",
