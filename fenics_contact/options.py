@@ -35,7 +35,7 @@ def stated_stages(
     if twice := [name for name in names if names.count(name) > 1]:
         raise SceneError(f"two stages are named '{twice[0]}'; give each a name of its own")
     first, *later = stages
-    given = [*scene.loadings, *(one for one in scene.supports if one.value != 0.0)]
+    given = [*scene.loadings, *(one for one in scene.supports if one.value != 0.0), *(p for p in scene.pairs if p.driven)]
     if idle := [stage for stage in ([] if given else [first]) + later if stage.idle]:
         raise SceneError(f"{idle[0]} has nothing to do: state what is moved, pushed or loaded in it, or leave it out")
     return [

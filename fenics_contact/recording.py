@@ -135,9 +135,11 @@ def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> C
     tied = list(dict.fromkeys(tie.hub.name for tie in scene.ties))
     tools = [tool.name for tool in scene.tools]
     moved = [name for name in turning if name in tools]  # others are refused with the motions
-    columns = Columns(tools, rough, groups, scene.units, scene.section, moved, tied)
+    columns = Columns(tools, rough, groups, scene.units, scene.section, moved, tied, [pair.column for pair in scene.pairs])
     if shared := columns.clash():
-        raise SceneError(f"two contacts, tools or supports would share the columns '{shared}_...'; give one another name")
+        raise SceneError(
+            f"two contacts, tools, supports or pairs would share the columns '{shared}_...'; give one another name"
+        )
     taken = columns.all()
     for name, value in record.items():
         if name in taken:

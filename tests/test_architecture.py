@@ -66,7 +66,7 @@ ONLY = {
     ("studies", "assembly"): {"system", "term"},  # their names
     ("studies", "output"): {"curves", "units"},  # names and units of columns
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
-    ("output", "assembly"): {"exchange", "facet_points", "numbering", "pose", "section", "system", "term"},
+    ("output", "assembly"): {"exchange", "facet_points", "numbering", "pose", "section", "supports", "system", "term"},
     ("output", "contact"): {"tools"},  # their shapes, to draw them
     ("output", "kernels"): {"rigid_profiles", "rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},

@@ -58,6 +58,6 @@ def is_symmetric(tangent_form: Form, u: Function, supports: Supports) -> bool:
     u.x.array[:] = saved
     asymmetry = transposed.norm()
     transposed.destroy()
-    if supports.turned is None:
+    if supports.change is None:
         matrix.destroy()
     return asymmetry <= 1e-10 * size  # sums of round-off; a real asymmetry is of the order of the entries

@@ -333,9 +333,9 @@ class System:
                 self.forces = max(self.forces, self._work.norm())
                 total.axpy(1.0, self._work)
         with total.localForm() as local:
-            self.reactions = self.supports.held(local.array_r)
+            self.reactions = self.supports.held_forces(local.array_r)
             self.supports.ties.add_wrenches(self.state.poses, self.state.q, local.array_r, tool_residual)
-            self.supports.put(local.array_w, 0.0)
+            self.supports.put_forces(local.array_w, 0.0)
         self.tool_residual = self.comm.allreduce(tool_residual) - self.tools.forces(self.state.t)
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
@@ -367,7 +367,7 @@ class System:
     def _extend_border(self, border: Border) -> None:
         """Let tools carry along what is tied to them. Collective."""
         forces, state = np.zeros_like(self.state.u.x.array), self.state
-        self.supports.put(forces, self.reactions)
+        self.supports.put_forces(forces, self.reactions)
         self.supports.ties.extend(border, self.matrix, state.poses, state.q, self.tools.free, forces)
 
     def _provide_couplings(self) -> None:

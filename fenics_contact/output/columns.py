@@ -34,8 +34,8 @@ class Report(Protocol):
 
 @dataclass(frozen=True)
 class Columns:
-    """Names of the history's columns. tools, groups of supports, turning tools, tied ones, by name; contacts: {name: has it
-    friction}.
+    """Names of the history's columns. tools, groups of supports, turning tools, tied ones, pairs of faces, by name;
+    contacts: {name: has it friction}.
 
     Names carry units; what is no letter, digit or _ in a name of the scene's becomes _. section: of a plane mesh, of which
     components out of its plane are left out, and resultants that cancel all the way round.
@@ -48,6 +48,7 @@ class Columns:
     section: Section | None = None
     turning: Sequence[str] = ()
     tied: Sequence[str] = ()
+    pairs: Sequence[str] = ()
 
     def all(self) -> list[str]:
         """The names of all columns a run may have but the user's own."""
@@ -62,6 +63,7 @@ class Columns:
             dict.fromkeys(self.tools, nothing),
             dict.fromkeys(self.tools, reaction),
             Energies(friction={name: 0.0 for name, rough in self.contacts.items() if rough}),
+            dict.fromkeys(self.pairs, nothing),
         )
         return [*self.row(0, 0.0, report, 0.0, 0.0, result), *SOME, damping_column(self.units)]
 
@@ -71,6 +73,7 @@ class Columns:
             *(f"{name}_travel" for name in self.tools),
             *(f"{name}_angle" for name in self.turning),
             *self.tied,
+            *self.pairs,
             *self.contacts,
             *(f"{name}_reaction" for name in self.groups),
         ]
@@ -88,6 +91,8 @@ class Columns:
         for tool in self.tied:
             row |= self._force(f"{tool}_force", result.drives[tool].force)
             row |= self._moment(f"{tool}_moment", result.drives[tool].moment)
+        for pair, force in result.pairs.items():
+            row |= self._force(f"{pair}_force", force)
         for name, contact in result.contacts.items():
             row |= self._contact(name, contact, self.contacts[name])
         for group, reaction in result.reactions.items():

@@ -130,7 +130,7 @@ class EnergyBalance:
         vector.destroy()
         reactions = np.zeros_like(forces)
         # what tools hold is their work
-        system.supports.put(reactions, np.where(system.supports.tied, 0.0, system.reactions))
+        system.supports.put_forces(reactions, np.where(system.supports.tied, 0.0, system.reactions))
         forces += reactions
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
         wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)

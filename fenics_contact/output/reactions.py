@@ -6,6 +6,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
+from fenics_contact.assembly.supports import Carried
 from fenics_contact.assembly.system import System
 from fenics_contact.output.solved import Solved
 from fenics_contact.types import Floats, Ints64
@@ -26,6 +27,7 @@ class _Group:
     entries: list[int]  # numbers of its statements
     nodes: Ints64  # owned ones of it
     weights: Floats  # of these nodes in the centroid
+    carried: list[tuple[int, Carried]]  # numbers of the entries by which nodes that lead others on hold these for it
 
 
 class Reactions:
@@ -38,6 +40,7 @@ class Reactions:
         entries: dict[tuple[str, ...], list[int]] = {}
         for i, support in enumerate(scene.supports):
             entries.setdefault(support.group, []).append(i)
+        self._pair_names = [pair.column for pair in scene.pairs]
         self._groups = {"+".join(name): self._group(scene, name, of_it) for name, of_it in entries.items()}
 
     def _group(self, scene: Solved, name: tuple[str, ...], entries: list[int]) -> _Group:
@@ -51,7 +54,31 @@ class Reactions:
         weights = areas.x.array[nodes]
         total = self._system.comm.allreduce(float(weights.sum()))
         weights = weights if total > 0.0 else np.ones(len(nodes))  # a surface inside a body, edges
-        return _Group(entries, nodes, weights)
+        carried = [(i, entry.carried) for i, entry in enumerate(self._system.supports.entries)
+                   if entry.carried is not None and entry.carried.statement in entries]  # fmt: skip
+        return _Group(entries, nodes, weights, carried)
+
+    def _carried(self, i: int, carried: Carried, leads: Ints64, forces: Floats) -> tuple[Floats, Floats]:
+        """Forces (n, 3) on followers of this rank's leading nodes, and where these are (n, 3)."""
+        system = self._system
+        mine = leads < system.space.dofmap.index_map.size_local
+        u, turn = system.state.u.x.array.reshape(-1, 3)[leads[mine]], carried.turn[mine]
+        way = np.einsum("nab,nb->na", turn, u) + carried.offset(system.state.t)[mine]
+        return forces[mine][:, None] * (turn @ system.supports.entries[i].direction), carried.X[mine] + way
+
+    def of_pairs(self) -> dict[str, Floats]:
+        """Forces (3,) that lead the second faces of pairs, without those of supports, at the state assembled last: what does
+        work on their ways. Collective."""
+        supports = self._system.supports
+        if supports.pairs is None:
+            return {}
+        total = supports.pairs.on_ways(supports.relative_forces(self._system.reactions))
+        for entry, (leads, forces) in zip(supports.entries, supports.parts(self._system.reactions), strict=True):
+            if entry.carried is not None:
+                mine = leads < self._system.space.dofmap.index_map.size_local
+                along = entry.carried.turn[mine] @ entry.direction
+                total -= np.einsum("n,nc,ncpd->pd", forces[mine], along, entry.carried.ahead[mine])
+        return dict(zip(self._pair_names, self._system.comm.allreduce(total), strict=True))
 
     def names(self) -> list[str]:
         return list(self._groups)
@@ -68,6 +95,9 @@ class Reactions:
                 mine[parts[i][0]] += parts[i][1][:, None] * self._directions[i]
             mine, here = mine[group.nodes], x[group.nodes]
             sums = np.concatenate([mine.sum(axis=0), np.cross(here, mine).sum(axis=0), group.weights @ here])
+            for i, carried in group.carried:
+                force, place = self._carried(i, carried, *parts[i])
+                sums[:6] += np.concatenate([force.sum(axis=0), np.cross(place, force).sum(axis=0)])
             sums = system.comm.allreduce(np.append(sums, group.weights.sum()))
             centroid = sums[6:9] / max(sums[9], 1e-300)
             found[name] = Reaction(sums[:3], sums[3:6] - np.cross(centroid, sums[:3]), centroid)

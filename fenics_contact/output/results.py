@@ -45,7 +45,8 @@ class ContactResult:
 @dataclass(frozen=True)
 class StepResult:
     """contacts, reactions; of the tools travel (3,) [length], angles, rotation vectors (3,) [radians], and drives, what acts
-    on each from outside the scene to move it so, about its reference point: all by name; energies."""
+    on each from outside the scene to move it so, about its reference point; pairs: forces (3,) on the second faces of paired
+    ones: all by name; energies."""
 
     contacts: dict[str, ContactResult]
     reactions: dict[str, Reaction]
@@ -53,6 +54,7 @@ class StepResult:
     angles: dict[str, Floats]
     drives: dict[str, Reaction]
     energies: Energies
+    pairs: dict[str, Floats]
 
 
 class Results:
@@ -76,7 +78,8 @@ class Results:
         travel, angles = (
             dict(zip(self.system.tools.names, of_tools.copy(), strict=True)) for of_tools in (state.travel, state.angles)
         )
-        return StepResult(contacts, self.reactions.at_state(), travel, angles, self._drives(), energies)
+        reactions = self.reactions.at_state()
+        return StepResult(contacts, reactions, travel, angles, self._drives(), energies, self.reactions.of_pairs())
 
     def notes(self) -> list[str]:
         """What is to be said of the contacts at the state assembled last. Collective."""

@@ -32,6 +32,11 @@ class Held(Protocol):
     def value(self) -> float | Callable[[Floats, float], Any]: ...
 
 
+class Led(Protocol):
+    @property
+    def column(self) -> str: ...
+
+
 class NamedFacets(NamedCells, Protocol):
     @property
     def surfaces(self) -> Mapping[str, tuple[int, ...]]: ...
@@ -68,5 +73,8 @@ class Solved(Protocol):
 
     @property
     def supports(self) -> Sequence[Held]: ...
+
+    @property
+    def pairs(self) -> Sequence[Led]: ...
 
     def ds(self, group: Sequence[str]) -> Measure: ...

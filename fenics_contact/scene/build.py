@@ -48,6 +48,7 @@ from fenics_contact.scene.field_loads import field_loads
 from fenics_contact.scene.functions import Path, row_of, whole
 from fenics_contact.scene.gaps import refuse_gaps, refuse_jumps
 from fenics_contact.scene.loads import loads_of
+from fenics_contact.scene.pairs import ways_of
 from fenics_contact.scene.stage import Only, Stage
 from fenics_contact.scene.start import Start, begin
 from fenics_contact.scene.statements import ContactStatement, Entering, Load, called
@@ -99,7 +100,8 @@ def build(
     followed = loads_of(scene, stated, stages)
     loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
     pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
-    supports = supports_of(scene, stated, stages)
+    ways = ways_of(scene, stages)
+    supports = supports_of(scene, stated, stages, [way for _, way in ways])
     with timers("compile"):
         fields = field_loads(scene, u, followed)
         solid = _solid(scene, u, loads, fields.materials)
@@ -113,7 +115,7 @@ def build(
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
         refuse_across(contacts, state)
-    bodies = bonded_bodies(scene)
+    bodies = bonded_bodies(scene, supports)
     holds = Holds(comm, bodies, supports, contacts, fields.grounds)
     refuse_loose(holds, state, comm)
     grounding = damped = None
@@ -136,7 +138,7 @@ def build(
         grounding=grounding, damping=damped, reach=max((tool.reach for tool in scene.tools), default=0.0),
         bulk_over_shear=max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies),
     )  # fmt: skip
-    driven = [(called(load.word, load.group), load.path) for load in followed]
+    driven = [(called(load.word, load.group), load.path) for load in followed] + ways
     notes = _start(scene, system, stated, driven, start)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)

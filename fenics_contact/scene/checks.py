@@ -11,6 +11,7 @@ from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.parts import connected_parts
 from fenics_contact.assembly.section import ON_AXIS, Section
+from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm, State
 from fenics_contact.contact.friction import Friction, friction_of
@@ -286,13 +287,16 @@ def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:
         )
 
 
-def bonded_bodies(scene: "Scene") -> list[tuple[str, Ints64]]:
-    """What moves as one: parts of the mesh that hang together, several bodies where they share nodes. Collective.
+def bonded_bodies(scene: "Scene", supports: Supports) -> list[tuple[str, Ints64]]:
+    """What moves as one: parts of the mesh that hang together, several bodies where they share nodes or are paired.
+    Collective.
 
     Returns (name, local nodes) of each; a piece of a body that lies in several is named by its middle too.
     """
     space, comm = scene.space, scene.mesh.comm
     part, count = connected_parts(space)
+    if supports.pairs is not None:
+        part, count = supports.pairs.joined(part, count)
     tags, first_node = scene.mesh.cell_tags, compat.cell_dofs(space)[:, 0]
     holds = np.zeros((count, len(scene.bodies)), dtype=bool)
     for j, body in enumerate(scene.bodies):

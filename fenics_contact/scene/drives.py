@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.stages import Stages
@@ -19,8 +20,9 @@ from fenics_contact.scene.courses import Part, SupportCourse
 from fenics_contact.scene.directions import Unit, normals, unit
 from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded
+from fenics_contact.scene.pairs import CourseAt, Pairing
 from fenics_contact.scene.stage import Along, Group, Stage, Way
-from fenics_contact.scene.statements import Support, Tie
+from fenics_contact.scene.statements import Pair, Support, Tie
 from fenics_contact.types import Bools, Floats, Ints64, Space
 from fenics_contact.values import SceneError, finite, function, group_names, shown
 
@@ -32,48 +34,81 @@ ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 
 
 # -- supports ---------------------------------------------------------------------------------------------------------
-def supports_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> Supports:
-    """Supports from a scene's Support and Tie statements and what the stages prescribe of them, checked; of a Section, those
-    that keep it in its plane and on its axis. Collective."""
+def supports_of(scene: "Scene", stated: Sequence[Stage], stages: Stages, ways: Sequence[Path]) -> Supports:
+    """Supports from a scene's Support, Tie and Pair statements, the last ones' ways, and what stages prescribe, checked; of
+    a Section, those that keep it in its plane and on its axis. Collective."""
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
+    paired = Pairing(scene, ways) if scene.pairs else None
+    stated_of: list[tuple[str, Ints64, Floats, CourseAt]] = []  # name, nodes, direction, course
     named = [_prescribed(scene, stage) for stage in stated]
-    entries = []
     for k, one in enumerate(scene.supports):
-        blocks = mesh.nodes(space, *one.group)
-        what, at = f"prescribed displacement of {one.name}", (keys[blocks], X[blocks])
-
-        def way(value: Way, sign: float, what: str, at: tuple[Ints64, Floats] = at) -> Path:
-            if not callable(value):
-                return Ramp(sign * finite(value, what))
-            values = function(value, what, "value(X, s)")
-            return AtPoints(mesh.comm, what, values if sign > 0.0 else lambda X, s: -np.asarray(values(X, s)), *at)
-
-        parts = {i: Part(way(*of[k], stated[i].says(what)), by=True) for i, of in enumerate(named) if k in of}
-        course = SupportCourse(stages, way(one.value, 1.0, what), parts, np.zeros(len(blocks)))
-        entries.append(Entry(blocks, np.array(one.direction), course))
-    names = [one.name for one in scene.supports]
+        said = {i: (stated[i], *of[k]) for i, of in enumerate(named) if k in of}
+        course: CourseAt = partial(_course, scene, stages, one, said)
+        stated_of.append((one.name, _nodes(mesh, space, one.group), np.array(one.direction), course))
     if section is not None:
-        entries.append(_held(stages, np.arange(len(X)), 2))
-        names.append("the plane along z")
+        stated_of.append(("the plane along z", np.arange(len(X)), np.eye(3)[2], partial(_still, stages)))
     if section is not None and section.axisymmetric:
         size = max(mesh.comm.allgather(np.abs(X).max(initial=0.0)))
-        entries.append(_held(stages, np.flatnonzero(X[:, 0] <= ON_AXIS * size), 0))
-        names.append("the axis along x")
-    supports = Supports(space, entries, names, _ties(mesh, space, scene.supports, scene.ties, scene.tools))
+        on_axis = np.flatnonzero(X[:, 0] <= ON_AXIS * size)
+        stated_of.append(("the axis along x", on_axis, np.eye(3)[0], partial(_still, stages)))
+    for pair, held in paired.on_axis if paired else ():
+        nodes = np.flatnonzero(np.isin(keys, held))
+        stated_of += [(f"{pair.what} on its axis", nodes, way, partial(_still, stages)) for way in pair.across]
+    entries, names, carried = list[Entry](), list[str](), list[tuple[Entry, str]]()
+    for k, (name, nodes, direction, course) in enumerate(stated_of):
+        if paired is None:
+            entries.append(Entry(nodes.astype(np.int32), direction, course(keys[nodes], X[nodes])))
+        else:
+            own, *of_leaders = paired.split(k, nodes, direction, course)
+            entries.append(own)
+            carried += [(entry, f"{name}, of paired faces") for entry in of_leaders]
+        names.append(name)
+    ties = _ties(mesh, space, scene.supports, scene.ties, scene.tools, scene.pairs)
+    supports = Supports(
+        space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
+        paired.pairs() if paired else None,
+    )  # fmt: skip
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
-            conflicts = [c for c in mesh.comm.allgather(supports.conflict([stages.time(s) for s in (0.0, 0.5, 1.0)])) if c]
-        if conflicts:
-            words = f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}"
-            raise SceneError(stage.says(words))
+            _refuse_conflict(mesh.comm, stage, supports, paired, [stages.time(s) for s in (0.0, 0.5, 1.0)])
     return supports
 
 
-def _held(stages: Stages, nodes: Ints64, axis: int) -> Entry:
-    """Nodes that never move along an axis."""
-    still = SupportCourse(stages, Ramp(np.zeros(())), {}, np.zeros(len(nodes)))
-    return Entry(nodes.astype(np.int32), np.eye(3)[axis], still)
+def _refuse_conflict(
+    comm: MPI.Comm, stage: Stage, supports: Supports, paired: Pairing | None, times: Sequence[float]
+) -> None:
+    """Supports agree where they meet, and so do pairs of faces. Collective."""
+    conflicts = [c for c in comm.allgather(supports.conflict(times)) if c]
+    if conflicts:
+        words = f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}"
+        raise SceneError(stage.says(words))
+    for t in times if paired else ():
+        if paired and (found := paired.open_loop(paired.ways(t))):
+            pair, X = found
+            words = f"{pair.what}: with the other pairs it leads the node at {spot(X)} to two places; let their ways agree"
+            raise SceneError(stage.says(words))
+
+
+def _course(
+    scene: "Scene", stages: Stages, one: Support, said: dict[int, tuple[Stage, Way, float]], keys: Ints64, X: Floats
+) -> SupportCourse:
+    """The displacement of nodes of these keys and X that a statement prescribes, and stages by their numbers. Collective."""
+    what = f"prescribed displacement of {one.name}"
+
+    def way(value: Way, sign: float, what: str) -> Path:
+        if not callable(value):
+            return Ramp(sign * finite(value, what))
+        values = function(value, what, "value(X, s)")
+        return AtPoints(scene.mesh.comm, what, values if sign > 0.0 else lambda X, s: -np.asarray(values(X, s)), keys, X)
+
+    parts = {i: Part(way(value, sign, stage.says(what)), by=True) for i, (stage, value, sign) in said.items()}
+    return SupportCourse(stages, way(one.value, 1.0, what), parts, np.zeros(len(keys)))
+
+
+def _still(stages: Stages, keys: Ints64, X: Floats) -> SupportCourse:
+    """Of nodes that never move."""
+    return SupportCourse(stages, Ramp(np.zeros(())), {}, np.zeros(len(keys)))
 
 
 def _prescribed(scene: "Scene", stage: Stage) -> dict[int, tuple[Way, float]]:
@@ -111,12 +146,16 @@ def _plus(group: Group) -> str:
     return group if isinstance(group, str) else "+".join(group)
 
 
-def _ties(mesh: NamedMesh, space: Space, supports: Sequence[Support], tied: Sequence[Tie], tools: Sequence[Tool]) -> Ties:
+def _ties(
+    mesh: NamedMesh, space: Space, supports: Sequence[Support], tied: Sequence[Tie], tools: Sequence[Tool],
+    pairs: Sequence[Pair],
+) -> Ties:  # fmt: skip
     """Ties whose nodes nothing else leads, nodes that two groups of one body have in common once. Collective."""
     X, found = space.tabulate_dof_coordinates(), list[tuple[int, Ints64, Floats]]()
     led: list[tuple[str, Tool | None, Ints64]] = [
         (f"the support of '{'+'.join(one.group)}'", None, _nodes(mesh, space, one.group)) for one in supports
     ]
+    led += [(f"the {pair.what}", None, _nodes(mesh, space, pair.first + pair.second)) for pair in pairs]
     nodes_of: dict[Tool, list[Ints64]] = {}
     for tie in tied:
         name, nodes = "+".join(tie.group), _nodes(mesh, space, tie.group)

@@ -46,6 +46,8 @@ def statement(
             driven = {"method": stage.method, "duration": float(stage.duration)} | _driven(built, largest)
         out |= {stage.says(name): value for name, value in driven.items()} | {f"stage {i + 1}": stage.name}
     out["ties"] = [f"{'+'.join(tie.group)} to '{tie.hub.name}'" for tie in scene.ties]
+    for pair in scene.pairs:
+        out[pair.what] = [*(pair.axis if pair.axis is not None else ()), *(pair.point if pair.point is not None else ())]
     for i, support in enumerate(scene.supports):
         if support.axis is None:
             out[f"direction of support {i + 1}"] = list(support.direction)

@@ -31,6 +31,7 @@ from fenics_contact.scene.directions import Group, chosen, normals, unit, unsign
 from fenics_contact.scene.field_loads import Spring, spin_of, springs_of, swelling_of
 from fenics_contact.scene.functions import Drive, Place, load_path, ramp
 from fenics_contact.scene.loads import force_path, place_path
+from fenics_contact.scene.pairs import paired
 from fenics_contact.scene.stage import Moves, Only
 from fenics_contact.scene.statements import (
     Body,
@@ -39,6 +40,7 @@ from fenics_contact.scene.statements import (
     Load,
     Loading,
     MomentLoad,
+    Pair,
     Spin,
     Support,
     Swelling,
@@ -96,6 +98,7 @@ class Scene:
         self.contacts: list[ContactStatement] = []
         self.supports: list[Support] = []
         self.ties: list[Tie] = []
+        self.pairs: list[Pair] = []
         self.loads: list[Load] = []
         self.pressures: list[Load] = []
         self.fluids: list[Entering] = []
@@ -176,6 +179,18 @@ class Scene:
         refuse_namesake(hub, self.tools)
         self.ties.append(Tie(group_names(group), hub))
 
+    def periodic(self, first: Group, second: Group, relative: Drive = (0.0, 0.0, 0.0)) -> None:
+        """Let the second surface, of a mesh that repeats, move as the first one does, node by node, and further by
+        `relative`, the stretch or shear of the whole cell [length]: (3,) at t = 1 or a function of t of the first stage."""
+        self.pairs.append(paired(self, first, second, relative))
+
+    def cyclic(
+        self, first: Group, second: Group, axis: Sequence[float] = (0.0, 0.0, 1.0), point: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Let the second surface, which is the first one turned about the axis through `point`, move as that does, turned as
+        well: of a sector of what repeats all the way round."""
+        self.pairs.append(paired(self, first, second, (0.0, 0.0, 0.0), axis, point))
+
     def traction(self, group: str | tuple[str, ...], vector: Drive | Place) -> None:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1, or a function of t or
         of (X, t), as of `pressure`, that gives (n, 3)."""
@@ -184,14 +199,7 @@ class Scene:
         path = place_path(self, facets, vector, what, (3,))
         self.loads.append(Load("tractions", group_names(group), *path))
 
-    def pressure(
-        self,
-        group: str | tuple[str, ...],
-        value: Drive | Place,
-        *,
-        where: str = "all",
-        from_: str | tuple[str, ...] | None = None,
-    ) -> None:
+    def pressure(self, group: Group, value: Drive | Place, *, where: str = "all", from_: Group | None = None) -> None:
         """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
 
         value: reached at t = 1, a function of t, or a function value(X, t) -> (n,) of reference positions X (n, 3) of all

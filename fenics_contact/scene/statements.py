@@ -4,11 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.functions import Path
+from fenics_contact.scene.functions import Path, Ramp
 from fenics_contact.solid.materials import Hyperelastic, Isotropic
 from fenics_contact.types import Floats, Ints
 from fenics_contact.values import SceneError, shown, text
@@ -72,6 +74,43 @@ class Tie:
 
     group: tuple[str, ...]
     hub: Tool
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two faces of which the second moves as the first one does: by way(t) (3,) further, or turned about the unit axis (3,)
+    through a point."""
+
+    first: tuple[str, ...]
+    second: tuple[str, ...]
+    way: Path
+    axis: Floats | None = None
+    point: Floats | None = None
+
+    @property
+    def name(self) -> str:
+        return f"'{'+'.join(self.first)}' - '{'+'.join(self.second)}'"
+
+    @property
+    def driven(self) -> bool:
+        """Whether the second face goes further at all."""
+        return not isinstance(self.way, Ramp) or bool(self.way.end.any())
+
+    @property
+    def column(self) -> str:
+        """What columns call it."""
+        return f"{'+'.join(self.first)}_{'+'.join(self.second)}_pair"
+
+    @property
+    def across(self) -> list[Floats]:
+        """Two unit vectors (3,) square to the axis."""
+        vectors = np.linalg.svd(np.array([self.axis], dtype=float))[2][1:]
+        return [np.where(np.abs(v) < 1e-12, 0.0, v) for v in vectors]
+
+    @property
+    def what(self) -> str:
+        """What messages call it."""
+        return f"{'periodic' if self.axis is None else 'cyclic'} pair {self.name}"
 
 
 # words by which stages name the loads of a scene, and what messages call these

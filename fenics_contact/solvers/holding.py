@@ -30,10 +30,10 @@ Motions = list[tuple[str, Motion, str]]  # owner, motion, words
 
 def supported(system: System) -> Mat:
     """Copy of the tangent in which supports hold as stiffly as the stiffest node."""
-    matrix, turned = system.matrix.copy(), system.supports.turned
+    matrix, change = system.matrix.copy(), system.supports.change
     largest = matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
     matrix = system.supports.eliminated(matrix, largest, system.patterns)
-    return matrix if turned is None else turned.turned_back(matrix)
+    return matrix if change is None else change.changed_back(matrix)
 
 
 def closed(system: System, contact: ContactTerm) -> bool:

@@ -169,7 +169,7 @@ class LinearSolver:
                 system.supports.put(local.array_w, values)
             system.matrix.mult(du, force)
             rhs.axpy(-1.0, force)
-            system.supports.put(rhs.array_w, 0.0)
+            system.supports.put_forces(rhs.array_w, 0.0)
         if not again:
             self._matrix = system.supports.eliminated(system.matrix, self._pivot, system.patterns)
 
@@ -177,15 +177,15 @@ class LinearSolver:
         """du/dq of one free component of a tool: K^-1 (-C), from its column -C as a local array."""
         column = self.system.border_vector(forces)
         with column.localForm() as local:
-            self.system.supports.put(local.array_w, 0.0)
+            self.system.supports.put_forces(local.array_w, 0.0)
         return self._solve(column)
 
     def _solve(self, rhs: Vec) -> Vec:
         """Solution with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
         system, solver, out = self.system, self._solver, rhs.duplicate()
-        turned = system.supports.turned
-        if turned is not None:
-            turned.turn(rhs.array_w)
+        change = system.supports.change
+        if change is not None:
+            change.to_own_forces(rhs)
         reason = solver.solve(self._matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0 and self.method == "iterative" and not self._forced:
             self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
@@ -194,8 +194,8 @@ class LinearSolver:
             reason = solver.solve(self._matrix, system.patterns, rhs, out, self._tolerance)
         if reason < 0:
             raise LinearFailure(*self._cause(reason))
-        if turned is not None:
-            turned.turn_back(out.array_w)
+        if change is not None:
+            change.to_space(out)
         return out
 
     def _cause(self, reason: int) -> tuple[str, ...]:
@@ -224,9 +224,9 @@ def _soft_modes(system: System, matrix: Mat) -> Any:
         j, k = (i + 1) % 3, (i + 2) % 3
         modes[3 + i, :, j], modes[3 + i, :, k] = -X[:, k], X[:, j]
     vectors = [PETSc.Vec().createWithArray(mode.ravel().copy(), comm=system.comm) for mode in modes]
-    if system.supports.turned is not None:
+    if system.supports.change is not None:
         for vector in vectors:
-            system.supports.turned.turn(vector.array_w)
+            system.supports.change.to_own(vector)
     step = matrix.getDiagonal()
     step.reciprocal()
     step.scale(DAMPING)

@@ -90,7 +90,7 @@ def _rates(system: System, terms: Sequence[ContactTerm], linear: LinearSolver) -
     ahead.axpy(-1.0, behind)
     ahead.scale(0.5 / NUDGE)
     with ahead.localForm() as local:
-        system.supports.put(local.array_w, 0.0)
+        system.supports.put_forces(local.array_w, 0.0)
     ahead.copy(system.residual_vector)
     system.tool_residual = np.divide(tools_ahead - tools_behind, 2.0 * NUDGE)
     try:

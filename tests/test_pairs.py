@@ -1,0 +1,453 @@
+"""Periodic and cyclic pairs of faces: cells against closed forms, sectors against whole rods and rings, refusals."""
+
+import gmsh
+import numpy as np
+import pytest
+from mpi4py import MPI
+from refusals import refused
+
+from fenics_contact import (
+    Body,
+    Load,
+    Motion,
+    Scene,
+    Stage,
+    neo_hooke,
+    read_gmsh,
+    rigid_hub,
+    rigid_plane,
+    solve,
+)
+from meshes import box, rectangles, ring_sector
+
+pytestmark = pytest.mark.parallel
+
+SHEAR, BULK = 1.0, 5.0
+GRADIENT = np.array([[0.15, -0.1, 0.4], [0.0, -0.1, 0.0], [0.1, 0.0, 0.0]])  # of the displacement of the cell
+SIZE = np.array([2.0, 1.0, 1.0])
+
+
+def with_point(at, place=None, **sizes):
+    """A block with a group of its corner `at`, its nodes then put where place(X) says."""
+    box.build(**sizes)
+    near = gmsh.model.getEntitiesInBoundingBox(*(np.subtract(at, 1e-3)), *(np.add(at, 1e-3)), dim=0)
+    gmsh.model.setPhysicalName(0, gmsh.model.addPhysicalGroup(0, [near[0][1]]), "corner")
+    if place is not None:
+        tags, X, _ = gmsh.model.mesh.getNodes()
+        for tag, x in zip(tags, place(X.reshape(-1, 3)), strict=True):
+            gmsh.model.mesh.setNode(tag, x, [])
+
+
+def cell(at=(0.0, 0.0, 0.0), relative=GRADIENT, cells=(3, 2, 2), **options):
+    """A block all of whose faces are paired, held at a corner."""
+    mesh = read_gmsh(with_point, at=at, size=tuple(SIZE), cells=cells)
+    scene = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK)), **options)
+    for axis, letter in enumerate("xyz"):
+        scene.periodic(f"{letter}min", f"{letter}max", SIZE[axis] * relative[:, axis])
+    scene.fix("corner")
+    return scene
+
+
+def piola(gradient):
+    """First Piola-Kirchhoff stress (3, 3) of mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2 [MPa]."""
+    F = np.eye(3) + gradient
+    J, back = np.linalg.det(F), np.linalg.inv(F).T
+    return SHEAR * J ** (-2 / 3) * (F - np.sum(F * F) / 3.0 * back) + BULK * (J - 1.0) * J * back
+
+
+def pair_forces(result):
+    """Force on the second face of each pair (3, 3), by columns [N]."""
+    return np.array([[result.column(f"{a}min_{a}max_pair_force_{i}_N")[-1] for a in "xyz"] for i in "xyz"])
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), tuple(SIZE)], ids=["leading corner", "following corner"])
+@pytest.mark.parametrize(
+    "options", [{}, {"degree": 2, "element": "mixed"}, {"linear": "iterative"}], ids=["degree 1", "mixed 2", "iterative"]
+)
+def test_a_cell_is_strained_evenly(at, options):
+    """u = H X of a cell all of whose faces are paired, and P A on its faces, wherever it is held."""
+    options = dict(options)
+    linear = options.pop("linear", "direct")
+    scene = cell(at, **options)
+    result = solve(scene, steps=2, linear=linear, progress=False)
+    assert result.converged, result.verdict.reason
+    X, u = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
+    # round-off, or where the solver is iterative Newton's tolerance
+    allowed = 1e-7 if linear == "iterative" else 1e-12
+    np.testing.assert_allclose(u, (X - at) @ GRADIENT.T, atol=allowed)
+    np.testing.assert_allclose(pair_forces(result), piola(GRADIENT) * np.prod(SIZE) / SIZE, atol=10 * allowed)
+    assert result.column("balance_error_N")[-1] < allowed
+
+
+def test_the_work_of_the_ways_is_the_energy():
+    """The trapezoidal rule's error falls with the third power of the step, times their number."""
+    errors = []
+    for steps in (2, 4):
+        result = solve(cell(), steps=steps, progress=False)
+        errors.append(abs(result.column("energy_error_Nmm")[-1]))
+    assert errors[0] < 1e-2 * result.column("strain_energy_Nmm")[-1]
+    assert np.log2(errors[0] / errors[1]) > 1.9
+
+
+def quarter(whole, load, degree=1, method="newton"):
+    """A rod 2 x 2 x 1, or the quarter of it at x, y > 0, under a rough plate, which load(scene, plate) drives."""
+    low, cells = (-1.0, 4) if whole else (0.0, 2)
+    size = (1.0 - low, 1.0 - low, 1.0)
+    mesh = read_gmsh(box.build, size=size, cells=(cells, cells, 2), origin=(low, low, 0.0))
+    scene = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK)), degree=degree, accept_locking=True)
+    scene.fix("zmin")
+    plate = rigid_plane((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), name="plate")
+    scene.contact("zmax", plate, 0.2, name="top")
+    if not whole:
+        scene.cyclic("ymin", "xmin")
+    result = solve(scene, steps=3, method=method, progress=False, **load(plate))
+    assert result.converged, result.verdict.reason
+    return scene, result
+
+
+def twisted(plate):
+    return {"move": {plate: Motion(z=-0.1, rz=0.3)}}
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_quarter_of_a_twisted_rod(degree):
+    """A square rod that a rough plate presses and twists, sticking in the middle and slipping outside: its section has no
+    plane of symmetry under torsion, and the axis is an edge of the quarter."""
+    (whole, all_round), (part, sector) = (quarter(of, twisted, degree) for of in (True, False))
+    assert sector.column("top_sticking_points")[-1] > 0
+    assert sector.column("top_active_points")[-1] > sector.column("top_sticking_points")[-1]
+    for column in ("top_force_z_N", "top_moment_z_Nmm", "strain_energy_Nmm", "top_friction_work_Nmm"):
+        # Newton's tolerance
+        np.testing.assert_allclose(4 * sector.column(column), all_round.column(column), rtol=1e-7)
+    turned = part.space.tabulate_dof_coordinates(), sector.system.state.u.x.array.reshape(-1, 3)
+    same_displacement(turned, (whole.space.tabulate_dof_coordinates(), all_round.system.state.u.x.array.reshape(-1, 3)))
+    about = np.cross(*(point_and(sector, "zmin", of) for of in ("point", "force")))[2]
+    torque = about + sector.column("zmin_reaction_moment_z_Nmm")[-1]
+    np.testing.assert_allclose(torque, -sector.column("top_moment_z_Nmm")[-1], rtol=1e-6)
+
+
+def point_and(result, group, what):
+    column = {"point": "{}_reaction_point_{}_mm", "force": "{}_reaction_{}_N"}[what]
+    return np.array([result.column(column.format(group, axis))[-1] for axis in "xyz"])
+
+
+def same_displacement(part, whole, tolerance=1e-7):
+    """Displacements of two runs agree at the places (X, u) of the first one's nodes."""
+    places, values = (np.concatenate(parts) for parts in zip(*MPI.COMM_WORLD.allgather(whole), strict=True))
+    X, u = part
+    nearest = [int(((places - x) ** 2).sum(axis=1).argmin()) for x in X]
+    assert np.abs(places[nearest] - X).max(initial=0.0) < 1e-9
+    np.testing.assert_allclose(u, values[nearest], rtol=0.0, atol=tolerance * np.abs(values).max())
+
+
+def bent(radii, angle):
+    """Blocks (r, angle, z) of unit sizes into a sector of a tube."""
+
+    def place(X):
+        r, phi = radii[0] + X[:, 0] * (radii[1] - radii[0]), X[:, 1] * angle
+        return np.column_stack([r * np.cos(phi), r * np.sin(phi), X[:, 2]])
+
+    return place
+
+
+def tube(sectors, of, through=3, around=3, cyclic=True, radii=(1.0, 2.0)):
+    """Sectors of a tube of `of` ones, of unit depth; all of them share their nodes where they meet."""
+    place = bent(radii, 2 * np.pi * sectors / of)
+
+    def build_tube():
+        with_point((0.0, 0.0, 0.0), place, cells=(through, sectors * around, 1))
+        if sectors == of:
+            gmsh.model.mesh.removeDuplicateNodes()
+
+    scene = Scene(Body(read_gmsh(build_tube), "box", neo_hooke(SHEAR, BULK)))
+    scene.fix(("zmin", "zmax"), "z")
+    if sectors < of:
+        scene.cyclic("ymin", "ymax")
+    return scene
+
+
+def test_a_sector_of_a_bush():
+    """A bush that a torque by tractions and a pressure of six waves load, none of which a plane of symmetry would allow: a
+    sixth of it moves as the whole ring does, at the tenth of a cell's size and more."""
+    scenes = tube(6, 6), tube(1, 6)
+    results = []
+    for scene in scenes:
+        scene.fix("xmax", "xy")
+        waves = lambda X, t: t * (0.3 + 0.2 * np.sin(6 * np.arctan2(X[:, 1], X[:, 0])))  # noqa: E731
+        scene.pressure("xmin", waves)
+        scene.traction("xmin", lambda X, t: 0.2 * t * np.column_stack([-X[:, 1], X[:, 0], 0.0 * X[:, 2]]))
+        results.append(solve(scene, steps=2, progress=False).require())
+    ring, sector = results
+    nodes = [(s.space.tabulate_dof_coordinates(), r.system.state.u.x.array.reshape(-1, 3))
+             for s, r in zip(scenes, results, strict=True)]  # fmt: skip
+    same_displacement(nodes[1], nodes[0])
+    np.testing.assert_allclose(6 * sector.column("strain_energy_Nmm"), ring.column("strain_energy_Nmm"), rtol=1e-7)
+
+
+def test_the_torque_of_a_bush():
+    """tau = T/(2 pi r^2 L) and tau = mu r dphi/dr give T = 4 pi mu L phi/(1/a^2 - 1/b^2) at small angles phi: of an eighth
+    of the ring, with an error that falls with the square of the cell."""
+    phi, errors = 1e-3, []
+    exact = 4 * np.pi * SHEAR * phi / (1.0 - 1.0 / 4.0)
+    for cells in (2, 4):
+        scene = tube(1, 8, cells, cells)
+        scene.fix("xmax", "xy")
+        scene.prescribe("xmin", "x", lambda X, t: X[:, 0] * (np.cos(phi * t) - 1.0) - X[:, 1] * np.sin(phi * t))
+        scene.prescribe("xmin", "y", lambda X, t: X[:, 1] * (np.cos(phi * t) - 1.0) + X[:, 0] * np.sin(phi * t))
+        result = solve(scene, steps=1, progress=False).require()
+        torques = [
+            result.column(f"{group}_reaction_moment_z_Nmm")[-1]
+            + np.cross(point_and(result, group, "point"), point_and(result, group, "force"))[2]
+            for group in ("xmin", "xmax")
+        ]
+        np.testing.assert_allclose(torques[0], -torques[1], rtol=1e-9)
+        errors.append(abs(8 * torques[0] / exact - 1.0))
+    assert errors[1] < 0.02
+    assert np.log2(errors[0] / errors[1]) > 1.8
+
+
+def tread(blocks):
+    """A row of blocks on a base, by its ends the first of endlessly many, that a rough road carries along; the base is held
+    below, the groove between two blocks is part of a cell."""
+    mesh = read_gmsh(box.build, size=(2.0 * blocks, 1.0, 1.0), cells=(3 * blocks, 1, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK)))
+    scene.fix("zmin")
+    scene.fix("ymin", "y")
+    scene.periodic("xmin", "xmax")
+    road = rigid_plane((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), name="road")
+    scene.contact("zmax", road, 0.5, penetration=1e-4, name="top")
+    scene.body_force(
+        lambda X, t: 0.2 * t * np.column_stack([np.sin(np.pi * X[:, 0]), 0.0 * X[:, 0], np.cos(np.pi * X[:, 0])])
+    )
+    way = lambda t: (0.3 * max(2 * t - 1, 0.0), 0.0, -0.1 * min(2 * t, 1.0))  # noqa: E731
+    return scene, solve(scene, move={road: way}, steps=4, progress=False).require()
+
+
+def test_a_row_of_blocks_is_one_block():
+    """Contact with multipliers up to the edges of the pair: three cells bear three times what one bears."""
+    (long, row), (short, block) = tread(3), tread(1)
+    for column in ("top_force_x_N", "top_force_z_N", "zmin_reaction_x_N", "strain_energy_Nmm", "top_friction_work_Nmm"):
+        scale = np.abs(row.column(column)).max()
+        np.testing.assert_allclose(3 * block.column(column), row.column(column), rtol=0.0, atol=1e-6 * scale)
+    nodes = [(s.space.tabulate_dof_coordinates(), r.system.state.u.x.array.reshape(-1, 3))
+             for s, r in ((short, block), (long, row))]  # fmt: skip
+    same_displacement(*nodes, 1e-6)
+
+
+def test_the_tangent_of_pairs():
+    """Taylor remainders of every block, and Newton's order, with friction across a cyclic pair."""
+    _, result = quarter(False, twisted)
+    assert result.audit().right, result.audit()
+
+
+def test_pairs_and_pushed_plates():
+    """A plate that a force and a moment drive: border columns meet the pair; the quarter's are a quarter of the whole's."""
+
+    def pushed(share):
+        return lambda plate: {"stages": [
+            Stage("press", move={plate: Motion(z=-0.1)}, steps=2),
+            Stage("push", move={plate: Motion(force=(0, 0, share * -0.9), moment=(0, 0, share * 0.1))}, steps=2),
+        ]}  # fmt: skip
+
+    (_, all_round), (_, sector) = quarter(True, pushed(1.0)), quarter(False, pushed(0.25))
+    for column in ("plate_travel_z_mm", "plate_angle_z_rad"):
+        np.testing.assert_allclose(sector.column(column), all_round.column(column), rtol=1e-6)
+
+
+def held_by(groups, at_end=False):
+    """A cell, paired along x and moved along x and z at the end of `groups`, which carry a load for it."""
+    mesh = read_gmsh(box.build, size=(2.0, 1.0, 1.0), cells=(3, 2, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK)))
+    scene.periodic("xmin", "xmax", (0.2, 0.0, 0.1))
+    scene.fix("ymin", "y")
+    for group in groups:
+        further = (0.2, 0.1) if group == "xmax" else (0.0, 0.0)
+        scene.prescribe(group, "x", lambda X, t, way=further[0]: t * (way + 0.1 * X[:, 2]))
+        scene.prescribe(group, "z", lambda X, t, way=further[1]: t * (way - 0.1 * X[:, 1]))
+    scene.body_force((0.3, 0.0, 0.2))
+    return solve(scene, steps=2, progress=False).require()
+
+
+def test_supports_of_following_nodes_are_those_of_leading_ones():
+    """Held at the first face, at the second one, or at both: the same cell, and forces and moments in balance."""
+    runs = {groups: held_by(groups) for groups in (("xmin",), ("xmax",), ("xmin", "xmax"))}
+    lead = runs[("xmin",)]
+    pull = np.array([2.2, 0.0, 0.1])  # from a leading node to the one that follows
+    forces, moments, on_pair = [], [], []
+    for groups, result in runs.items():
+        np.testing.assert_allclose(result.system.state.u.x.array, lead.system.state.u.x.array, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(result.column("external_work_Nmm"), lead.column("external_work_Nmm"), rtol=1e-8)
+        assert result.column("balance_error_N")[-1] < 1e-8
+        forces.append(sum(point_and(result, group, "force") for group in groups))
+        on_pair.append([result.column(f"xmin_xmax_pair_force_{axis}_N")[-1] for axis in "xyz"])
+        moment = np.cross(pull, on_pair[-1])
+        for group in groups:
+            moment += [result.column(f"{group}_reaction_moment_{axis}_Nmm")[-1] for axis in "xyz"]
+            moment += np.cross(point_and(result, group, "point"), point_and(result, group, "force"))
+        moments.append(moment)
+    np.testing.assert_allclose(forces, [forces[0]] * 3, atol=1e-8)
+    np.testing.assert_allclose(moments, [moments[0]] * 3, atol=1e-8)
+    # what led the second face is its supports' now, where it has any
+    np.testing.assert_allclose(np.subtract(on_pair[0], on_pair[1])[[0, 2]], forces[1][[0, 2]], atol=1e-8)
+
+
+def test_two_pieces_that_a_pair_joins():
+    """A cell cut through by a gap: what a pair alone holds is held, and goes along without strain."""
+
+    def build_pieces():
+        for i, x in enumerate((0.0, 1.5)):
+            tag = gmsh.model.occ.addBox(x, 0, 0, 1.0, 1.0, 1.0)
+            gmsh.model.occ.synchronize()
+            gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), f"piece {i}")
+        for _, face in gmsh.model.getEntities(2):
+            x = gmsh.model.occ.getCenterOfMass(2, face)[0]
+            for end, at in (("left", 0.0), ("right", 2.5), ("inside", 1.0)):
+                if abs(x - at) < 1e-6:
+                    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), end)
+        gmsh.model.mesh.setTransfiniteAutomatic()
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+        gmsh.model.mesh.generate(3)
+
+    mesh = read_gmsh(build_pieces)
+    scene = Scene(*(Body(mesh, f"piece {i}", neo_hooke(SHEAR, BULK)) for i in range(2)), accept_locking=True)
+    scene.fix("inside")
+    scene.periodic("left", "right", (0.0, 0.2, 0.1))
+    result = solve(scene, steps=1, progress=False).require()
+    X, u = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
+    np.testing.assert_allclose(u, np.where(X[:, :1] > 1.2, (0.0, 0.2, 0.1), 0.0), atol=1e-12)
+
+
+def test_a_plane_cell():
+    """Plane strain: the same words, a cell paired along x between two plates that shear it."""
+    sides = {"cell": ((0.0, 0.0), (2.0, 1.0), (3, 2))}
+    scene = Scene(Body(read_gmsh(rectangles.build, rectangles=sides), "cell", neo_hooke(SHEAR, BULK)), plane="strain")
+    scene.periodic("cell_xmin", "cell_xmax", (0.2, 0.0, 0.0))
+    scene.fix("cell_ymin", "y")
+    scene.prescribe("cell_ymax", "y", -0.1)
+    for group, way in (("cell_ymin", 0.0), ("cell_ymax", 0.3)):
+        scene.prescribe(group, "x", lambda X, t, way=way: t * (way + 0.1 * X[:, 0]))
+    result = solve(scene, steps=2, progress=False).require()
+    gradient = np.array([[0.1, 0.3, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.0]])
+    X, u = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
+    np.testing.assert_allclose(u, X @ gradient.T, atol=1e-12)
+    force = point_and_plane(result, "cell_ymax")
+    np.testing.assert_allclose(force, 2.0 * piola(gradient)[:2, 1], atol=1e-10)
+
+
+def point_and_plane(result, group):
+    return [result.column(f"{group}_reaction_{axis}_N")[-1] for axis in "xy"]
+
+
+def test_a_sector_in_a_plane():
+    """A quarter of a ring under a pressure of four waves, in the plane."""
+    mesh = read_gmsh(ring_sector.build, cells=(3, 6))
+    scene = Scene(Body(mesh, "ring", neo_hooke(SHEAR, BULK)), plane="strain")
+    scene.cyclic("ymin", "xmin")
+    scene.pressure("inner", lambda X, t: t * (0.3 + 0.2 * np.sin(4 * np.arctan2(X[:, 1], X[:, 0]))))
+    result = solve(scene, steps=2, progress=False).require()
+    X, x = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
+    x = np.concatenate(MPI.COMM_WORLD.allgather(x + X)), np.concatenate(MPI.COMM_WORLD.allgather(X))
+    for place in np.column_stack([np.linspace(1.0, 2.0, 4), np.zeros((4, 2))]):
+        one, other = (x[0][((x[1] - p) ** 2).sum(axis=1).argmin()] for p in (place, place[[1, 0, 2]]))
+        np.testing.assert_allclose(other, (-one[1], one[0], 0.0), atol=1e-12)
+        assert abs(one[1]) > 1e-3  # no plane of symmetry
+
+
+# -- continuations, checkpoints, stages -------------------------------------------------------------------------------
+def test_an_arc_leads_the_ways():
+    """Along the arc as by load steps to the same t, and the limit that is asked for is met."""
+    arc = solve(cell(), method="arc_length", until=Load(1.0), progress=False).require()
+    steps = solve(cell(), steps=list(arc.column("t")), progress=False).require()
+    np.testing.assert_allclose(arc.system.state.u.x.array, steps.system.state.u.x.array, atol=1e-8)
+    np.testing.assert_allclose(pair_forces(arc), piola(GRADIENT) * np.prod(SIZE) / SIZE, atol=1e-6)
+
+
+def test_a_run_with_pairs_is_resumed(tmp_path):
+    """From a checkpoint on; of another way of the pair it is refused, and another run's start knows how far it has gone."""
+    folder = MPI.COMM_WORLD.bcast(tmp_path) / "run"
+
+    def dying(view):
+        if view.t > 0.6:
+            raise RuntimeError("killed")
+        return 0.0
+
+    options = {"steps": 4, "progress": False, "out": folder, "checkpoint": True}
+    refused(lambda: solve(cell(), record={"kill": dying}, **options), "killed")
+    other = cell(relative=1.1 * GRADIENT)
+    refused(lambda: solve(other, record={"kill": lambda view: 0.0}, resume=True, **options), "relative displacement of the")
+    whole = solve(cell(), steps=4, progress=False)
+    resumed = solve(cell(), record={"kill": lambda view: 0.0}, resume=True, **options).require()
+    np.testing.assert_allclose(resumed.system.state.u.x.array, whole.system.state.u.x.array, atol=1e-12)
+    still = cell(relative=0.0 * GRADIENT)
+    started = solve(still, start=whole, steps=1, progress=False).require()
+    np.testing.assert_allclose(started.system.state.u.x.array, 0.0 * whole.system.state.u.x.array, atol=1e-12)
+    same = solve(cell(), start=whole, steps=1, progress=False).require()
+    np.testing.assert_allclose(same.system.state.u.x.array, whole.system.state.u.x.array, atol=1e-12)
+
+
+def test_ways_stay_in_later_stages():
+    scene = cell()
+    scene.body_force((0.0, 0.0, 0.0))
+    stages = [Stage("strain", steps=2), Stage("wait", body_force=(0.1, 0.0, 0.0), steps=1)]
+    result = solve(scene, stages=stages, progress=False).require()
+    u = result.system.state.u.x.array
+    held = result.system.supports
+    np.testing.assert_allclose(held.held(u), held.values(2.0), atol=1e-12)
+    np.testing.assert_allclose(held.pairs.ways(2.0), (SIZE * GRADIENT).T, atol=1e-15)
+
+
+# -- bad input --------------------------------------------------------------------------------------------------------
+def test_wrong_pairs_are_refused():
+    mesh = read_gmsh(box.build, size=(2.0, 1.0, 1.0), cells=(3, 2, 2))
+
+    def scene():
+        return Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK)))
+
+    def solved(*pairs, fix=("zmin",), before=lambda scene: None):
+        stated = scene()
+        for group in fix:
+            stated.fix(group)
+        for word, *rest in pairs:
+            getattr(stated, word)(*rest)
+        before(stated)
+        return lambda: solve(stated, progress=False)
+
+    pair = ("periodic", "xmin", "xmax")
+    refused(lambda: scene().periodic("xmin", "nowhere"), "nowhere")
+    refused(lambda: scene().periodic("xmin", "xmin"), "both faces are 'xmin'")
+    refused(lambda: scene().periodic("xmin", "xmax", (0.0, 1.0)), "relative", "three finite numbers")
+    refused(lambda: scene().cyclic("xmin", "ymin", axis=(0, 0, 0)), "cyclic pair", "no length")
+    refused(lambda: scene().cyclic("xmin", "ymin", point=(0, 0)), "point", "three finite numbers")
+    refused(solved(("periodic", "xmin", "ymin")), "9 nodes", "12", "mesh both alike")
+    refused(solved(("periodic", "ymin", "zmin")), "do not match", "lies 0.", "setPeriodic")
+    refused(solved(("cyclic", "ymin", "xmin")), "12 nodes", "9")
+    refused(solved(("cyclic", "ymin", "zmin", (1, 0, 0), (0, 0.1, 0))), "do not match", "turned onto the second face")
+    refused(solved(("cyclic", "xmin", "xmax", (1, 0, 0), (0, 0.1, 0.1))), "no angle between the faces")
+    refused(solved(("cyclic", "xmin", "xmax", (1, 0, 0), (0, 0.5, 0.5))), "the middle of a face lies on the axis")
+    refused(
+        solved(pair, ("periodic", "xmax", "xmin", (0.1, 0.0, 0.0))),
+        "periodic pair 'xmax' - 'xmin'",
+        "two places",
+        "let their ways agree",
+    )
+    refused(solved((*pair, (0.1, 0.0, 0.0))), "contradict each other", "zmin along x, of paired faces")
+    refused(
+        solved(pair, fix=(), before=lambda s: s.tie("xmin", rigid_hub("hub"))),
+        "tie of 'xmin' to 'hub'", "the periodic pair 'xmin' - 'xmax' leads",
+    )  # fmt: skip
+    loose = scene()
+    loose.periodic("xmin", "xmax")
+    refused(lambda: solve(loose, progress=False), "nothing holds body 'box' along x, y, z")
+    square = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", neo_hooke(SHEAR, BULK)))
+    square.cyclic("ymin", "xmin")
+    refused(lambda: solve(square, progress=False), "nothing holds body 'box' along z")
+    square.fix("zmin", "z")
+    square.cyclic("xmin", "ymax", (0, 0, 1), (0.0, 1.0, 0.0))
+    square.cyclic("ymax", "xmax", (0, 0, 1), (1.0, 1.0, 0.0))
+    refused(lambda: solve(square, progress=False), "round to itself, turned")
+    sides = {"cell": ((0.0, 0.0), (2.0, 1.0), (3, 2))}
+    flat = Body(read_gmsh(rectangles.build, rectangles=sides), "cell", neo_hooke(SHEAR, BULK))
+    plane, turned = Scene(flat, plane="strain"), Scene(flat, plane="axisymmetric")
+    refused(lambda: plane.periodic("cell_xmin", "cell_xmax", (0.0, 0.0, 1.0)), "a plane mesh cannot be led so")
+    refused(lambda: plane.cyclic("cell_xmin", "cell_ymin", axis=(1, 0, 0)), "turned about z alone")
+    refused(lambda: turned.cyclic("cell_xmin", "cell_ymin"), "in axisymmetric ones not at all")
