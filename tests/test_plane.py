@@ -93,12 +93,13 @@ def test_a_block_has_the_energy_and_the_reactions_of_a_layer(degree, element, K)
     assert found[0] == pytest.approx(found[1], rel=1e-10)
 
 
-def pair(plane, friction, **options):
+def pair(plane, friction, degree=1, **options):
     """A block led over another one."""
     lower, upper = ((0.0, -1.0), (3.0, 1.0), (6, 3)), ((0.7, 0.0), (1.5, 0.8), (4, 2))
     if plane:
         mesh = read_gmsh(rectangles.build, rectangles={"lower": lower, "upper": upper})
-        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), plane="strain", thickness=THICKNESS)
+        bodies = Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER)
+        scene = Scene(*bodies, degree=degree, plane="strain", thickness=THICKNESS)
         bottom, up = ("ymin", "ymax"), "y"
     else:
         blocks = {
@@ -109,7 +110,7 @@ def pair(plane, friction, **options):
             )
         }  # fmt: skip
         mesh = read_gmsh(two_blocks.build, **blocks)
-        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), degree=degree)
         for side in ("lower_ymin", "lower_ymax", "upper_ymin", "upper_ymax"):
             scene.fix(side, "y")
         bottom, up = ("bottom", "top"), "z"
@@ -121,7 +122,7 @@ def pair(plane, friction, **options):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("friction, options", [(0.0, {}), (0.3, {}), (0.3, {"penetration": 1e-3})])
+@pytest.mark.parametrize("friction, options", [(0.0, {}), (0.3, {}), (0.3, {"penetration": 1e-3}), (0.3, {"degree": 2})])
 def test_two_bodies_meet_as_in_a_layer(friction, options):
     plane, layer = (solve(pair(plane, friction, **options), steps=6, progress=False) for plane in (True, False))
     same(plane, layer)

@@ -61,10 +61,11 @@ def pushed_punch(degree=1, element="displacement", **options):
     return scene, {"push": {punch: lambda t: (20.0 * max(t - 0.25, 0.0), 0.0, -60.0 * t)}}
 
 
-def sliding_blocks(points, **options):
+def sliding_blocks(points, degree=1, **options):
     """A block pressed on another and dragged by half a facet of it: anchors on the master, slip."""
-    mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 1))
-    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    lower, upper = ((6, 6, 2), (4, 4, 1)) if degree == 1 else ((4, 4, 1), (3, 3, 1))
+    mesh = read_gmsh(two_blocks.build, lower_cells=lower, upper_cells=upper)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), degree=degree)
     scene.fix("lower_bottom")
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 4.0 * max(t - 0.25, 0.0)))
     scene.fix("upper_top", "y")
@@ -122,6 +123,7 @@ SCENES = {
     "punch, mixed element": lambda: pushed_punch(1, "mixed"),
     "blocks by nodes": lambda: sliding_blocks("nodes"),
     "blocks by Gauss points": lambda: sliding_blocks(2),
+    "blocks of degree 2": lambda: sliding_blocks(3, degree=2),
     "blocks by averages": lambda: sliding_blocks("averages"),
     "blocks by averages, augmented": lambda: sliding_blocks("averages", penetration=1e-3),
     "tetrahedra, stabilised": dropped_tetrahedra,

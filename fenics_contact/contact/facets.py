@@ -11,7 +11,7 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
-from fenics_contact.contact.pairing import Pairing, Watch, seek_along_normals, seek_closest
+from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import DRAWN, Response, Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -109,8 +109,8 @@ class FacetPartner(OnFacets):
     over the master's edges; slave nodes without a facet seek the closest point on the master and its normal (the paper).
     surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals
     say where a slave node looks; master: MasterSurface. Each rank evaluates its slave points against the whole master
-    surface; forces on the master go back by a sum over its nodes. Anchors are (nodes (np, 4), weights (np, 4)). All methods
-    that take a state are collective.
+    surface; forces on the master go back by a sum over its nodes. Anchors are (nodes (np, m), weights (np, m)). All
+    methods that take a state are collective.
     """
 
     settles = False
@@ -125,14 +125,13 @@ class FacetPartner(OnFacets):
         timers: Timers,
     ) -> None:
         self.name, self.surface, self.master, self.timers = name, surface, master, timers
-        # along the slave's normal even frictionless forces have no potential
-        self.smooth = surface.gradients is None
+        self.smooth = surface.gradients is None  # along the slave's normal even frictionless forces have no potential
         self.search = max(surface.cell_height, master.longest)
         self.reach = float(np.abs(master.X).max(initial=0.0))
-        _, nq, k = surface.a.shape
+        (_, nq, k), along = surface.a.shape, surface.gradients
         self._local = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         self._nodes = np.repeat(np.searchsorted(self._local, surface.nodes), nq, axis=0).astype(np.int64)
-        self._gradients = np.empty((0, 2, k)) if surface.gradients is None else surface.gradients.reshape(-1, 2, k)
+        self._gradients = np.empty((0, 2, k)) if along is None else along.reshape(-1, along.shape[2], k)
         first = len(self._local)
         self._facets = (master.facets[0] + first, master.facets[1])
         self._pattern = self._new_pattern(space)
@@ -141,11 +140,13 @@ class FacetPartner(OnFacets):
         self._ring, self._normal = facets[0], compat.Function(space)
         watched = np.unique(np.concatenate([self._local, master.owned, self._ring.ravel()]))  # what positions rest on
         self._watch = Watch(self._comm, watched)
-        along = surface.gradients is not None
-        seek = seek_along_normals(self._nodes, self._gradients, surface.corners) if along else seek_closest
-        self._pairing = Pairing(self._facets, seek, self.search, MARGIN * master.edge)
+        self._pairing = Pairing(self._facets, self._seek(), self.search, MARGIN * master.edge)
         self._closest = Pairing(self._facets, seek_closest, self.search, 0.0)  # of nodes between Gauss points
         self._feet: FacetFeet | None = None
+
+    def _seek(self) -> Seek:
+        s = self.surface
+        return seek_closest if s.gradients is None else seek_along_normals(self._nodes, self._gradients, s.corners)
 
     def _new_pattern(self, space: Space) -> PairPattern:
         blocks = np.concatenate([compat.global_blocks(space)[self._local], self.master.blocks]).astype(np.int64)
@@ -272,8 +273,8 @@ class FacetPartner(OnFacets):
 
     # -- anchors --------------------------------------------------------------------------------------------------
     def no_anchors(self) -> tuple[Ints64, Floats]:
-        n = self.surface.area.size
-        return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
+        shape = self.surface.area.size, self._facets[0].shape[1]
+        return np.full(shape, -1, dtype=np.int64), np.zeros(shape)
 
     def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = self.no_anchors(), np.empty(self.surface.area.size)
@@ -314,14 +315,14 @@ class FacetPartner(OnFacets):
 
     def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""
-        shape, (nodes, weights) = (*self.surface.area.shape, 4), anchors
+        (nodes, weights), shape = anchors, (*self.surface.area.shape, anchors[0].shape[1])
         keys = np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - len(self._local))]
         return {name: keys.reshape(shape), f"{name}_weight": weights.reshape(shape)}
 
     def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
-        keys, order = values[name].reshape(-1, 4), np.argsort(self.master.keys)
+        keys, order = values[name].reshape(-1, self._facets[0].shape[1]), np.argsort(self.master.keys)
         nodes = order[np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)] + len(self._local)
-        return np.where(keys < 0, -1, nodes), np.ascontiguousarray(values[f"{name}_weight"].reshape(-1, 4))
+        return np.where(keys < 0, -1, nodes), np.ascontiguousarray(values[f"{name}_weight"].reshape(keys.shape))
 
     # -- what else is asked of a master ---------------------------------------------------------------------------
     def normals(self, feet: FacetFeet) -> Floats:

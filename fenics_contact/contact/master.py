@@ -62,29 +62,56 @@ def _strips(space: Space, cells: Ints, local: Ints64) -> tuple[Ints64, Ints64, I
     return nodes[:, [0, 1, 1, 0]], size, compat.original_cells(mesh)[cells].astype(np.int64) * 6 + local
 
 
+def whole_facets(space: Space, facets: Ints) -> tuple[Ints64, Ints64, Ints64]:
+    """The same of a space of degree 2, with all nodes (nf, m) in the order of kernels/quadratic.py: corners, middles of the
+    sides between them, the centre; of the sides of plane cells two ends and a middle."""
+    mesh = space.mesh
+    cells, _ = compat.cells_of_exterior_facets(mesh, facets)
+    corners, size, key = oriented_facets(space, facets)
+    cell = compat.cell_name(mesh)
+    count = {"hexahedron": 4, "tetrahedron": 3}.get(cell, 2)
+    of_cell, ring = compat.cell_dofs(space)[cells], corners[:, :count]
+    places = np.argmax(of_cell[:, None] == ring[:, :, None], axis=2)  # of the corners in their cells
+    sides = {4: [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2)], 3: [(0, 1), (1, 2), (2, 0)], 2: [(0, 1)]}[count]
+    middles = _middles(cell)[places[:, [i for i, _ in sides]], places[:, [j for _, j in sides]]]
+    nodes = np.column_stack([ring, np.take_along_axis(of_cell, middles, axis=1)]).astype(np.int64)
+    return nodes, np.full_like(size, count + len(sides)), key
+
+
+def _middles(cell: str) -> Ints64:
+    """Number (corners, corners) of the node of a cell of degree 2 that lies in the middle between two of its corners."""
+    x, corners = compat.basix_element(cell, 2).points, len(compat.basix_element(cell, 1).points)
+    between = 0.5 * (x[:corners, None] + x[:corners])
+    return np.argmin(np.linalg.norm(between[:, :, None] - x, axis=3), axis=2)
+
+
 def area_vectors(corners: Floats) -> Floats:
     """Normal times area (nf, 3) of facets with corners (nf, 4, 3); a triangle repeats its third corner."""
     return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
 
 
 class _Surface:
-    """Facets (nodes (nf, 4), size (nf,)) and the reference positions X (nm, 3) of their nodes [length].
+    """Facets (nodes (nf, m), size (nf,)) and the reference positions X (nm, 3) of their nodes [length].
 
-    edge, longest: median and largest length of the facets' edges.
+    edge, longest: median and largest length of the facets' edges, of which the first `corners` nodes are the ends.
     """
 
-    def __init__(self, facets: Surface, X: Floats) -> None:
-        self.facets, self.X = facets, X
-        corners = X[facets[0]]
-        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    def __init__(self, facets: Surface, X: Floats, corners: int = 4) -> None:
+        self.facets, self.X, self._corners = facets, X, facets[0][:, :corners]
+        ends = X[self._corners]
+        edges = np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2)
         edges = edges[edges > 0.0]
         self.edge, self.longest = (float(f(edges)) if edges.size else 0.0 for f in (np.median, np.max))
 
     def degenerate(self) -> Floats:
         """Reference positions of the centres of facets without area (n, 3)."""
-        corners = self.X[self.facets[0]]
-        area = np.linalg.norm(area_vectors(corners), axis=1)
-        return corners[area < 1e-12 * self.longest**2].mean(axis=1)
+        corners = self.X[self._corners]
+        if corners.shape[1] == 2:
+            small = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) < 1e-12 * self.longest
+        else:
+            area = np.linalg.norm(area_vectors(corners[:, [0, 1, 2, -1]]), axis=1)
+            small = area < 1e-12 * self.longest**2
+        return corners[small].mean(axis=1)
 
 
 class MasterSurface(_Surface):
@@ -95,18 +122,19 @@ class MasterSurface(_Surface):
     all ranks per evaluation: a surface is small against its volume.
 
     section: what the curves of a plane mesh stand for. They are strips here, as deep as their sides are long on average:
-    behind all their nodes come as many far ones, of the same displacements and forces.
+    behind all their nodes come as many far ones, of the same displacements and forces. whole: facets of degree 2 with all
+    their nodes, in space or of a plane mesh; then there are no strips.
     """
 
-    def __init__(self, space: Space, facets: Ints, section: Section | None = None) -> None:
+    def __init__(self, space: Space, facets: Ints, section: Section | None = None, whole: bool = False) -> None:
         self.comm, self.size = space.mesh.comm, space.dofmap.index_map.size_global  # of the System, in blocks
-        nodes, size, key = oriented_facets(space, facets)
+        nodes, size, key = whole_facets(space, facets) if whole else oriented_facets(space, facets)
         to_global = compat.global_blocks(space)
-        rows = np.column_stack([key, size, to_global[nodes].reshape(-1, 4)]).astype(np.int64)
+        rows = np.column_stack([key, size, to_global[nodes]]).astype(np.int64)
         rows = np.concatenate(self.comm.allgather(rows))
         rows = rows[np.argsort(rows[:, 0])]
         self.moving, numbered = np.unique(rows[:, 2:], return_inverse=True)
-        everywhere = (np.ascontiguousarray(numbered.reshape(-1, 4)), np.ascontiguousarray(rows[:, 1]))
+        everywhere = (np.ascontiguousarray(numbered.reshape(-1, nodes.shape[1])), np.ascontiguousarray(rows[:, 1]))
         # blocks of one rank are consecutive, so the sorted blocks are the ranks' parts one after the other
         first, end = space.dofmap.index_map.local_range
         self.mine = slice(*np.searchsorted(self.moving, [first, end]))
@@ -114,14 +142,14 @@ class MasterSurface(_Surface):
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
         self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
         self.blocks = self.moving
-        X, self.section = self._gather(space.tabulate_dof_coordinates()[self.owned]), section
-        if section is not None:
+        X, self.section = self._gather(space.tabulate_dof_coordinates()[self.owned]), None if whole else section
+        if self.section is not None:
             ends = everywhere[0][:, :2]
             half = 0.5 * np.linalg.norm(X[ends[:, 1]] - X[ends[:, 0]], axis=1).mean() if len(ends) else 0.0
             X = np.concatenate([X - [0.0, 0.0, half], X + [0.0, 0.0, half]])
             everywhere[0][:, 2:] += len(self.moving)
             self.blocks, self.keys = np.tile(self.moving, 2), np.concatenate([2 * self.keys, 2 * self.keys + 1])
-        super().__init__(everywhere, X)
+        super().__init__(everywhere, X, {3: 2, 6: 3}.get(nodes.shape[1], 4))
 
     def _gather(self, owned: Floats) -> Floats:
         everything = np.empty((self._counts.sum() // 3, 3))

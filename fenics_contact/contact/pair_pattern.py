@@ -4,20 +4,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fenics_contact.kernels.couplings import coupled_pairs, lacks, newly_met, unique_pairs
+from fenics_contact.kernels.couplings import coupled_pairs, lacks, lists_lack, newly_met, unique_pairs
 from fenics_contact.types import Bools, Floats, Ints64
 
 
 class PairPattern:
     """Couplings between nodes as rising keys row * count + column of their blocks.
 
-    slave_nodes (np, k), corners (nf, 4): local nodes of the slave points and of the master's facets; blocks (nx,): the
+    slave_nodes (np, k), corners (nf, m): local nodes of the slave points and of the master's facets; blocks (nx,): the
     block of each local node, of `count` blocks in all.
     """
 
     def __init__(self, slave_nodes: Ints64, corners: Ints64, blocks: Ints64, count: int) -> None:
         self._slave_nodes, self._corners, self._blocks, self._count = slave_nodes, corners, blocks, count
-        self._met = np.full(len(slave_nodes), -2), np.full((len(slave_nodes), 4), -2)
+        self._met = np.full(len(slave_nodes), -2), np.full((len(slave_nodes), corners.shape[1]), -2)
         self.set(np.empty(0, dtype=np.int64))
 
     def set(self, keys: Ints64) -> None:
@@ -33,10 +33,15 @@ class PairPattern:
         new = newly_met(closed, facet, anchor_nodes, *self._met)
         if not new.any():
             return True
-        if len(self.keys) == 0 or lacks(new, self._slave_nodes, self._corners, facet, anchor_nodes, self.arrays):
+        if len(self.keys) == 0 or self._lacks(new, facet, anchor_nodes):
             return False
         self._meet(new, facet, anchor_nodes)
         return True
+
+    def _lacks(self, new: Bools, facet: Ints64, anchor_nodes: Ints64) -> bool:
+        if self._corners.shape[1] == 4:
+            return lacks(new, self._slave_nodes, self._corners, facet, anchor_nodes, self.arrays)
+        return lists_lack(new, self._slave_nodes, self._corners[facet], anchor_nodes, self.arrays)
 
     def _meet(self, which: Bools, facet: Ints64, anchor_nodes: Ints64) -> None:
         self._met[0][which], self._met[1][which] = facet[which], anchor_nodes[which]

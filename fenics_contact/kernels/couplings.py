@@ -48,12 +48,12 @@ def find(columns: Ints64, low: int, high: int, wanted: int) -> int:
 
 @njit(cache=True)
 def newly_met(closed: Bools, facet: Ints64, anchor_nodes: Ints64, met: Ints64, met_anchors: Ints64) -> Bools:
-    """True for each closed point (np,) whose facet or anchor is not the one taken down in met (np,), met_anchors (np, 4)."""
+    """True for each closed point (np,) whose facet or anchor is not the one taken down in met (np,), met_anchors (np, m)."""
     new = np.zeros(len(closed), np.bool_)
     for q in range(len(closed)):
         if closed[q]:
             new[q] = facet[q] != met[q]
-            for i in range(4):
+            for i in range(anchor_nodes.shape[1]):
                 new[q] = new[q] or anchor_nodes[q, i] != met_anchors[q, i]
     return new
 

@@ -27,6 +27,7 @@ from fenics_contact.contact.master import MasterSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolAverages, MeshedToolPartner
 from fenics_contact.contact.mortar import MortarPartner
 from fenics_contact.contact.partner import Partner
+from fenics_contact.contact.quadratic import QuadraticPartner
 from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import SlaveSurface, slave_surface
 from fenics_contact.contact.term import Contact
@@ -284,14 +285,15 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     if stated.points == "averages":
         skin = MasterSurface(scene.space, slave, scene.section)
         return MortarPartner(master_name(master), surface, skin, surface_of_master, timers)
-    return FacetPartner(master_name(master), surface, facets, surface_of_master, scene.space, timers)
+    kind = QuadraticPartner if scene.degree == 2 else FacetPartner
+    return kind(master_name(master), surface, facets, surface_of_master, scene.space, timers)
 
 
 def _master_surface(
     scene: "Scene", stated: ContactStatement, names: tuple[str, ...], surface: SlaveSurface
 ) -> MasterSurface:
     """The master of a contact of bodies, checked. Collective."""
-    master = MasterSurface(scene.space, scene.mesh.facets(*names), scene.section)
+    master = MasterSurface(scene.space, scene.mesh.facets(*names), scene.section, whole=scene.degree == 2)
     if len(flat := master.degenerate()):
         raise SceneError(
             f"contact '{stated.name}': {len(flat)} facets of the master have no area, the first at {flat[0]}; mesh that "

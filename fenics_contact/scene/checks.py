@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import geometry_degree
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.parts import connected_parts
@@ -20,7 +21,7 @@ from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
 from fenics_contact.meetings import Meeting
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.statements import ContactStatement
-from fenics_contact.types import Ints, Ints64, Space
+from fenics_contact.types import Ints, Ints64, Mesh, Space
 from fenics_contact.values import SceneError, count, group_names, positive, shown, text
 
 if TYPE_CHECKING:  # which asks them
@@ -81,7 +82,7 @@ def default_points(master: Tool | tuple[str, ...], degree: int, bare_corners: bo
         return 3 if bare_corners else "nodes"
     if degree == 1:
         return "averages"
-    return 1 if multipliers else 3
+    return 2 if multipliers else 3
 
 
 def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], degree: int, bare_corners: bool) -> None:
@@ -93,11 +94,10 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
     if not isinstance(master, Tool):
         if common := set(master) & set(contact.slave):
             raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
-        if degree != 1:
-            raise SceneError(
-                f"{what}: facets of a deformable master are flat, of degree 1; two bodies need a Scene(..., degree=1), with "
-                'element="mixed" where one of them is nearly incompressible'
-            )
+        if degree != 1 and isinstance(points, str):
+            raise SceneError(f'{what}: points="{points}" on a body need degree=1; use Gauss points, e.g. points=3')
+        if degree != 1 and points == 1:
+            raise SceneError(f"{what}: one point does not hold a facet of degree 2, which has more nodes; use points=2 or 3")
         if contact.friction.ratio != 1.0:
             raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform")
     if isinstance(master, RigidTool) and points == "averages":
@@ -150,17 +150,29 @@ def section_of(mesh: NamedMesh, plane: object, thickness: object) -> Section | N
     return section
 
 
-def refuse_on_plane(contact: ContactStatement, section: Section | None) -> None:
-    """Curves of a plane mesh meet curves by averages, and are met in no other scene."""
+def refuse_chords(name: str, mesh: Mesh, degree: int) -> None:
+    """Points of displacements of degree 1 lie on the chords of cells with curved sides."""
+    if degree == 1 and geometry_degree(mesh) > 1:
+        raise SceneError(
+            f"contact '{name}': the mesh is of order 2, and nodes of degree 1 do not know its curved sides; give "
+            "Scene(..., degree=2), or mesh with order 1"
+        )
+
+
+def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: int) -> None:
+    """Curves of a plane mesh meet curves by averages or, of degree 2, by Gauss points; tools of curves, by averages alone,
+    are met in no other scene."""
     if section is None and isinstance(contact.master, MeshedTool) and contact.master.is_curve:
         raise SceneError(
             f"contact '{contact.name}': rigid_curve '{contact.master.name}' belongs to plane scenes; in space give "
             "rigid_surface or rigid_extrusion"
         )
-    if section is not None and not isinstance(contact.master, RigidTool) and contact.points != "averages":
-        raise SceneError(
-            f"contact '{contact.name}': in a plane scene curves are met by points=\"averages\", which need degree=1"
-        )
+    if section is None or isinstance(contact.master, RigidTool) or contact.points == "averages":
+        return
+    if isinstance(contact.master, MeshedTool):
+        raise SceneError(f"contact '{contact.name}': a tool of curves is met by points=\"averages\", which need degree=1")
+    if degree == 1:
+        raise SceneError(f"contact '{contact.name}': in a plane scene curves of degree 1 are met by points=\"averages\"")
 
 
 def refuse_turned_grain(contacts: Sequence[ContactStatement], turning: Sequence[str]) -> None:

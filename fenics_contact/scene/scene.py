@@ -17,6 +17,7 @@ from fenics_contact.scene.checks import (
     AXES,
     default_points,
     refuse_apart,
+    refuse_chords,
     refuse_inside,
     refuse_namesake,
     refuse_numbers,
@@ -308,8 +309,8 @@ class Scene:
         tools, which have one normal at a place, and on a body where it is smooth, for the force jumps at the edges of its
         facets. By default nodes on an analytic tool, averages on a body or a meshed tool, 3 where these need degree=1.
         penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
-        step: multipliers take over from the penalty until that holds (augmented Lagrangian); of Gauss points on facets
-        take one, for a facet cannot follow another surface in more. By default the penalty alone.
+        step: multipliers take over from the penalty until that holds (augmented Lagrangian); of Gauss points on facets take
+        one, of degree 2 two, for a facet cannot follow another surface in more. By default the penalty alone.
         name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)
@@ -319,7 +320,8 @@ class Scene:
         friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
         refuse_pair(contact, self.contacts, self.degree, self._bare_corners)
-        refuse_on_plane(contact, self.section)
+        refuse_chords(name, self.mesh.domain, self.degree)
+        refuse_on_plane(contact, self.section, self.degree)
         if isinstance(master, Tool):
             refuse_namesake(master, self.tools)
         for side in (slave, master):

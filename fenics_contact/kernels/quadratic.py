@@ -1,0 +1,194 @@
+"""Master facets of degree 2, straight or curved: their shape functions, and where rays along a slave's normal meet them.
+
+A surface is a pair of arrays: nodes (nf, m) int64 and size (nf,) int64, the number m of nodes: 9 of quadrilaterals, 6 of
+triangles, 3 of the sides of a plane mesh.  Corners come first, as in kernels/facets.py, then the middles of the sides, the
+first between the corners 0 and 1, then the centre.  A side of a plane mesh lives on [-1, 1] and goes on along z for ever:
+its second coordinate is that way, and r_2 = e_z.
+
+What first derivatives tell of such a facet at a foot is told by the flat one that touches it there, with corners x_M,
+x_M + r_1, x_M + r_2: these are sums of the facet's nodes.  The tangent of a ray's pair, kernels/ray_element.py, asks for no
+more, so the kernels of flat facets serve, and what they give is carried from the corners to the nodes.
+"""
+
+import numpy as np
+from numba import njit
+
+from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
+from fenics_contact.kernels.couplings import Pattern, find
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.slave_ray import MAX_NEWTON, facet_balls
+from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, row
+from fenics_contact.types import Bools, Floats, Ints64
+
+LINE, TRIANGLE, QUADRILATERAL = 3, 6, 9
+ALONG_Z = (0.0, 0.0, 1.0)
+# of a facet's squared radius: between its nodes a curved facet may bulge out of the ball that holds these
+BULGE = 1.2
+FAR = 4.0  # a facet continued beyond that is no facet any more
+# where Newton's method starts on a facet until a foot is found
+STARTS_2 = np.array([[0.0, 0.0], [-0.6, -0.6], [0.6, 0.6], [0.6, -0.6], [-0.6, 0.6]])
+STARTS_3 = np.array([[1.0 / 3.0, 1.0 / 3.0], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8]])
+
+
+@njit(cache=True)
+def _line(s: float) -> tuple[float, float, float, float, float, float]:
+    """Shape functions of the ends and the middle of [-1, 1], then their derivatives."""
+    return 0.5 * s * (s - 1.0), 0.5 * s * (s + 1.0), 1.0 - s * s, s - 0.5, s + 0.5, -2.0 * s
+
+
+@njit(cache=True)
+def quadratic_shape(m: int, s: float, t: float, N: Floats) -> None:
+    """Fill N (3, m) with N_i, N_i,1 and N_i,2 at (s, t); N_i,2 = 0 on a side of a plane mesh."""
+    if m == LINE:
+        N[0, 0], N[0, 1], N[0, 2], N[1, 0], N[1, 1], N[1, 2] = _line(s)
+        N[2, 0] = N[2, 1] = N[2, 2] = 0.0
+    elif m == TRIANGLE:
+        r = 1.0 - s - t
+        N[0, 0], N[0, 1], N[0, 2] = r * (2.0 * r - 1.0), s * (2.0 * s - 1.0), t * (2.0 * t - 1.0)
+        N[0, 3], N[0, 4], N[0, 5] = 4.0 * r * s, 4.0 * s * t, 4.0 * t * r
+        N[1, 0], N[1, 1], N[1, 2] = 1.0 - 4.0 * r, 4.0 * s - 1.0, 0.0
+        N[1, 3], N[1, 4], N[1, 5] = 4.0 * (r - s), 4.0 * t, -4.0 * t
+        N[2, 0], N[2, 1], N[2, 2] = 1.0 - 4.0 * r, 0.0, 4.0 * t - 1.0
+        N[2, 3], N[2, 4], N[2, 5] = -4.0 * s, 4.0 * s, 4.0 * (r - t)
+    else:
+        a0, a1, a2, d0, d1, d2 = _line(s)
+        b0, b1, b2, e0, e1, e2 = _line(t)
+        _nine(N, 0, a0, a1, a2, b0, b1, b2)
+        _nine(N, 1, d0, d1, d2, b0, b1, b2)
+        _nine(N, 2, a0, a1, a2, e0, e1, e2)
+
+
+@njit(cache=True)
+def _nine(N: Floats, i: int, a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> None:
+    """Fill N[i] with the products of what the ends and the middle have along both sides."""
+    N[i, 0], N[i, 1], N[i, 2], N[i, 3] = a0 * b0, a1 * b0, a1 * b1, a0 * b1
+    N[i, 4], N[i, 5], N[i, 6], N[i, 7], N[i, 8] = a2 * b0, a1 * b2, a2 * b1, a0 * b2, a2 * b2
+
+
+@njit(cache=True)
+def shapes(at: Ints64, size: Ints64, projection: Projection, N: Floats) -> None:
+    """Fill N (n, 3, m): shape functions and derivatives at the feet of the points `at` (n,)."""
+    facet, xi = projection[0], projection[3]
+    for i in range(len(at)):
+        q = at[i]
+        quadratic_shape(size[facet[q]], xi[q, 0], xi[q, 1], N[i])
+
+
+@njit(cache=True)
+def _frame(f: int, coords: Floats, surface: Surface, N: Floats) -> tuple[Vector, Vector, Vector]:
+    """r, r_1, r_2 of facet f with the shape functions N (3, m)."""
+    nodes, size = surface
+    r, r1, r2 = ZERO, ZERO, ALONG_Z if size[f] == LINE else ZERO
+    for i in range(size[f]):
+        x = row(coords, nodes[f, i])
+        r, r1, r2 = less(r, -N[0, i], x), less(r1, -N[1, i], x), less(r2, -N[2, i], x)
+    return r, r1, r2
+
+
+@njit(cache=True, error_model="numpy")
+def _meet(
+    x: Vector, n: Vector, f: int, coords: Floats, surface: Surface, start: Floats, N: Floats
+) -> tuple[bool, float, float, float, float]:
+    """Newton for x - r(xi) = g n on facet f from a start (2,); returns (inside, xi1, xi2, g, cosine of n and its normal)."""
+    s, t, m = start[0], start[1], surface[1][f]
+    if m == LINE:
+        t = 0.0
+    for _ in range(MAX_NEWTON):
+        quadratic_shape(m, s, t, N)
+        r, r1, r2 = _frame(f, coords, surface, N)
+        d = minus(x, r)
+        # n x (d - r_a dxi^a) = 0, projected on r_1 x n and r_2 x n
+        one, two = cross(r2, n), cross(n, r1)
+        det = dot(r1, one)
+        if not abs(det) > 1e-12 * norm(r1) * norm(r2):
+            return False, 0.0, 0.0, 0.0, 0.0
+        ds, dt = dot(d, one) / det, dot(d, two) / det
+        s, t = s + ds, t + dt
+        if abs(s) > FAR or m != LINE and abs(t) > FAR:
+            return False, 0.0, 0.0, 0.0, 0.0
+        if max(abs(ds), abs(dt)) < 1e-12:
+            low = -OVERLAP if m == TRIANGLE else -1.0 - OVERLAP
+            high = s + t if m == TRIANGLE else (s if m == LINE else max(s, t))
+            inside = s >= low and (m == LINE or t >= low) and high <= 1.0 + OVERLAP
+            area = cross(r1, r2)
+            return inside, s, t, dot(less(less(d, ds, r1), dt, r2), n), dot(area, n) / norm(area)
+    return False, 0.0, 0.0, 0.0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def quadratic_rays(
+    points: Floats,
+    directions: Floats,
+    coords: Floats,
+    surface: Surface,
+    lists: Lists,
+    reach: tuple[float, float],
+    projection: Projection,
+) -> None:
+    """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within a search distance.
+
+    As kernels/slave_ray.py, without going on beyond borders. reach: (search [length]; facing: cosine of the angle between n
+    and the normals of facets that are no partners up to it).
+    """
+    size, (offsets, listed), (search, facing) = surface[1], lists, reach
+    facet, kind, feature, xi, gap, normal = projection
+    centres, radii, N = np.empty((len(size), 3)), np.empty(len(size)), np.zeros((3, QUADRILATERAL))
+    facet_balls(coords, surface, centres, radii)
+    for q in range(points.shape[0]):
+        facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
+        xi[q, 0] = xi[q, 1] = 0.0
+        n, x = row(directions, q), row(points, q)
+        normal[q, 0], normal[q, 1], normal[q, 2] = n
+        nearest = np.inf
+        for f in listed[offsets[q] : offsets[q + 1]]:
+            arm = minus(row(centres, f), x)
+            along = dot(arm, n)
+            if dot(arm, arm) - along * along > BULGE * radii[f]:
+                continue  # the ray passes by
+            starts = STARTS_3 if size[f] == TRIANGLE else STARTS_2
+            for i in range(LINE if size[f] == LINE else len(starts)):
+                inside, s, t, g, cosine = _meet(x, n, f, coords, surface, starts[i], N)
+                if inside and cosine > facing:
+                    if abs(g) <= search and abs(g) < nearest:
+                        nearest = abs(g)
+                        facet[q], kind[q], gap[q] = f, INTERIOR, g
+                        xi[q, 0], xi[q, 1] = s, t
+                    break
+
+
+@njit(cache=True)
+def add_lifted(matrices: Floats, lift: Floats, nodes: Ints64, rows: int, pattern: Pattern, out: tuple[Floats, Bools]) -> int:
+    """Add lift^T matrix lift of each pair to the blocks of a pattern; returns the number of blocks that are not in it.
+
+    matrices (n, c, c, 3, 3): blocks between the corners of flat facets; lift (n, c, k): the parts of the nodes (n, k) in
+    them; forces act on the first `rows` of these. pattern: as in kernels/couplings.py; out = (values (nb, 3, 3), used
+    (nb,)).
+    """
+    (blocks, first, end, columns), (values, used), missing = pattern, out, 0
+    corners, k = lift.shape[1:]
+    half = np.empty((corners, k, 9))
+    for q in range(len(nodes)):
+        half[:] = 0.0
+        for c in range(corners):
+            for d in range(corners):
+                for j in range(k):
+                    part = lift[q, d, j]
+                    if part != 0.0:
+                        for e in range(9):
+                            half[c, j, e] += part * matrices[q, c, d, e // 3, e % 3]
+        for i in range(rows):
+            node = nodes[q, i]
+            for j in range(k):
+                if nodes[q, j] < 0:
+                    continue  # no anchor
+                at = find(columns, first[node], end[node], blocks[nodes[q, j]])
+                if at < 0:
+                    missing += 1
+                    continue
+                used[at] = True
+                for c in range(corners):
+                    part = lift[q, c, i]
+                    if part != 0.0:
+                        for e in range(9):
+                            values[at, e // 3, e % 3] += part * half[c, j, e]
+    return missing

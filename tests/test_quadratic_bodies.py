@@ -1,0 +1,283 @@
+"""Bodies of degree 2 on both sides of a contact, straight and curved, in space and in the plane: exact tangents, loads of a
+constant pressure, round bodies against closed forms."""
+
+import gmsh
+import numpy as np
+import pytest
+from refusals import refused
+
+from fenics_contact import Body, Penalty, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, rigid_cylinder, solve
+from fenics_contact.assembly.blocks import insert
+from fenics_contact.kernels.facets import corner
+from fenics_contact.kernels.quadratic import LINE, QUADRILATERAL, TRIANGLE, quadratic_shape
+from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from fenics_contact.studies.exact import Radial
+from meshes import rectangles, ring_sector, two_blocks
+
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+
+
+# -- shape functions ------------------------------------------------------------------------------------------------------
+@pytest.mark.serial
+@pytest.mark.parametrize("m", [LINE, TRIANGLE, QUADRILATERAL])
+def test_shape_functions(m):
+    """One at their own node and zero at the others; their slopes are their derivatives."""
+    corners = {LINE: 2, TRIANGLE: 3, QUADRILATERAL: 4}[m]
+    ends = np.array([(2.0 * i - 1.0, 0.0) if m == LINE else corner(corners, i) for i in range(corners)])
+    sides = corners if m > LINE else 1
+    places = [*ends, *(0.5 * (ends + np.roll(ends, -1, axis=0)))[:sides], ends.mean(axis=0)][:m]
+    N, other = np.zeros((3, m)), np.zeros((3, m))
+    for i, (s, t) in enumerate(places):
+        quadratic_shape(m, s, t, N)
+        assert N[0] == pytest.approx(np.eye(m)[i], abs=1e-15)
+    quadratic_shape(m, 0.3, 0.2, N)
+    for way, (ds, dt) in enumerate([(1e-3, 0.0), (0.0, 1e-3)][: 1 if m == LINE else 2]):
+        slope = 0.0
+        for sign in (1.0, -1.0):
+            quadratic_shape(m, 0.3 + sign * ds, 0.2 + sign * dt, other)
+            slope = slope + sign * other[0] / 2e-3
+        assert N[1 + way] == pytest.approx(slope, abs=1e-11)  # of quadratic functions central differences are exact
+
+
+# -- scenes: two bodies, how their first is pressed into the other and led along it ----------------------------------------
+def tetrahedra():
+    for name, lowest, size in (("lower", (0, 0, -10), (40, 40, 10)), ("upper", (5, 10, 0), (20, 20, 10))):
+        tag = gmsh.model.occ.addBox(*lowest, *size)
+        gmsh.model.occ.synchronize()
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
+        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
+            if abs(gmsh.model.getNormal(face, [0.5, 0.5])[2]) > 0.9:
+                side = "top" if gmsh.model.occ.getCenterOfMass(2, face)[2] > lowest[2] + 1 else "bottom"
+                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{side}")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 12.0)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 12.0)
+    gmsh.model.mesh.generate(3)
+
+
+def rings(cells=(6, 8), radii=(0.2, 0.6, 1.0), through=2, triangles=False):
+    """A ring in another one, each with cells of its own."""
+    for name, wall, around in zip(("shaft", "hub"), (radii[:2], radii[1:]), cells, strict=True):
+        ring_sector.build(wall, (through, around), 2, triangles, name, f"{name}_")
+        gmsh.model.geo.synchronize()
+
+
+def pair(kind, friction, points=3):
+    """Mesh, scene, slave body, what presses it, what leads it along, a length of it."""
+    if kind == "rings":
+        mesh, sides = read_gmsh(rings), ("shaft", "shaft_outer", "hub_inner")
+        held, plane, turn = ("shaft_inner", "hub_outer"), {"plane": "strain"}, np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])
+        ways = (lambda X: 0.03 * X, lambda X: 0.05 * X @ turn.T, 0.1)
+    elif kind == "rectangles":
+        mesh = read_gmsh(
+            rectangles.build,
+            rectangles={"lower": ((0, -10), (40.0, 10.0), (6, 1)), "upper": ((5, 0), (20.0, 10.0), (4, 1))},
+            triangles=True,
+        )
+        sides, held, plane = ("upper", "upper_ymin", "lower_ymax"), ("lower_ymin", "upper_ymax"), {"plane": "strain"}
+        ways = (lambda X: np.tile([0.0, -0.3, 0.0], (len(X), 1)), lambda X: np.tile([1.5, -0.02, 0.0], (len(X), 1)), 10.0)
+    else:
+        cells = {"lower_cells": (4, 4, 1), "upper_cells": (3, 3, 1)}
+        mesh = read_gmsh(tetrahedra) if kind == "tetrahedra" else read_gmsh(two_blocks.build, **cells)
+        sides, held, plane = ("upper", "upper_bottom", "lower_top"), ("lower_bottom", "upper_top"), {}
+        ways = (lambda X: np.tile([0.0, 0.0, -0.3], (len(X), 1)), lambda X: np.tile([1.5, 0.3, -0.02], (len(X), 1)), 10.0)
+    names = ("shaft", "hub") if kind == "rings" else ("lower", "upper")
+    scene = Scene(*(Body(mesh, name, RUBBER) for name in names), degree=2, **plane)
+    for side in held:
+        scene.fix(side)
+    scene.contact(*sides[1:], friction, points=points, name="c")
+    return mesh, scene, sides[0], *ways
+
+
+def pressed(kind, friction, led, points=3):
+    """System and contact of a pair, pressed into each other and roughened, committed, then led on by a share of its way."""
+    mesh, scene, slave, press, lead, size = pair(kind, friction, points)
+    system = scene.system()
+    state, contact = system.state, system.contacts[0]
+    cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag(slave)]
+    nodes = np.unique(compat.cell_dofs(scene.space)[cells])
+    X = scene.space.tabulate_dof_coordinates()
+    u = 0.005 * size * np.random.default_rng(1).uniform(-1, 1, X.shape)
+    if scene.section is not None:
+        u[:, 2] = 0.0
+    u[nodes] += press(X[nodes])
+    state.u.x.array[:] = u.ravel()
+    contact.commit(state)
+    u[nodes] += led * lead(X[nodes])
+    state.u.x.array[:] = u.ravel()
+    return system, contact, size
+
+
+STATES = [(0.0, 0.3, CLOSED), (0.1, 1.0, SLIP), (5.0, 0.02, STICK)]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("friction, led, status", STATES)
+@pytest.mark.parametrize("kind", ["hexahedra", "tetrahedra", "rectangles", "rings"])
+def test_tangent_is_the_derivative_of_the_residual(kind, friction, led, status):
+    system, contact, size = pressed(kind, friction, led)
+    state = system.state
+    start = state.u.x.array.copy()
+    contact.response(state)
+    before = contact.statuses()
+    assert (before == status).sum() > 0.9 * len(before)
+    way = system.new_vector()
+    way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
+    if kind in ("rectangles", "rings"):
+        way.array[2::3] = 0.0
+
+    def residual():
+        out = np.zeros(len(start))
+        contact.add_residual(state, out, np.zeros((0, 3)))
+        return out
+
+    system.assemble_tangent()
+    system.matrix.zeroEntries()
+    insert(contact.tangent(state), system.matrix, None)
+    system.matrix.assemble()
+    at_start, slope, left = residual(), (system.matrix * way).array.copy(), []
+    for step in 1e-4 * size / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start + step * way.array
+        left.append(np.linalg.norm(residual() - at_start - step * slope))
+        assert (contact.statuses() == before).all()
+    left = np.array(left)
+    assert np.log2(left[:-1] / left[1:]).min() > 1.99
+    gaps = []  # so are the gaps that it foresees
+    for step in (1e-4 * size, 5e-5 * size):
+        state.u.x.array[:] = start
+        feet = contact.partner.feet(state)
+        state.u.x.array[:] = start + step * way.array
+        there, paired = contact.partner.feet(state), feet.projection[1] != 0
+        foreseen = contact.partner.foreseen(there, feet, contact.trial)
+        gaps.append(np.abs(foreseen[paired] - there.projection[4][paired]).max())
+    assert np.log2(gaps[0] / gaps[1]) > 1.95
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", ["hexahedra", "rings"])
+def test_forces_balance_and_a_turn_of_everything_changes_no_traction(kind):
+    system, contact, _ = pressed(kind, 5.0, 0.02)
+    state = system.state
+    out = np.zeros(len(state.u.x.array))
+    contact.add_residual(state, out, np.zeros((0, 3)))
+    assert np.abs(out.reshape(-1, 3).sum(axis=0)).max() < 1e-11 * np.abs(out).max()
+    response = contact.response(state)
+    contact.commit(state)
+    size, status = np.linalg.norm(response.traction, axis=2), response.status.ravel()
+    assert (status == STICK).any()
+    X = system.space.tabulate_dof_coordinates()
+    x = X + state.u.x.array.reshape(-1, 3)
+    for step in range(1, 9):
+        angle = 2 * np.pi * step / 8
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        state.u.x.array[:] = (x @ turn.T - X).ravel()
+        contact.commit(state)
+        assert (contact.statuses() == status).all()
+        # coordinates of size 40 round at 1e-14; times a penalty of 50
+        assert np.abs(np.linalg.norm(contact.response(state).traction, axis=2) - size).max() < 1e-10 * size.max()
+
+
+# -- loads of a constant pressure ----------------------------------------------------------------------------------------
+@pytest.mark.serial
+@pytest.mark.parametrize("lower, upper", [(4, 4), (5, 3)])
+def test_a_constant_pressure_loads_both_sides(lower, upper):
+    """With one gap everywhere both sides feel 1/6, 4/6, 1/6 of each side's force: the slave, and a matching master, to
+    round-off; force and moment of any master, too."""
+    cells = {"lower": ((0, -1), (2.0, 1.0), (lower, 1)), "upper": ((0, 0), (2.0, 1.0), (upper, 1))}
+    mesh = read_gmsh(rectangles.build, rectangles=cells)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), degree=2, plane="strain")
+    scene.fix("lower_ymin"), scene.fix("upper_ymax")
+    scene.contact("upper_ymin", "lower_ymax", penalty=10.0, points=3, name="c")
+    system = scene.system()
+    state, contact = system.state, system.contacts[0]
+    X, u = scene.space.tabulate_dof_coordinates(), np.zeros((len(state.u.x.array) // 3, 3))
+    bodies = mesh.cell_tags.values == mesh.volume_tag("upper")
+    slave = np.unique(compat.cell_dofs(scene.space)[mesh.cell_tags.indices[bodies]])
+    u[slave, 1] = -0.01
+    state.u.x.array[:] = u.ravel()
+    force = np.zeros(u.size)
+    contact.add_residual(state, force, np.zeros((0, 3)))
+    force = force.reshape(-1, 3)[:, 1]
+    above = np.isin(np.arange(len(u)), slave)
+    for nodes, count, sign in ((above, upper, -1.0), (~above, lower, 1.0)):
+        on = np.flatnonzero(nodes & (np.abs(X[:, 1]) < 1e-12))
+        on = on[np.argsort(X[on, 0])]
+        h, exact = 2.0 / count, np.zeros(2 * count + 1)
+        for c in range(count):
+            exact[2 * c : 2 * c + 3] += sign * 10.0 * 0.01 * h * np.array([1.0, 4.0, 1.0]) / 6.0
+        if lower == upper or sign < 0.0:
+            assert force[on] == pytest.approx(exact, abs=1e-11)  # gmsh places nodes to 1e-12
+        assert [force[on].sum(), force[on] @ X[on, 0]] == pytest.approx([exact.sum(), exact @ X[on, 0]], abs=1e-11)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("triangles", [False, True])
+def test_squeezed_blocks(triangles):
+    """Two smooth blocks, 10 %: matching ones have one pressure to round-off, others the force to 2e-4, what the scatter of
+    pressures takes."""
+    found = []
+    for upper in (4, 3):
+        cells = {"lower": ((0, -10), (20.0, 10.0), (4 if upper == 4 else 5, 2)), "upper": ((0, 0), (20.0, 10.0), (upper, 2))}
+        mesh = read_gmsh(rectangles.build, rectangles=cells, triangles=triangles)
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), plane="strain", degree=2)
+        for body in ("lower", "upper"):
+            scene.fix(f"{body}_xmin", "x")
+        scene.fix("lower_ymin", "y")
+        scene.prescribe("upper_ymax", "y", -2.0)
+        scene.contact("upper_ymin", "lower_ymax", penalty=500.0, name="c")
+        result = solve(scene, steps=2, progress=False).require()
+        pressure = result.system.contacts[0].split_traction(result.system.state)[0]
+        found.append((result.history[-1]["c_force_y_N"], np.ptp(pressure) / pressure.mean()))
+    assert found[0][1] < 1e-9
+    assert found[1][0] == pytest.approx(found[0][0], rel=2e-4)
+
+
+# -- round bodies --------------------------------------------------------------------------------------------------------
+@pytest.mark.serial
+def test_a_round_slave_in_a_rigid_bore():
+    """A tube blown up in a bore that it fills: the force on curved cells of degree 2 converges as h^4."""
+    forces = []
+    for cells in ((2, 4), (4, 8), (8, 16)):
+        mesh = read_gmsh(ring_sector.build, radii=(1.0, 2.0), cells=cells, order=2)
+        scene = Scene(Body(mesh, "ring", RUBBER), plane="strain", degree=2)
+        scene.fix("ymin", "y"), scene.fix("xmin", "x")
+        scene.pressure("inner", 0.02)
+        bore = rigid_cylinder(2.0, (0, 0, 0), (0, 0, 1), hollow=True, name="bore")
+        scene.contact("outer", bore, points=3, name="c", penalty=1e4)
+        forces.append(solve(scene, steps=1, progress=False).require().history[-1]["c_force_x_N"])
+    assert (forces[1] - forces[0]) / (forces[2] - forces[1]) > 12.0, forces
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("triangles", [False, True], ids=["quadrilaterals", "triangles"])
+def test_a_tube_of_two_rings(triangles):
+    """Blown up by a third, with curved cells of its own on either side of the joint, it is no less exact than a whole tube
+    of the coarser cells (straight ones err six times as much)."""
+    wall, middle, inside, law = (1.0, 2.0), 1.4, 1.3, mooney_paper(0.1863, 0.0098, 5.0)
+    pressure, outside = Radial("tube", 5.0).solve(wall, inside)
+
+    def error(scene, names, blown):
+        for name in names:
+            scene.fix(f"{name}ymin", "y"), scene.fix(f"{name}xmin", "x")
+        scene.pressure(blown, pressure)
+        record = {f"{R:g}_mm": lambda view, R=R: R + view.at((R, 0.0, 0.0)).displacement[0] for R in wall}
+        row = solve(scene, steps=3, record=record, progress=False).require().history[-1]
+        return abs(row["1_mm"] - inside) / (inside - 1.0) + abs(row["2_mm"] - outside) / (outside - 2.0)
+
+    mesh = read_gmsh(ring_sector.build, radii=wall, cells=(6, 8), order=2, triangles=triangles)
+    whole = error(Scene(Body(mesh, "ring", law), plane="strain", degree=2), ("",), "inner")
+    mesh = read_gmsh(rings, cells=(12, 8), radii=(wall[0], middle, wall[1]), through=3, triangles=triangles)
+    scene = Scene(Body(mesh, "shaft", law), Body(mesh, "hub", law), plane="strain", degree=2)
+    scene.contact("shaft_outer", "hub_inner", name="c", penalty=Penalty(factor=1e3))
+    assert error(scene, ("shaft_", "hub_"), "shaft_inner") < whole
+
+
+@pytest.mark.parallel
+def test_points_of_degree_one_on_curved_cells_are_refused():
+    def stated(degree, points):
+        mesh = read_gmsh(rings)
+        scene = Scene(Body(mesh, "shaft", RUBBER), Body(mesh, "hub", RUBBER), degree=degree, plane="strain")
+        scene.contact("shaft_outer", "hub_inner", points=points, name="fit")
+
+    refused(lambda: stated(1, "averages"), "'fit'", "order 2", "degree=2")
+    refused(lambda: stated(2, 1), "'fit'", "one point", "points=2 or 3")
+    refused(lambda: stated(2, "averages"), "'fit'", "averages", "degree=1", "points=3")
