@@ -57,7 +57,7 @@ def list_arguments(app, what, name, thing, options, lines):
     one = "|".join(map(re.escape, inspect.signature(thing).parameters))
     if not one:
         return
-    names = rf"(?:{one})(?: [(\[][\w, /^]*[)\]])?"  # with a shape or a unit
+    names = rf"`?(?:{one})`?(?: [(\[][\w, /^]*[)\]])?"  # with a shape or a unit
     start = re.compile(rf"(?:(?<=; )|(?<=\. )|^)({names}(?:, {names})*): ")
     told = []
     for paragraph in re.split(r"\n\s*\n", "\n".join(lines)):
@@ -66,11 +66,11 @@ def list_arguments(app, what, name, thing, options, lines):
         if not found or re.search(r"^\s*[*-] |::", paragraph, re.M):
             told += [paragraph, ""]
             continue
-        told += [words[: found[0].start()].strip(), ""]
+        told += [words[: found[0].start()].strip().rstrip(";"), ""]
         for one, after in zip(found, [*found[1:], None], strict=True):
             text = words[one.end() : after.start() if after else None].strip().rstrip(";")
-            text, *more = re.split(r"(?<=\. )(?=Raises |[A-Z]\w+Error\b)", text, maxsplit=1)
-            told.append(f"* **{one[1]}**: {text}")
+            text, *more = re.split(r"(?<=\. )(?=Raises |Collective|A Figure|[A-Z]\w+Error\b)", text, maxsplit=1)
+            told.append(f"* **{one[1].replace('`', '')}**: {text}")
         told += ["", *more, ""]
     lines[:] = "\n".join(told).split("\n")
 

@@ -32,13 +32,13 @@ def coulomb(
 ) -> Friction:
     """`|T_T| <= mu(p) p` with mu(p) = mu (p/reference)^exponent, and `|T_T| <= shear_limit` [pressure] where one is given.
 
-    exponent: 0 for Coulomb's constant mu; -1/3 for smooth rubber, whose true area of contact grows as p^(2/3) (Hertz);
-    above -1, so that more pressure allows more friction; reference: the pressure at which mu(p) = mu [pressure].
-    mu may be a function mu(p) of one pressure, for pressures up to `up_to`: it is asked once, here, and met to 1e-10 by
-    polynomials in ln p, of which the tangent is exact; a state under more pressure is refused; under less than a millionth
-    of a millionth of it mu is that of the least.
-    across: the coefficient across the direction `along` (3,), along which mu holds; both directions are fixed to the master,
-    a tool. `|T_T|` lies on the ellipse of both; it acts against the way slid: slip is not associated with the ellipse.
+    mu: a number, or a function mu(p) of one pressure: it is asked once, here, and met to 1e-10 by polynomials in ln p, of
+    which the tangent is exact; exponent: 0 for Coulomb's constant mu; -1/3 for smooth rubber, whose true area of contact
+    grows as p^(2/3) (Hertz); above -1, so that more pressure allows more friction; reference: the pressure at which
+    mu(p) = mu [pressure]; shear_limit: of the friction traction [pressure]; up_to: largest pressure that a function mu(p)
+    holds for [pressure]; a state under more is refused, and under less than 1e-12 of it mu is that of the least; across:
+    the coefficient across the direction `along`, along which mu holds; along: direction (3,) on the tool, to which it is
+    fixed. `|T_T|` lies on the ellipse of both and acts against the way slid: slip is not associated with the ellipse.
     SceneError for anything else.
     """
     law = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), NO_TABLE)

@@ -39,9 +39,12 @@ WORTH = 0.5  # a greater part of the penalties is no help
 
 @dataclass(frozen=True)
 class Penalty:
-    """Penalties as the user states them: normal, tangential [pressure/length]; factor: in the place of a normal one, on
-    the stiffness beneath each slave point (PENALTY_FACTOR); share: in the place of a tangential one, tangential over
-    normal (TANGENTIAL_SHARE, more at high friction)."""
+    """Penalties as the user states them; what is stated is never changed by a run.
+
+    normal, tangential: the penalties [pressure/length]; factor: in the place of a normal one, on the stiffness E/h beneath
+    each slave point, 100 by default; share: in the place of a tangential one, tangential over normal, 0.1 by default, more
+    at high friction.
+    """
 
     normal: float | None = None
     tangential: float | None = None

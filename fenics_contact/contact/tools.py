@@ -105,7 +105,8 @@ class Hub(Tool):
 
 
 def rigid_hub(name: str, point: Sequence[float] | Floats = (0.0, 0.0, 0.0)) -> Hub:
-    """Rigid body without a shape, with its reference point: what `Scene.tie` ties to it moves with it."""
+    """Rigid body without a shape: what `Scene.tie` ties to it moves with it. name: of its columns; point: its reference
+    point at the start [length]."""
     return Hub(text(name, "name of a rigid hub"), finite(point, f"{name}: point", (3,)))
 
 
@@ -131,7 +132,10 @@ def rigid_plane(
     normal: Sequence[float] | Floats = (0.0, 0.0, 1.0),
     name: str = "plane",
 ) -> RigidTool:
-    """Half-space behind the plane through `point` whose outward `normal` points at the body."""
+    """Half-space behind a plane.
+
+    point: of the plane [length]; normal: of any length, out of the tool, at the body; name: of the tool and its columns.
+    """
     axes = axes_along(normal, f"{name}: normal")
     return RigidTool(name, rigid_shapes.PLANE, np.zeros(4), axes, finite(point, f"{name}: point", (3,)))
 
@@ -145,10 +149,11 @@ def rigid_punch(
     fillet: float = 0.0,
     name: str = "punch",
 ) -> RigidTool:
-    """Flat rectangular punch: `face` is the centre of its flat face, `direction` points out of that face at the body.
+    """Flat rectangular punch, all sizes lengths.
 
-    half_width along its first axis (x for a punch along z), half_depth along its second (square by default), height of
-    the sides, fillet: radius of all its edges; 0 is a sharp edge [all lengths].
+    half_width: half of its width, along x of a punch along z, in the plane of a plane scene; height: of its sides; face: the
+    centre of its flat face; half_depth: half of its depth, across, by default as its width; direction: out of the face, at
+    the body; fillet: radius of all edges, 0 for sharp ones.
     """
     half = _length(half_width, f"{name}: half_width")
     depth = half if half_depth is None else _length(half_depth, f"{name}: half_depth")
@@ -172,7 +177,7 @@ def _round(radius: float, hollow: bool, name: str) -> tuple[Floats, float]:
 
 
 def rigid_sphere(radius: float, centre: Sequence[float] | Floats, hollow: bool = False, name: str = "sphere") -> RigidTool:
-    """Ball of `radius` about `centre` [lengths]; hollow: a tool without end with a hollow of this shape for the body."""
+    """Ball. radius, centre: of the ball [length]; hollow: the tool is all around it, and the body lies in the hollow."""
     shape, extent = _round(radius, hollow, name)
     return RigidTool(name, rigid_shapes.SPHERE, shape, np.eye(3), finite(centre, f"{name}: centre", (3,)), extent)
 
@@ -184,7 +189,11 @@ def rigid_cylinder(
     hollow: bool = False,
     name: str = "cylinder",
 ) -> RigidTool:
-    """Endless circular cylinder of `radius` about the line through `point` along `axis` [lengths]; hollow: a bore."""
+    """Circular cylinder without end.
+
+    radius: of the cylinder [length]; point, axis: a point on its axis, and the direction of that; hollow: the tool is all
+    around it, and the body lies in the bore.
+    """
     shape, extent = _round(radius, hollow, name)
     axes = axes_along(axis, f"{name}: axis")
     return RigidTool(name, rigid_shapes.CYLINDER, shape, axes, finite(point, f"{name}: point", (3,)), extent)
@@ -197,7 +206,8 @@ def rigid_torus(
     axis: Sequence[float] | Floats = (0.0, 0.0, 1.0),
     name: str = "torus",
 ) -> RigidTool:
-    """Ring about `axis` through `centre`: a tube of radius `tube` about a circle of the larger radius `ring` [lengths]."""
+    """Ring of round section. ring: radius of the circle in the middle of the section [length]; tube: radius of the section,
+    smaller than that; centre, axis: of the ring."""
     ring, tube = _length(ring, f"{name}: ring"), _length(tube, f"{name}: tube")
     if not tube < ring:
         raise ValueError(f"{name}: a tube of radius {tube} closes a ring of radius {ring}; make it smaller")
@@ -212,10 +222,11 @@ def rigid_cone(
     tip: float = 0.0,
     name: str = "cone",
 ) -> RigidTool:
-    """Endless circular cone that ends at `apex`, where `direction` points out of it at the body.
+    """Circular cone without end.
 
-    half_angle: between its axis and its side [radians]; tip: radius of the ball that rounds its end [length]; 0 is a sharp
-    apex, which a point of the body straight before it meets along the axis.
+    half_angle: between its axis and its side [radians]; apex: its point [length]; direction: out of the apex, at
+    the body; tip: radius of the ball that rounds its end [length]; 0 is a sharp apex, which a point of the body straight
+    before it meets along the axis.
     """
     half_angle = float(positive(half_angle, f"{name}: half_angle", most=np.pi / 2, more=", in radians"))
     tip = _length(tip, f"{name}: tip", zero=True)

@@ -18,7 +18,10 @@ from fenics_contact.values import SceneError, shown, text
 
 @dataclass(frozen=True)
 class Body:
-    """A named volume of a mesh and the strain energy of its material."""
+    """A part of the mesh and its material.
+
+    mesh: what `read_gmsh` gave; group: name of a group of volumes, in a plane mesh of surfaces; material: its law.
+    """
 
     mesh: NamedMesh
     group: str

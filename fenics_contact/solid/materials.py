@@ -153,8 +153,10 @@ def swollen(material: Material, ratio: Constant) -> Material:
 def mooney_paper(a1: float, a2: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Psi = a1 (I1 - 3) + a2 (tr(B^.B^) - 3) + K/2 (J - 1)^2, (22), with the paper's second invariant tr(B^ . B^).
 
-    The shear modulus at rest is 2 a1 + 8 a2. All parameters in units of pressure; ValueError if not positive.
-    volumetric(J, K), here as in the other laws: the volume's energy if it is another one, e.g. `barrier`.
+    The shear modulus at rest is 2 a1 + 8 a2.
+
+    a1, a2: moduli [pressure], a2 may be negative; K: bulk modulus at rest [pressure]; volumetric: the energy of the volume
+    as a function (J, K), here as in the other laws. ValueError where a1, K or the shear modulus is not positive.
     """
     _positive("mooney_paper", a1=a1, K=K)
     _finite("mooney_paper", a2=a2)
@@ -169,7 +171,10 @@ def mooney_paper(a1: float, a2: float, K: float, volumetric: Volumetric = modera
 def mooney_rivlin(a1: float, a2: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
     """Psi = a1 (I1 - 3) + a2 ((I1^2 - tr(B^.B^))/2 - 3) + K/2 (J - 1)^2: classical Mooney (1940, doi:10.1063/1.1712836).
 
-    The shear modulus at rest is 2 a1 + 2 a2. All parameters in units of pressure; ValueError if not positive.
+    The shear modulus at rest is 2 a1 + 2 a2.
+
+    a1, a2: moduli [pressure], a2 may be negative; K: bulk modulus at rest [pressure]. ValueError where a1, K or the shear
+    modulus is not positive.
     """
     _positive("mooney_rivlin", a1=a1, K=K)
     _finite("mooney_rivlin", a2=a2)
@@ -182,7 +187,10 @@ def mooney_rivlin(a1: float, a2: float, K: float, volumetric: Volumetric = moder
 
 
 def neo_hooke(mu: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
-    """Psi = mu/2 (I1 - 3) + K/2 (J - 1)^2 (Treloar 1943, doi:10.1039/TF9433900036; volume term (21)), moduli in pressure."""
+    """Psi = mu/2 (I1 - 3) + K/2 (J - 1)^2 (Treloar 1943, doi:10.1039/TF9433900036; volume term (21)).
+
+    mu, K: shear and bulk modulus at rest [pressure]. ValueError where one is not positive.
+    """
     _positive("neo_hooke", mu=mu, K=K)
 
     def isochoric(I1: Expr, I2: Expr) -> Expr:
@@ -192,7 +200,11 @@ def neo_hooke(mu: float, K: float, volumetric: Volumetric = moderate_pressure) -
 
 
 def yeoh(c1: float, c2: float, c3: float, K: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
-    """Psi = sum c_i (I1 - 3)^i + K/2 (J - 1)^2 (Yeoh 1993, doi:10.5254/1.3538343), parameters in pressure, 2 c1 at rest."""
+    """Psi = sum c_i (I1 - 3)^i + K/2 (J - 1)^2 (Yeoh 1993, doi:10.5254/1.3538343). The shear modulus at rest is 2 c1.
+
+    c1, c2, c3: moduli [pressure], c2 and c3 may be negative; K: bulk modulus at rest [pressure]. ValueError where c1 or K is
+    not positive.
+    """
     _positive("yeoh", c1=c1, K=K)
     _finite("yeoh", c2=c2, c3=c3)
 
@@ -206,7 +218,8 @@ def ogden(mu: Sequence[float], alpha: Sequence[float], K: float, volumetric: Vol
     """Psi = sum mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3) + K/2 (J - 1)^2 of isochoric principal stretches l
     (Ogden 1972, doi:10.1098/rspa.1972.0026), with any exponents; stretches of 0.1 to 10 to 2e-8 (`powers`).
 
-    mu [pressure], alpha: as many of each; the shear modulus at rest is sum mu_p alpha_p / 2. ValueError if not positive.
+    mu, alpha: lists of moduli [pressure] and exponents, as many of each; the shear modulus at rest is sum mu_p alpha_p / 2;
+    K: bulk modulus at rest [pressure]. ValueError where the shear modulus or K is not positive.
     """
     _positive("ogden", K=K)
     moduli, exponents = (finite(values, f"ogden: {name}", (len(np.atleast_1d(values)),)).tolist()
@@ -244,7 +257,10 @@ def arruda_boyce(mu: float, locking: float, K: float, volumetric: Volumetric = m
 
 
 def from_elastic(E: float, nu: float, volumetric: Volumetric = moderate_pressure) -> Isotropic:
-    """Neo-Hooke with Young's modulus E [pressure] and Poisson's ratio nu at rest, for small-strain comparisons."""
+    """Neo-Hooke's law stated by its constants at rest, for comparisons at small strains.
+
+    E: Young's modulus [pressure]; nu: Poisson's ratio, in (-1, 0.5).
+    """
     _positive("from_elastic", E=E)
     _finite("from_elastic", nu=nu)
     if not -1.0 < nu < 0.5:
@@ -255,7 +271,12 @@ def from_elastic(E: float, nu: float, volumetric: Volumetric = moderate_pressure
 def user_energy(
     psi: Callable[[Expr], Expr], shear_modulus: float, bulk_modulus: float, name: str = "user energy"
 ) -> Hyperelastic:
-    """A user's own UFL energy psi(F) [pressure]; the moduli at rest [pressure] are used for penalties only."""
+    """A strain energy of the user's own, in UFL.
+
+    psi: function of the deformation gradient F, whose value is a scalar UFL expression [pressure], smooth, without stress at
+    F = 1; shear_modulus, bulk_modulus: at rest [pressure], used for default penalties and the choice of elements; name: in
+    the output.
+    """
     _positive(text(name, "user_energy: name"), shear_modulus=shear_modulus, bulk_modulus=bulk_modulus)
     function(psi, f"{name}: psi", "psi(F)")
     value = psi(ufl.Identity(3))

@@ -35,9 +35,9 @@ class ArcSteps:
 
     first: load increment the first step aims at; largest: bound of the arc [length], about the mean displacement of a step;
     smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
-    gives up; iterations: tangent solves per step, and turn: angle [radians] by which the path's direction changes in a step,
-    that steer the arc's length; stations: targets like those of until=, on each of which a step lands every time the path
-    passes it; branch: a Branch, on which the path goes on from a bifurcation.
+    gives up; iterations: tangent solves per step, to which the arc's length is steered; turn: angle [radians] by which the
+    path's direction may change in a step, likewise; stations: targets like those of until=, on each of which a step lands
+    every time the path passes it; branch: a Branch, on which the path goes on from a bifurcation.
     """
 
     first: float = 0.05
