@@ -18,7 +18,7 @@ from fenics_contact import (
     rigid_plane,
     solve,
 )
-from meshes import box, rectangles, ring_sector
+from fenics_contact.meshes import box, rectangles, ring_sector
 
 pytestmark = pytest.mark.parallel
 

@@ -11,8 +11,8 @@ from fenics_contact.assembly.blocks import insert
 from fenics_contact.kernels.facets import corner
 from fenics_contact.kernels.quadratic import LINE, QUADRILATERAL, TRIANGLE, quadratic_shape
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from fenics_contact.meshes import rectangles, ring_sector, two_blocks
 from fenics_contact.studies.exact import Radial
-from meshes import rectangles, ring_sector, two_blocks
 
 RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 
