@@ -543,10 +543,11 @@ def test_moments_are_about_the_tool():
 @pytest.mark.serial
 def test_every_column_is_documented():
     """docs/results.md has a row for each column a run may have, and for no other."""
-    names = Columns(["{tool}"], {"{contact}": True}, ["{group}"], Units(), turning=["{tool}"], tied=["{tool}"]).all()
-    braced = {plain_name(name): name for name in ("{tool}", "{contact}", "{group}")}
+    names = Columns(["{tool}"], {"{contact}": True}, ["{group}"], Units(), turning=["{tool}"], tied=["{tool}"],
+                    pairs=["{first}_{second}_pair"]).all()  # fmt: skip
+    braced = {plain_name(name): name for name in ("{tool}", "{contact}", "{group}", "{first}_{second}")}
     found = {re.sub(r"_[xyz](?=_)", "_{axis}", name) for name in names}
-    found = {re.sub(r"^(tool|contact|group)(?=_)", lambda m: braced[m[0]], name) for name in found}
+    found = {re.sub(r"^(tool|contact|group|first_second)(?=_)", lambda m: braced[m[0]], name) for name in found}
     text = (Path(__file__).parents[1] / "docs" / "results.md").read_text()
     table = text.split("| column | meaning |")[1].split("\n\n")[0]
     told = {name for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split("|")[1] if "|" in row else "")}
