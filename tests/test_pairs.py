@@ -291,6 +291,21 @@ def test_supports_of_following_nodes_are_those_of_leading_ones():
     np.testing.assert_allclose(np.subtract(on_pair[0], on_pair[1])[[0, 2]], forces[1][[0, 2]], atol=1e-8)
 
 
+def test_functions_see_all_nodes_of_their_group():
+    """Those of an end that follows and those in between, at once: what they make of all places is one thing."""
+    scene, seen = Scene(Body(read_gmsh(box.build, cells=(3, 2, 2)), "box", neo_hooke(SHEAR, BULK))), set()
+    scene.periodic("xmin", "xmax")
+    scene.fix("zmin")
+
+    def lifted(X, t):
+        seen.add(len(X))
+        return 0.1 * t * (X[:, 1] - X[:, 1].mean())
+
+    scene.prescribe("zmax", "z", lifted)
+    solve(scene, steps=1, progress=False).require()
+    assert seen == {12}
+
+
 def test_two_pieces_that_a_pair_joins():
     """A cell cut through by a gap: what a pair alone holds is held, and goes along without strain."""
 

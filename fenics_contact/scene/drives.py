@@ -58,7 +58,7 @@ def supports_of(scene: "Scene", stated: Sequence[Stage], stages: Stages, ways: S
     entries, names, carried = list[Entry](), list[str](), list[tuple[Entry, str]]()
     for k, (name, nodes, direction, course) in enumerate(stated_of):
         if paired is None:
-            entries.append(Entry(nodes.astype(np.int32), direction, course(keys[nodes], X[nodes])))
+            entries.append(Entry(nodes.astype(np.int32), direction, course(keys[nodes], X[nodes], keys[nodes])))
         else:
             own, *of_leaders = paired.split(k, nodes, direction, course)
             entries.append(own)
@@ -91,24 +91,31 @@ def _refuse_conflict(
 
 
 def _course(
-    scene: "Scene", stages: Stages, one: Support, said: dict[int, tuple[Stage, Way, float]], keys: Ints64, X: Floats
+    scene: "Scene",
+    stages: Stages,
+    one: Support,
+    said: dict[int, tuple[Stage, Way, float]],
+    keys: Ints64,
+    X: Floats,
+    wanted: Ints64,
 ) -> SupportCourse:
-    """The displacement of nodes of these keys and X that a statement prescribes, and stages by their numbers. Collective."""
+    """What a statement, and stages by their numbers, prescribe of the wanted ones of its nodes. Collective."""
     what = f"prescribed displacement of {one.name}"
 
     def way(value: Way, sign: float, what: str) -> Path:
         if not callable(value):
             return Ramp(sign * finite(value, what))
         values = function(value, what, "value(X, s)")
-        return AtPoints(scene.mesh.comm, what, values if sign > 0.0 else lambda X, s: -np.asarray(values(X, s)), keys, X)
+        signed = values if sign > 0.0 else lambda X, s: -np.asarray(values(X, s))
+        return AtPoints(scene.mesh.comm, what, signed, keys, X, wanted=wanted)
 
     parts = {i: Part(way(value, sign, stage.says(what)), by=True) for i, (stage, value, sign) in said.items()}
-    return SupportCourse(stages, way(one.value, 1.0, what), parts, np.zeros(len(keys)))
+    return SupportCourse(stages, way(one.value, 1.0, what), parts, np.zeros(len(wanted)))
 
 
-def _still(stages: Stages, keys: Ints64, X: Floats) -> SupportCourse:
+def _still(stages: Stages, keys: Ints64, X: Floats, wanted: Ints64) -> SupportCourse:
     """Of nodes that never move."""
-    return SupportCourse(stages, Ramp(np.zeros(())), {}, np.zeros(len(keys)))
+    return SupportCourse(stages, Ramp(np.zeros(())), {}, np.zeros(len(wanted)))
 
 
 def _prescribed(scene: "Scene", stage: Stage) -> dict[int, tuple[Way, float]]:

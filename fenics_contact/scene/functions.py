@@ -130,7 +130,8 @@ class AtPoints(Spread):
     """A user's function value(X, t) at nodes: every rank calls it with all of them, in one order.
 
     So a rank that has none asks nothing impossible, and what the function makes of its points together, e.g. X.max(), is the
-    same on any number of ranks. keys (n,): numbers of this rank's nodes that no partition changes; X (n, 3) [length].
+    same on any number of ranks. keys (n,): numbers of this rank's nodes that no partition changes; X (n, 3) [length]; wanted
+    (m,): keys of the nodes, of any rank, whose values this one takes; by default its own.
     """
 
     def __init__(
@@ -141,12 +142,14 @@ class AtPoints(Spread):
         keys: Ints64,
         X: Floats,
         shape: tuple[int, ...] = (),
+        wanted: Ints64 | None = None,
     ) -> None:
         self._comm, self._what, self._value, self._shape = comm, what, value, shape
         parts = comm.allgather((keys, X))
         known, first = np.unique(np.concatenate([part[0] for part in parts]), return_index=True)
         self._X = np.concatenate([part[1] for part in parts])[first]
-        self.mine, self.count = np.searchsorted(known, keys), len(known)  # which of all places are this rank's
+        self.count = len(known)
+        self.mine = np.searchsorted(known, keys if wanted is None else wanted)  # which of all places are this rank's
 
     def everywhere(self, t: float) -> Floats:
         """Values (all places, ...) of the shape asked for."""

@@ -30,8 +30,9 @@ CLOSED = 1e-9  # of two ways round to a node: what may lie between them
 RAY = np.array([0.5403, 0.7071, 0.4563])  # along which the nodes of a face are told apart: no plane of a model's
 SOME = 4_000_000  # distances looked at in one go
 
-# a function of t of nodes (keys (n,), X (n, 3)): their prescribed displacement (n,), of this rank. Collective.
-CourseAt = Callable[[Ints64, Floats], Prescribed]
+# of a statement's nodes on this rank, keys (n,) and X (n, 3): the prescribed displacement of those, of any rank, of which
+# keys (m,) are given. Collective.
+CourseAt = Callable[[Ints64, Floats, Ints64], Prescribed]
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Pairing:
         keys, X = self._keys, self._space.tabulate_dof_coordinates()
         mine = np.isin(keys[nodes], self.led)
         stays = nodes[~mine]
-        entries = [Entry(stays.astype(np.int32), direction, course(keys[stays], X[stays]))]
+        entries = [Entry(stays.astype(np.int32), direction, course(keys[nodes], X[nodes], keys[stays]))]
         named = np.unique(np.concatenate(self._comm.allgather(keys[nodes[mine]])))
         rows = np.searchsorted(self.led, named)
         local = np.argsort(keys)
@@ -106,7 +107,7 @@ class Pairing:
             leads = local[np.searchsorted(keys[local], self.leads[here])].astype(np.int32)
             follower = self.follower.of(here)
             ahead = np.einsum("c,ncpd->npd", direction, follower.ahead)
-            value = _Shifted(course(self.led[here], self.X[here]), ahead, self.ways)
+            value = _Shifted(course(keys[nodes], X[nodes], self.led[here]), ahead, self.ways)
             along = turn.T @ direction
             along = np.where(np.abs(along) < 1e-12, 0.0, along)
             along = along / np.linalg.norm(along)
