@@ -1,28 +1,29 @@
-"""Quarters of concentric tubes along z, one layer of structured hexahedra deep (plane strain)."""
+"""Quarters of concentric tubes along z, one layer of structured hexahedra deep (plane strain), or in a plane mesh."""
 
 import gmsh
 
 
-def build(tubes: dict[str, tuple[float, float, int, int]] | None = None, depth: float = 5.0) -> None:
+def build(tubes: dict[str, tuple[float, float, int, int]] | None = None, depth: float | None = 5.0) -> None:
     """tubes: {name: (inner radius, outer radius, cells around, cells through)}; radii and depth [length].
 
     Volumes: the names. Surfaces: symmetry_x (x = 0), symmetry_y (y = 0) and ends (z = 0, depth) of all tubes, and of each
-    its name_inside and name_outside.
+    its name_inside and name_outside. depth None: the plane z = 0 alone, surfaces and curves of the same names.
     """
     tubes = tubes or {"inner": (80.0, 90.0, 24, 3), "outer": (100.0, 110.0, 16, 3)}
-    groups: dict[str, list[int]] = {"symmetry_x": [], "symmetry_y": [], "ends": []}
+    groups: dict[str, list[int]] = {name: [] for name in ("symmetry_x", "symmetry_y", *["ends"] * bool(depth))}
+    dim = 3 if depth else 2
     for name, sizes in tubes.items():
-        volume, faces = _quarter(*sizes, depth)
-        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
-        for place, tags in faces.items():
+        body, sides = _quarter(*sizes, depth)
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [body]), name)
+        for place, tags in sides.items():
             groups.setdefault(place if place in groups else f"{name}_{place}", []).extend(tags)
     for name, tags in groups.items():
-        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, tags), name)
-    gmsh.model.mesh.generate(3)
+        gmsh.model.setPhysicalName(dim - 1, gmsh.model.addPhysicalGroup(dim - 1, tags), name)
+    gmsh.model.mesh.generate(dim)
 
 
-def _quarter(inner: float, outer: float, around: int, through: int, depth: float) -> tuple[int, dict[str, list[int]]]:
-    """Volume and {place: faces} of a quarter tube."""
+def _quarter(inner: float, outer: float, around: int, through: int, depth: float | None) -> tuple[int, dict[str, list[int]]]:
+    """Volume and {place: faces} of a quarter tube, or its cut and {place: curves}."""
     geo = gmsh.model.geo
     o, a, b, c, d = (geo.addPoint(x, y, 0) for x, y in ((0, 0), (inner, 0), (outer, 0), (0, outer), (0, inner)))
     sides = [geo.addLine(a, b), geo.addCircleArc(b, o, c), geo.addLine(c, d), geo.addCircleArc(d, o, a)]
@@ -31,6 +32,11 @@ def _quarter(inner: float, outer: float, around: int, through: int, depth: float
         geo.mesh.setTransfiniteCurve(side, cells + 1)
     geo.mesh.setTransfiniteSurface(base)
     geo.mesh.setRecombine(2, base)
+    if not depth:
+        geo.synchronize()
+        return base, {
+            place: [side] for place, side in zip(("symmetry_y", "outside", "symmetry_x", "inside"), sides, strict=True)
+        }
     out = geo.extrude([(2, base)], 0, 0, depth, [1], recombine=True)
     geo.synchronize()
     (_, top), (_, volume), *swept = out  # what extrude returns: the top, the volume, and a face for each side

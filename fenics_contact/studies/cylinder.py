@@ -1,6 +1,9 @@
 """Rubber cylinder squeezed between frictionless plates, plane strain: force per depth against independent references."""
 
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
@@ -18,17 +21,20 @@ from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metri
 RUBBERS = {"soft": (20.0, 0.1863, 0.0098, 5.0, 6.4, 4.5622), "stiff": (200.0, 0.293, 0.177, 1423.93, 40.0, 60.15)}
 
 BASE: Run = {"cells": 8, "degree": 1, "element": "displacement", "rubber": "soft", "points": "nodes", "factor": 100.0,
-        "penetration": 0.0, "method": "newton", "steps": 8, "linear": "direct", "processes": 1}  # fmt: skip
+        "penetration": 0.0, "method": "newton", "steps": 8, "linear": "direct", "mesh": "layer",
+        "processes": 1}  # fmt: skip
 STIFF = {"rubber": ["stiff"]}
 PANELS: Panels = {
     "mesh (cells per block), degree and element": {
         "degree 1": {"cells": [4, 8, 16, 32]},
         "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"]},
         "degree 2": {"cells": [4, 8], "degree": [2]},
+        "degree 1, plane mesh": {"cells": [4, 8, 16, 32], "mesh": ["plane"]},
     },
     "the same for rubber of K/μ = 1515": {
         "degree 1": {"cells": [4, 8, 16], "element": ["locking"], **STIFF},
         "degree 1, mixed": {"cells": [4, 8, 16], "element": ["mixed"], **STIFF},
+        "degree 1, mixed, plane mesh": {"cells": [4, 8, 16], "element": ["mixed"], "mesh": ["plane"], **STIFF},
         "degree 2": {"cells": [4, 8], "degree": [2], **STIFF},
         "degree 2, mixed": {"cells": [4, 8], "degree": [2], "element": ["mixed"], **STIFF},
     },
@@ -61,35 +67,41 @@ def cylinder(
     method: str,
     steps: int,
     linear: str,
+    mesh: str = "layer",
     layers: int = 1,
     length: float = 1.0,
     free_end: bool = False,
 ) -> Row:
-    """Error of the force per depth on a quarter of the cylinder. element "locking": plain displacement, though it locks.
+    """Error of the force per depth on a quarter of the cylinder. element "locking": plain displacement, though it locks;
+    mesh: a "layer" of cells in space, or a "plane" one.
 
     layers, length, free_end: a 3-D cylinder of that length [mm] between symmetry planes, or with one end free.
     """
     radius, a1, a2, K, squeeze, reference = RUBBERS[rubber]
     locking, element = element == "locking", "displacement" if element == "locking" else element
-    mesh = read_gmsh(disc.build, radius=radius, depth=length, cells=cells, layers=layers)
-    body = Body(mesh, "disc", mooney_rivlin(a1, a2, K))
-    scene = Scene(body, degree=degree, element=element, accept_locking=locking)
+    plane = mesh == "plane"
+    drawn = read_gmsh(disc.build, radius=radius, depth=None if plane else length, cells=cells, layers=layers)
+    body, up = Body(drawn, "disc", mooney_rivlin(a1, a2, K)), "y" if plane else "z"
+    section: dict[str, Any] = {"plane": "strain", "thickness": length} if plane else {}
+    scene = Scene(body, degree=degree, element=element, accept_locking=locking, **section)
     scene.fix("symmetry_x", "x")
-    scene.fix("symmetry_z", "z")
-    scene.fix(("front",) if free_end else ("front", "back"), "y")
-    plate = rigid_plane((0, 0, radius), (0, 0, -1.0))
+    scene.fix(f"symmetry_{up}", up)
+    if not plane:
+        scene.fix(("front",) if free_end else ("front", "back"), "y")
+    upwards = np.array([float(axis == up) for axis in "xyz"])
+    plate = rigid_plane(radius * upwards, -upwards)
     scene.contact("rim", plate, points=points, penalty=Penalty(factor=factor), penetration=penetration or None, name="rim")
     until = Load(1.0) if method == "arc_length" else None
     result = solve(
         scene,
-        move={plate: (0, 0, -squeeze / 2)},
+        move={plate: tuple(-squeeze / 2 * upwards)},
         method=method,
         steps=steps,
         linear=linear,
         progress=False,
         until=until,
     )
-    force = -2 * result.history[-1]["rim_force_z_N"] / length if result.history else float("nan")
+    force = -2 * result.history[-1][f"rim_force_{up}_N"] / length if result.history else float("nan")
     return metrics(result, error=abs(force / reference - 1), value=force)
 
 

@@ -24,6 +24,7 @@ BASE: Run = {"model": "quarter", "tool": "analytic", "slave": "top", "friction":
 SMOOTH: Run = BASE | {"friction": 0.0, "fillet": 5.0}  # two cells: its tangent is symmetric
 SLAB: Run = cylinders.BASE | {"layers": 8, "length": 20.0, "free_end": False}
 LAYER: Run = SLAB | {"layers": 1, "length": 2.5}
+PLANE: Run = LAYER | {"mesh": "plane"}
 FREE: Run = SLAB | {"layers": 12, "length": 40.0, "free_end": True}
 PAIRS: dict[str, tuple[Run, Run]] = {
     "a quarter instead of the whole plate": (BASE | {"model": "whole"}, BASE),
@@ -34,6 +35,7 @@ PAIRS: dict[str, tuple[Run, Run]] = {
     "symmetric instead of unsymmetric factorisation (μ = 0)": (SMOOTH, SMOOTH | {"solver": "auto"}),
     "plane strain layer instead of a held slab, 8 layers": (SLAB, LAYER),
     "plane strain layer instead of a free cylinder, L = 4R": (FREE, LAYER),
+    "plane mesh instead of a plane strain layer": (LAYER, PLANE),
 }
 STIFFER = 1000.0  # times the rubber's Young's modulus: a body that stands for a rigid one
 

@@ -12,7 +12,7 @@ import numpy as np
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_cone, rigid_cylinder, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
-from fenics_contact.meshes import graded_block
+from fenics_contact.meshes import graded_block, graded_rectangle
 from fenics_contact.result import Result
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
@@ -29,7 +29,7 @@ R, A = 300.0, 1.0  # tool radius and half-width of the contact [mm]: strains of 
 FAR, DEPTH = 8.0, 0.1  # [mm]: far faces, thickness of the slice under the cylinder
 
 BASE: Run = {"tool": "cylinder", "cells": 12, "degree": 1, "points": "nodes", "factor": 100.0, "method": "newton",
-        "steps": 2, "linear": "direct", "processes": 1}  # fmt: skip
+        "steps": 2, "linear": "direct", "mesh": "space", "processes": 1}  # fmt: skip
 MESHES = [4, 6, 8, 12, 24]
 SPHERE = {"tool": ["sphere"]}
 PANELS: Panels = {
@@ -37,6 +37,8 @@ PANELS: Panels = {
         "nodes": {"cells": MESHES},
         "2 × 2 Gauss points": {"cells": [4, 8, 12], "points": [2]},
         "3 × 3 Gauss points": {"cells": [4, 8, 12], "points": [3]},
+        "nodes, plane mesh": {"cells": MESHES, "mesh": ["plane"]},
+        "degree 2, nodes, plane mesh": {"cells": [4, 6, 8, 12], "degree": [2], "mesh": ["plane"]},
         "degree 2, nodes": {"cells": [4, 6, 8], "degree": [2]},
         "degree 2, 3 × 3": {"cells": [4, 6], "degree": [2], "points": [3]},
     },
@@ -57,17 +59,30 @@ PANELS: Panels = {
         "24 cells": {"factor": [10.0, 100.0, 1000.0], "cells": [24]},
     },
 }
-QUICK: Panels = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}}}
+QUICK: Panels = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 2]}, "plane": {"mesh": ["plane"]}}}
 PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Hertz; baseline: cylinder, 12 cells of degree 1, nodes, penalty 100 E/h, 2 Newton steps"
 
 Problem = tuple[RigidTool, float, Field, float, NamedMesh]  # what `sphere` and `cylinder` return
 
 
-def hertz(tool: str, cells: int, degree: int, points: int | str, factor: float, method: str, steps: int, linear: str) -> Row:
-    """Relative error of the force of the tool."""
-    result, exact = indented(tool, cells, degree, points, factor, method, steps, linear)
-    force = -result.history[-1]["top_force_z_N"] if result.history else float("nan")
+def hertz(
+    tool: str,
+    cells: int,
+    degree: int,
+    points: int | str,
+    factor: float,
+    method: str,
+    steps: int,
+    linear: str,
+    mesh: str = "space",
+) -> Row:
+    """Relative error of the force of the tool; mesh: of cells in "space", or "plane", under a cylinder."""
+    if mesh == "plane":
+        result, exact = indented_plane(cells, degree, points, factor, method, steps, linear)
+    else:
+        result, exact = indented(tool, cells, degree, points, factor, method, steps, linear)
+    force = -result.history[-1][f"top_force_{'y' if mesh == 'plane' else 'z'}_N"] if result.history else float("nan")
     return metrics(result, error=abs(force / exact - 1), value=force)
 
 
@@ -94,6 +109,24 @@ def indented(
         scene.fix("ymax", "y")
     scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
     return solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False), exact
+
+
+def indented_plane(
+    cells: int, degree: int, points: int | str, factor: float, method: str, steps: int, linear: str
+) -> tuple[Result, float]:
+    """The same of the cylinder in plane strain on a mesh of the plane z = 0, whose cells are a cut through the slice's."""
+    P, depth, field = _line_contact()
+    growth = 1.2 ** (12 / cells)
+    mesh = read_gmsh(graded_rectangle.build, width=FAR, height=FAR, size=1.5 * A / cells, fine=1.5 * A, growth=growth)
+    scene = Scene(Body(mesh, "block", from_elastic(E, NU)), degree=degree, plane="strain", thickness=DEPTH)
+    scene.fix("block_xmin", "x")
+    for side in ("block_xmax", "block_ymin"):
+        for letter, axis in (("x", 0), ("y", 2)):
+            scene.prescribe(side, letter, lambda X, t, axis=axis: t * field(X[:, [0, 2, 1]])[:, axis])
+    shape = rigid_cylinder(R, (0, R, 0), axis=(0, 0, 1))
+    scene.contact("block_ymax", shape, points=points, penalty=Penalty(factor=factor), name="top")
+    result = solve(scene, move={shape: (0, -depth, 0)}, method=method, steps=steps, linear=linear, progress=False)
+    return result, DEPTH * P / 2
 
 
 def _along(field: Field, axis: int) -> Callable[[Floats, float], Floats]:
@@ -123,11 +156,17 @@ def quarter(cells: int) -> NamedMesh:
 
 def cylinder(cells: int) -> Problem:
     """The same for half of a slice under a cylinder."""
-    P = np.pi * STAR * A**2 / (4 * R)  # a = 2 sqrt(P R / (pi E*))
-    # the travel against the same far field: Hertz's pressure folded with Flamant's surface displacement
-    depth = 2 * P / (np.pi * STAR) * (0.5 - np.log(A / 2)) - P * (1 + NU) / (np.pi * E)
+    P, depth, field = _line_contact()
     mesh = read_gmsh(graded_block.build, fine=1.5 * A, cells=cells, far=FAR, growth=1.2 ** (12 / cells), depth=DEPTH)
-    return rigid_cylinder(R, (0, 0, R)), depth, under_hertz(flamant(P, E, NU), A, line=True), DEPTH * P / 2, mesh
+    return rigid_cylinder(R, (0, 0, R)), depth, field, DEPTH * P / 2, mesh
+
+
+def _line_contact() -> tuple[float, float, Field]:
+    """The cylinder's force per length [N/mm], its travel [mm] against the far field, and that."""
+    P = np.pi * STAR * A**2 / (4 * R)  # a = 2 sqrt(P R / (pi E*))
+    # Hertz's pressure folded with Flamant's surface displacement
+    depth = 2 * P / (np.pi * STAR) * (0.5 - np.log(A / 2)) - P * (1 + NU) / (np.pi * E)
+    return P, depth, under_hertz(flamant(P, E, NU), A, line=True)
 
 
 def studies(quick: bool) -> list[Study]:

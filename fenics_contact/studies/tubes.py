@@ -22,13 +22,14 @@ INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
 REACH = 120.0  # mm, inner radius under the largest pressure
 
 BASE: Run = {"cells": 24, "points": 3, "factor": 100.0, "penetration": 0.0, "element": "displacement", "method": "newton",
-        "steps": 6, "linear": "direct", "processes": 1}  # fmt: skip
+        "steps": 6, "linear": "direct", "mesh": "layer", "processes": 1}  # fmt: skip
 PANELS: Panels = {
     "mesh (cells around a quarter)": {
         "3 × 3 Gauss points": {"cells": [12, 24, 48, 96]},
         "2 × 2 Gauss points": {"cells": [12, 24, 48], "points": [2]},
         "facet corners": {"cells": [12, 24, 48], "points": ["corners"]},
         "averages": {"cells": [12, 24, 48, 96], "points": ["averages"]},
+        "averages, plane mesh": {"cells": [12, 24, 48, 96], "points": ["averages"], "mesh": ["plane"]},
         "3 × 3, mixed element": {"cells": [12, 24, 48], "element": ["mixed"]},
     },
     "method (number of steps)": {
@@ -45,17 +46,27 @@ PANELS: Panels = {
     },
 }
 HARD = 1e4  # factor whose penetration no longer counts
-QUICK: Panels = {"all": {"penalty": {"factor": [10.0, 100.0, 1000.0, HARD]}, "mesh": {"cells": [12, 24]}}}
+QUICK: Panels = {"all": {"penalty": {"factor": [10.0, 100.0, 1000.0, HARD]}, "mesh": {"cells": [12, 24]},
+                         "plane": {"mesh": ["plane"], "points": ["averages"]}}}  # fmt: skip
 PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 24}, QUICK)}  # by quick
 TITLE = "Nested tubes, exact solution; baseline: 24 and 18 cells around, 3 × 3 Gauss points, penalty 100 E/h, 6 Newton steps"
 
 
 def tubes(
-    cells: int, points: int | str, factor: float, penetration: float, element: str, method: str, steps: int, linear: str
+    cells: int,
+    points: int | str,
+    factor: float,
+    penetration: float,
+    element: str,
+    method: str,
+    steps: int,
+    linear: str,
+    mesh: str = "layer",
 ) -> Row:
     """The larger of the errors of contact pressure and inner displacement, under the pressure that belongs to REACH.
 
-    penetration: largest one [mm] left by multipliers, 0 for the plain penalty; value: contact pressure [MPa].
+    penetration: largest one [mm] left by multipliers, 0 for the plain penalty; mesh: a "layer" of cells in space, or a
+    "plane" one; value: contact pressure [MPa].
     """
     exact = Radial("tube", K)
 
@@ -63,21 +74,23 @@ def tubes(
         return exact.solve(OUTER, radius)[0] if radius > OUTER[0] else 0.0
 
     pressure, interface = exact.solve(INNER, REACH, outer)
-    depth = 100.0 / cells
+    depth = 100.0 / cells if mesh == "layer" else None
     around = {"inner": (*INNER, cells, max(2, cells // 8)), "outer": (*OUTER, 3 * cells // 4, max(2, cells // 10))}
-    mesh = read_gmsh(tube_mesh.build, tubes=around, depth=depth)
+    drawn = read_gmsh(tube_mesh.build, tubes=around, depth=depth)
     rubber = mooney_paper(A1, A2, K)
-    scene = Scene(Body(mesh, "inner", rubber), Body(mesh, "outer", rubber), element=element)
+    section = None if depth else "strain"
+    scene = Scene(Body(drawn, "inner", rubber), Body(drawn, "outer", rubber), element=element, plane=section)
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
-    scene.fix("ends", "z")
+    if depth:
+        scene.fix("ends", "z")
     scene.pressure("inner_inside", pressure)
     scene.contact("inner_outside", "outer_inside", points=points, name="interface",
                   penalty=Penalty(factor=factor), penetration=penetration or None)  # fmt: skip
     until = Load(1.0) if method == "arc_length" else None
     result = solve(scene, method=method, steps=steps, linear=linear, progress=False, until=until)
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on a symmetry plane
-    found = -result.history[-1]["interface_force_x_N"] / mean_radius(scene, "outer_inside", result.u) / depth
+    found = -result.history[-1]["interface_force_x_N"] / mean_radius(scene, "outer_inside", result.u) / (depth or 1.0)
     moved = mean_radius(scene, "inner_inside", result.u) - INNER[0]
     errors = abs(found / outer(interface) - 1), abs(moved / (REACH - INNER[0]) - 1)
     row = metrics(result, error=max(errors), value=found)
