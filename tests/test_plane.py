@@ -28,7 +28,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
+from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, roller, two_blocks
 from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
 
 RUBBER = neo_hooke(1.0, 10.0)
@@ -248,6 +248,33 @@ def test_hertz(plane):
     assert -row["top_force_y_N"] == pytest.approx(force, rel=1e-3)
     assert row["top_peak_pressure_MPa"] == pytest.approx(peak, rel=5e-3)
     assert result.widths("top", "x")[0, 1] == pytest.approx(a, rel=2e-3)
+
+
+def test_a_roller_on_a_block():
+    """NAFEMS CGS 1, steel on aluminium, 35 kN/mm: Hertz's half-width 6.2146 mm and 3585.36 MPa, to 0.5 %. At a hundredth of
+    the load, as both go with its root: at the full one strains are 5 %, and Hertz's are small."""
+    a = 6.2146 / 10
+
+    def draw():
+        graded_rectangle.build(width=100.0, height=200.0, size=a / 16, fine=1.3 * a)
+        roller.build(radius=50.0, size=a / 16)
+
+    mesh = read_gmsh(draw)
+    bodies = Body(mesh, "roller", from_elastic(210e3, 0.3)), Body(mesh, "block", from_elastic(70e3, 0.3))
+    scene = Scene(*bodies, plane="strain")
+    scene.fix("block_ymin")
+    scene.fix(("block_xmin", "roller_axis"), "x")
+    scene.prescribe("roller_crown", "y", -0.0245)  # half of the model takes 171 N/mm
+    scene.contact("block_ymax", "roller_rim", name="line")
+    result = solve(scene, steps=1, progress=False).require()
+    share = np.sqrt(-2 * result.history[-1]["line_force_y_N"] / 35e3)
+    assert share == pytest.approx(0.1, rel=0.02)
+    line = result.line("line", along="x")
+    pressed = line["pressure_MPa"] > 0.3 * line["pressure_MPa"].max()  # p^2 = p0^2 (1 - x^2 / a^2)
+    slope, top = np.polyfit(line["x_mm"][pressed] ** 2, line["pressure_MPa"][pressed] ** 2, 1)
+    assert np.sqrt(top) == pytest.approx(3585.36 * share, rel=5e-3)
+    assert np.sqrt(-top / slope) == pytest.approx(6.2146 * share, rel=5e-3)
+    assert line["pressure_MPa"].max() == pytest.approx(3585.36 * share, rel=5e-3)
 
 
 @pytest.mark.parametrize("height, kappa", [(1 / 0.2, 1.2806), (1 / 0.6, 2.2129), (1.0, 3.6187)])
