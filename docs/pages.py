@@ -1,5 +1,6 @@
 """Runs the code of the pages of the documents: `python3 docs/pages.py [NAME ...]` draws their pictures anew.
-`python3 docs/pages.py gallery [DEMO ...]` runs demos in full, a few minutes, and draws those of the gallery.
+`python3 docs/pages.py gallery [DEMO ...]` runs demos in full, a few minutes, and draws those of the gallery;
+`python3 docs/pages.py failures` draws those of when_a_run_fails.md.
 
 Those are the front page, the lessons of the tutorial and the how-to pages. The blocks marked `python` of a page are one
 script, in their order. Blocks marked `py` need packages that may not be installed, and are shown only. `pictures/NAME.png`
@@ -7,6 +8,7 @@ of a page is the file NAME.png that its script writes.
 """
 
 import contextlib
+import importlib
 import re
 import resource
 import runpy
@@ -47,12 +49,11 @@ def run(page, folder):
         runpy.run_path(str(file), run_name="__main__")
 
 
-def keep(source, name):
+def keep(source, name, width=WIDTH):
     """A picture for the documents, small enough to be committed."""
     with Image.open(source) as picture:
         flat = Image.new("RGB", picture.size, "white")
         flat.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
-    width = WIDTH
     while True:
         flat.thumbnail((width, 2 * width), Image.LANCZOS)
         flat.quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
@@ -78,9 +79,36 @@ def draw_gallery(names):
             print(f"{name}: {resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before:.0f} s of CPU")
 
 
+# kind of verdict: a scene of tests/test_verdicts.py that ends so, and where it is seen from
+FAILURES = {
+    "limit point": ("blade", (-15, -60)),
+    "rigid-body motion": ("drawn off", None),
+    "friction used up": ("too great a push", None),
+    "status cycling": ("stumbling", (-15, -60)),
+    "penalty too soft": ("soft", None),
+    "projection lost": ("edge", "y"),
+    "no convergence": ("long steps", (-15, -60)),
+}
+
+
+def draw_failures():
+    """The last accepted states of scenes that fail, for when_a_run_fails.md."""
+    sys.path.insert(0, str(DOCS.parent / "tests"))
+    catalogue = importlib.import_module("test_verdicts")
+    for kind, (scene, view) in FAILURES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            result = catalogue.failed(scene)
+            assert result.verdict.kind == kind, result.verdict.reason
+            result.plot("contact_pressure", Path(folder) / "picture.png", view=view)
+            print(f"{kind}: {result.verdict.reason}")
+            keep(Path(folder) / "picture.png", f"fails_{kind.replace(' ', '_').replace('-', '_')}.png", 560)
+
+
 def main(names):
     if names[:1] == ["gallery"]:
         return draw_gallery(names[1:])
+    if names == ["failures"]:
+        return draw_failures()
     for page in pages():
         if not names or page.stem in names:
             with tempfile.TemporaryDirectory() as folder:
