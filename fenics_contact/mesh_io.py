@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar
 
 import gmsh
@@ -232,7 +233,8 @@ def _refusal(source: Source, error: BaseException) -> str:
     reason = str(error) or type(error).__name__
     said = gmsh_model.log(reason)
     said = f" (gmsh: {said})" if said else ""
-    return f"the mesh '{source.__module__ if callable(source) else source}' cannot be made: {reason}{said}"
+    name = f"{source.__module__}.{source.__name__}" if isinstance(source, FunctionType) else source
+    return f"the mesh '{name}' cannot be made: {reason}{said}"
 
 
 def _facets(group: str | None) -> tuple[Ints64, Ints64, Floats]:

@@ -386,7 +386,7 @@ WRONG_VALUES = {
     "master tools": (lambda s: held(s.mesh).contact("zmax", (BALL, BALL)), "master", "surface group"),
     "tools of one name": (lambda s: pressed(s.mesh)[0].contact("zmax", rigid_plane(name="punch")), "two tools", "'punch'"),
     "contacts of one name": (lambda s: pressed(s.mesh)[0].contact(**AT_TOP), "two contacts", "'top'", "name="),
-    "itself": (lambda s: held(s.mesh).contact("zmax", ("zmin", "zmax")), "both 'zmax'", "one of each body"),
+    "itself": (lambda s: held(s.mesh).contact("zmax", ("zmin", "zmax")), "both 'zmax'", "two walls of one body"),
     "one body": (lambda s: s.met("xmin", "zmax").system(), "share nodes", "separate volumes"),
     "degree 2 averages": (lambda s: stacked(s.pair, degree=2, points="averages"), "joint", "averages", "points=3"),
     "degree 2 corners": (lambda s: stacked(s.pair, degree=2, points="corners"), "joint", "corners", "points=3"),

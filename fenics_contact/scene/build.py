@@ -302,8 +302,8 @@ def _master_surface(
     shared = np.isin(master.blocks, compat.global_blocks(scene.space)[surface.nodes])
     if scene.mesh.comm.allreduce(bool(shared.any()), op=MPI.LOR):
         raise SceneError(
-            f"contact '{stated.name}': slave and master share nodes: they belong to one body, or the gmsh script glued two "
-            "(fragment); draw the bodies as separate volumes"
+            f"contact '{stated.name}': slave and master share nodes: the gmsh script glued two bodies (fragment), or they "
+            "are walls of one that meet; draw the bodies as separate volumes, or name walls that do not meet"
         )
     return master
 

@@ -93,7 +93,8 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
     what, points, master = f"contact '{contact.name}'", contact.points, contact.master
     if not isinstance(master, Tool):
         if common := set(master) & set(contact.slave):
-            raise SceneError(f"{what}: slave and master are both '{common.pop()}'; name two surfaces, one of each body")
+            both = common.pop()
+            raise SceneError(f"{what}: slave and master are both '{both}'; name two surfaces, or two walls of one body")
         if degree != 1 and isinstance(points, str):
             raise SceneError(f'{what}: points="{points}" on a body need degree=1; use Gauss points, e.g. points=3')
         if degree != 1 and points == 1:
