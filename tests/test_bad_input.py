@@ -388,7 +388,7 @@ WRONG_VALUES = {
     "contacts of one name": (lambda s: pressed(s.mesh)[0].contact(**AT_TOP), "two contacts", "'top'", "name="),
     "itself": (lambda s: held(s.mesh).contact("zmax", ("zmin", "zmax")), "both 'zmax'", "two walls of one body"),
     "one body": (lambda s: s.met("xmin", "zmax").system(), "share nodes", "separate volumes"),
-    "degree 2 averages": (lambda s: stacked(s.pair, degree=2, points="averages"), "joint", "averages", "points=3"),
+    "degree 2 nodes": (lambda s: stacked(s.pair, degree=2, points="nodes"), "joint", "nodes", "points=3"),
     "degree 2 corners": (lambda s: stacked(s.pair, degree=2, points="corners"), "joint", "corners", "points=3"),
     "multipliers at nodes": (lambda s: stacked(s.pair, points="corners", penetration=1e-5), "joint", "points=1"),
     # tools' drives

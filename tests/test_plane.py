@@ -344,19 +344,20 @@ def polygon(radius, count, deep):
 
 
 @pytest.mark.parallel
-def test_a_tool_of_curves_meets_as_its_surface_does_in_a_layer():
-    found = []
+@pytest.mark.parametrize("degree, count", [(1, 40), (2, 16)])  # sides along which there are as many samples in the layer
+def test_a_tool_of_curves_meets_as_its_surface_does_in_a_layer(degree, count):
+    found, (across, up) = [], (12 // degree, 4 // degree)
     for plane in (True, False):
         if plane:
-            mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, -1.0), (3.0, 1.0), (12, 4))})
-            scene = Scene(Body(mesh, "box", RUBBER), plane="strain", thickness=THICKNESS)
-            tool = rigid_curve(polygon, "rim", radius=1.2, count=40, deep=False)
+            mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, -1.0), (3.0, 1.0), (across, up))})
+            scene = Scene(Body(mesh, "box", RUBBER), degree=degree, plane="strain", thickness=THICKNESS)
+            tool = rigid_curve(polygon, "rim", radius=1.2, count=count, deep=False)
             slave, bottom, way = "box_ymax", "box_ymin", lambda t: (0.2 * t, -0.3 * t, 0.0)
         else:
-            mesh = read_gmsh(box.build, size=(3.0, THICKNESS, 1.0), cells=(12, 1, 4), origin=(0.0, 0.0, -1.0))
-            scene = Scene(Body(mesh, "box", RUBBER))
+            mesh = read_gmsh(box.build, size=(3.0, THICKNESS, 1.0), cells=(across, 1, up), origin=(0.0, 0.0, -1.0))
+            scene = Scene(Body(mesh, "box", RUBBER), degree=degree)
             scene.fix("ymin", "y"), scene.fix("ymax", "y")
-            tool = rigid_surface(polygon, "rim", radius=1.2, count=40, deep=True, flip=True)
+            tool = rigid_surface(polygon, "rim", radius=1.2, count=count, deep=True, flip=True)
             slave, bottom, way = "zmax", "zmin", lambda t: (0.2 * t, 0.0, -0.3 * t)
         scene.fix(bottom)
         scene.contact(slave, tool, 0.3, name="pair")

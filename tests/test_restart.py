@@ -124,6 +124,7 @@ SCENES = {
     "blocks by nodes": lambda: sliding_blocks("nodes"),
     "blocks by Gauss points": lambda: sliding_blocks(2),
     "blocks of degree 2": lambda: sliding_blocks(3, degree=2),
+    "blocks of degree 2 by averages": lambda: sliding_blocks("averages", degree=2),
     "blocks by averages": lambda: sliding_blocks("averages"),
     "blocks by averages, augmented": lambda: sliding_blocks("averages", penetration=1e-3),
     "tetrahedra, stabilised": dropped_tetrahedra,

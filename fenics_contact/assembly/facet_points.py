@@ -20,7 +20,8 @@ class Skin:
     """Exterior facets of owned cells, and Gauss points on them.
 
     cells (ne,): the local cells behind them; nodes (ne, k) local node numbers; corners (ne, 2, 3 or 4): those of the
-    corners, as a ring; N (ne, nq, k) shape functions in the points; slopes (ne, nq, 2, k): their derivatives along two
+    corners, as a ring; N (ne, nq, k) shape functions in the points, linear (ne, nq, c) those of corners, the first nodes, of
+    degree 1; slopes (ne, nq, 2, k): their derivatives along two
     tangents t1 x t2 that point outwards; area (ne, nq) reference areas of the points; X (ne, k, 3) reference positions
     [length]; section: what the sides of a plane mesh, with one tangent, stand for.
     """
@@ -29,6 +30,7 @@ class Skin:
     nodes: Ints
     corners: Ints
     N: Floats
+    linear: Floats
     slopes: Floats
     area: Floats
     X: Floats
@@ -60,13 +62,14 @@ def skin_of(space: Space, facets: Ints, section: Section | None = None) -> Skin:
     cells, local = compat.cells_of_exterior_facets(mesh, facets)
     of_cell = [cells[local == f] for f in range(compat.FACETS[cell])]
     N, slopes, area = facet_points(mesh, cell, degree, of_cell, degree + 1)
+    linear = facet_points(mesh, cell, 1, of_cell, degree + 1)[0]
     dofs, ring = compat.cell_dofs(space), RINGS[cell]
     closures = [compat.facet_closure_dofs(space, f) for f in range(len(of_cell))]
     nodes = np.concatenate([dofs[mine][:, closure] for mine, closure in zip(of_cell, closures, strict=True)])
     corners = nodes[:, ring]  # a facet's corners come first, numbered like a grid
     X = space.tabulate_dof_coordinates()[nodes]
     area = area if section is None else area * section.depth(np.einsum("eqk,ekc->eqc", N, X))
-    return Skin(np.concatenate(of_cell), nodes, corners, N, slopes, area, X, section)
+    return Skin(np.concatenate(of_cell), nodes, corners, N, linear, slopes, area, X, section)
 
 
 def facet_points(mesh: Mesh, cell: str, degree: int, cells: list[Ints], order: int | None) -> tuple[Floats, Floats, Floats]:

@@ -11,7 +11,8 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.tools import MeshedTool
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.facets import MAX_NODES, Surface
+from fenics_contact.kernels.quadratic import LINE, STRIP, TRIANGLE
 from fenics_contact.types import Floats, Ints, Ints64, Space
 
 
@@ -93,24 +94,26 @@ def area_vectors(corners: Floats) -> Floats:
 class _Surface:
     """Facets (nodes (nf, m), size (nf,)) and the reference positions X (nm, 3) of their nodes [length].
 
-    edge, longest: median and largest length of the facets' edges, of which the first `corners` nodes are the ends.
+    edge, longest: median and largest length of the facets' edges; corners: flat facets (nodes (nf, 4), size (nf,)) of the
+    corners, which are the first `count` nodes; whole: they are of degree 2, with all their nodes.
     """
 
-    def __init__(self, facets: Surface, X: Floats, corners: int = 4) -> None:
-        self.facets, self.X, self._corners = facets, X, facets[0][:, :corners]
-        ends = X[self._corners]
-        edges = np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2)
+    def __init__(self, facets: Surface, X: Floats, count: int = 4) -> None:
+        self.facets, self.X, self.whole = facets, X, facets[0].shape[1] != MAX_NODES
+        ring = facets[0][:, :count]
+        edges = np.linalg.norm(X[ring] - np.roll(X[ring], 1, axis=1), axis=2)
         edges = edges[edges > 0.0]
         self.edge, self.longest = (float(f(edges)) if edges.size else 0.0 for f in (np.median, np.max))
+        flat = ring if count == 4 else ring[:, [0, 1, 2, 2] if count == 3 else [0, 1, 1, 0]]
+        self.corners: Surface = np.ascontiguousarray(flat), np.minimum(facets[1], count)
 
     def degenerate(self) -> Floats:
         """Reference positions of the centres of facets without area (n, 3)."""
-        corners = self.X[self._corners]
-        if corners.shape[1] == 2:
-            small = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) < 1e-12 * self.longest
-        else:
-            area = np.linalg.norm(area_vectors(corners[:, [0, 1, 2, -1]]), axis=1)
-            small = area < 1e-12 * self.longest**2
+        nodes, size = self.corners
+        corners = self.X[nodes]
+        area = np.linalg.norm(area_vectors(corners), axis=1)
+        length = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)  # of the sides of plane cells
+        small = np.where(size == 2, length < 1e-12 * self.longest, area < 1e-12 * self.longest**2)
         return corners[small].mean(axis=1)
 
 
@@ -123,7 +126,7 @@ class MasterSurface(_Surface):
 
     section: what the curves of a plane mesh stand for. They are strips here, as deep as their sides are long on average:
     behind all their nodes come as many far ones, of the same displacements and forces. whole: facets of degree 2 with all
-    their nodes, in space or of a plane mesh; then there are no strips.
+    their nodes; of a plane mesh without a section those are sides of 3 nodes.
     """
 
     def __init__(self, space: Space, facets: Ints, section: Section | None = None, whole: bool = False) -> None:
@@ -142,14 +145,17 @@ class MasterSurface(_Surface):
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
         self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
         self.blocks = self.moving
-        X, self.section = self._gather(space.tabulate_dof_coordinates()[self.owned]), None if whole else section
-        if self.section is not None:
+        X, self.section = self._gather(space.tabulate_dof_coordinates()[self.owned]), section
+        if section is not None:
             ends = everywhere[0][:, :2]
             half = 0.5 * np.linalg.norm(X[ends[:, 1]] - X[ends[:, 0]], axis=1).mean() if len(ends) else 0.0
             X = np.concatenate([X - [0.0, 0.0, half], X + [0.0, 0.0, half]])
-            everywhere[0][:, 2:] += len(self.moving)
+            if whole:
+                everywhere = (everywhere[0][:, [0, 1, 1, 0, 2, 2]], np.full_like(everywhere[1], STRIP))
+            everywhere[0][:, [2, 3, 5] if whole else [2, 3]] += len(self.moving)
             self.blocks, self.keys = np.tile(self.moving, 2), np.concatenate([2 * self.keys, 2 * self.keys + 1])
-        super().__init__(everywhere, X, {3: 2, 6: 3}.get(nodes.shape[1], 4))
+        count = {LINE: 2, TRIANGLE: 3}.get(int(everywhere[1].max(initial=0)), 4) if whole else 4
+        super().__init__(everywhere, X, count)
 
     def _gather(self, owned: Floats) -> Floats:
         everything = np.empty((self._counts.sum() // 3, 3))

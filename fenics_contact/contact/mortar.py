@@ -21,6 +21,7 @@ from fenics_contact.kernels.couplings import Pattern
 from fenics_contact.kernels.coverage import Ends, coverage, surface_ends
 from fenics_contact.kernels.mortar_rates import add_node_tangents, foreseen_averages
 from fenics_contact.kernels.mortar_tangent import add_held_tangents
+from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
@@ -71,13 +72,15 @@ class MortarPartner(OnFacets):
         self.name, self.surface, self.skin, self.master, self.timers = name, surface, skin, master, timers
         self.search = SEARCH * max(surface.cell_height, master.longest)
         self.reach = float(np.abs(master.X).max(initial=0.0))
-        self.samples = Samples(skin, samples_for(skin.edge, master.edge))
+        each = 2 if skin.whole else 1  # one facet of degree 2 is as two of degree 1
+        self.samples = Samples(skin, each * samples_for(skin.edge, master.edge))
         self._first = len(skin.X)
         self._facets = master.facets[0] + self._first, master.facets[1]
         self._pattern = self._new_pattern()
         self._comm = skin.comm
-        normals = unit(area_vectors(master.X[master.facets[0]]))
-        starts, edges, sides = surface_ends(master.facets, normals, np.cos(np.radians(CREASE)))
+        self._corners = master.corners[0] + self._first, master.corners[1]
+        normals = unit(area_vectors(master.X[master.corners[0]]))
+        starts, edges, sides = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
         self._ends: Ends = starts, edges + self._first, sides
         watched = np.unique(np.concatenate([skin.owned, master.owned]))  # what positions rest on
         self._watch = Watch(self._comm, watched)
@@ -104,8 +107,10 @@ class MortarPartner(OnFacets):
         """The projection without what lies off the master, and how much of each sample lies over it."""
         n, s = len(points), self.samples
         cover = np.empty(n), np.empty((n, 4), dtype=np.int64), np.empty((n, 5, 3))
-        coverage(coords, s.nodes, s.rim, points, self._facets, self._ends, projection, cover)
-        return *projection, *cover
+        N = np.empty((n, 3, self._facets[0].shape[1]))
+        foot_shapes(np.arange(n), self._facets, projection, N)
+        coverage(coords, s.corners, s.rim, points, self._corners, self._ends, projection, cover)
+        return *projection, *cover, N
 
     def feet(self, state: State) -> MortarFeet:
         """The places at a state; the same object while these do not change on any rank. Collective."""
@@ -234,8 +239,8 @@ class MortarPartner(OnFacets):
 
     # -- anchors --------------------------------------------------------------------------------------------------
     def no_anchors(self) -> tuple[Ints64, Floats]:
-        n = self.samples.count * self.samples.nodes.shape[1]
-        return np.full((n, 4), -1, dtype=np.int64), np.zeros((n, 4))
+        shape = self.samples.count * self.samples.corners.shape[1], self._facets[0].shape[1]
+        return np.full(shape, -1, dtype=np.int64), np.zeros(shape)
 
     def _behind(self, feet: MortarFeet, anchors: Anchors, renewed: Bools, slips: Floats) -> Anchors:
         """Anchors of which those of renewed nodes trail their feet so that the node's way is its slip (ns, 3) [length]."""

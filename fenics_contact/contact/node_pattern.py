@@ -13,7 +13,7 @@ from fenics_contact.types import Array, Bools, Floats, Ints64
 class NodePattern:
     """Couplings between all nodes that the traction of a slave node depends on, with those that it acts on.
 
-    samples: of the slave's facets; corners (nf, 4): nodes of the master's; blocks (nx,): the block of each node, of `count`.
+    samples: of the slave's facets; corners (nf, l): nodes of the master's; blocks (nx,): the block of each node, of `count`.
     """
 
     def __init__(self, samples: Samples, corners: Ints64, blocks: Ints64, count: int) -> None:
@@ -47,7 +47,7 @@ class NodePattern:
         node, -1: none."""
         s = self._samples
         met = np.where(s.table < 0, -1, facet[s.table])
-        shape = len(self._ring), 4 * s.table.shape[1]
+        shape = len(self._ring), self._corners.shape[1] * s.table.shape[1]
         masters = np.where((met < 0)[..., None], -1, self._corners[met]).reshape(shape)
         anchors = np.where((s.anchor < 0)[..., None], -1, anchor_nodes[s.anchor]).reshape(shape)
         edges = np.where((s.table < 0)[..., None], -1, ends[s.table, :2]).reshape(len(self._ring), 2 * s.table.shape[1])

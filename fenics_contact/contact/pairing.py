@@ -9,7 +9,8 @@ from fenics_contact.assembly.term import State
 from fenics_contact.kernels import coverage
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.facets import MAX_NODES, Surface
+from fenics_contact.kernels.quadratic import quadratic_rays
 from fenics_contact.kernels.slave_ray import facet_directions, slave_rays
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Ints64
@@ -98,7 +99,8 @@ def seek_along(
     points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
 ) -> None:
     """Where the master is met along given unit normals (np, 3) out of the slave."""
-    slave_rays(points, -normals, coords, facets, lists, (search, FAR_BEYOND, coverage.FACING), out)
+    rays = slave_rays if facets[0].shape[1] == MAX_NODES else quadratic_rays
+    rays(points, -normals, coords, facets, lists, (search, FAR_BEYOND, coverage.FACING), out)
 
 
 def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:

@@ -16,7 +16,7 @@ from fenics_contact.kernels.closest_point import INTERIOR, NONE, Lists, Projecti
 from fenics_contact.kernels.contact_tangent import add_tangents
 from fenics_contact.kernels.deformable_element import Pairs, PointLaws
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.quadratic import add_lifted, quadratic_rays, shapes
+from fenics_contact.kernels.quadratic import add_lifted, foot_shapes, quadratic_rays
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Anchors, Floats, Ints, Ints64
 
@@ -48,7 +48,7 @@ class QuadraticPartner(FacetPartner):
         def seek(
             points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
         ) -> None:
-            quadratic_rays(points, -self._outward(coords), coords, facets, lists, (search, FACING), out)
+            quadratic_rays(points, -self._outward(coords), coords, facets, lists, (search, 0.0, FACING), out)
 
         return seek
 
@@ -60,11 +60,11 @@ class QuadraticPartner(FacetPartner):
     def _touching(self, feet: FacetFeet, trial: Trial, at: Ints64, area: Floats | None = None) -> Touching:
         """The flat facets of the pairs `at`."""
         _, weights, areas, gradients = self._slaves(area)
-        (facets, size), (facet, _, _, _, gap, normal) = self._facets, feet.projection
+        facets, (facet, _, _, _, gap, normal) = self._facets[0], feet.projection
         anchor_nodes, anchor_weights = own(trial.history.anchors)
         n, k, m = len(at), weights.shape[1], facets.shape[1]
         N, lift = np.empty((n, 3, m)), np.zeros((n, CORNERS, k + 2 * m))
-        shapes(at, size, feet.projection, N)
+        foot_shapes(at, self._facets, feet.projection, N)
         lift[:, SLAVE:MASTER, :k] = weights[at][:, None]
         lift[:, SLAVE + 1 : SLAVE + 1 + gradients.shape[1], :k] += gradients[at]
         lift[:, MASTER:ANCHOR, k : k + m] = N[:, :1]
@@ -206,7 +206,7 @@ class QuadraticPartner(FacetPartner):
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         found = facet, kind, feature, np.empty((n, 2)), np.empty(n), np.empty((n, 3))
         lists = self._pairing.within(places, coords, self.search)
-        quadratic_rays(places, -unit(sums[nodes]), coords, self._facets, lists, (self.search, FACING), found)
+        quadratic_rays(places, -unit(sums[nodes]), coords, self._facets, lists, (self.search, 0.0, FACING), found)
         return found[4]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
+from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
 from fenics_contact.types import Floats
 
 FEWEST, MOST = 3, 6  # samples of a facet per direction
@@ -18,25 +19,31 @@ CREASE = 30.0  # degrees between facets from which on they do not share a normal
 class Samples:
     """Facets of a slave surface that this process evaluates, those around its own nodes, with their samples.
 
-    slaves, groups: as the kernels take them; number (nf, m): the own node at each corner, or -1; table, corner (ns,
-    J): samples around each own node and its corner's place among those of their facet, -1 where there are fewer; nodes
-    (nf, m) of the facets; rim: the way on which a sample leaves the master, over its facet's size along it.
+    slaves, groups: as the kernels take them; own (ns,): the nodes of this process that have pressures, those of corners;
+    number (nf, m): the own node at each corner, or -1; table, corner (ns, J): samples around each own node and its corner's
+    place among those of their facet, -1 where there are fewer; nodes (nf, k), corners (nf, m) of the facets; rim: the way on
+    which a sample leaves the master, over its facet's size along it.
     """
 
     def __init__(self, skin: MasterSurface, count: int) -> None:
-        nodes, size = skin.facets
-        m = int(size[0]) if len(size) else 4
-        every = np.ascontiguousarray(nodes[:, :m])
-        own = (every >= skin.mine.start) & (every < skin.mine.stop)
+        (nodes, size), (flat, around) = skin.facets, skin.corners
+        m = int(around[0]) if len(around) else 4
+        every = nodes if skin.whole else np.ascontiguousarray(nodes[:, :m])
+        ends = flat[:, :m]
+        self.own = np.unique(ends[(ends >= skin.mine.start) & (ends < skin.mine.stop)])
+        own = np.isin(ends, self.own)
         mine = own.any(axis=1)
-        self.nodes = np.ascontiguousarray(every[mine])
+        self.nodes, self.corners = np.ascontiguousarray(every[mine]), np.ascontiguousarray(ends[mine])
         # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
         places, weights, N, gradients = sampled(m, count, across=count if skin.section is None else 1)
-        at_corners = sampled(m, 0)[3]
+        ring, _, _, at_corners = sampled(m, 0)
+        shapes = N
+        if skin.whole:
+            (shapes, gradients), (_, at_corners) = (_quadratic(int(size[0]), s) for s in (places, ring))
         tangents = np.einsum("qti,fic->fqtc", gradients, skin.X[self.nodes])
         area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2) * weights
         if skin.section is not None:  # half a strip's area is that of its near nodes
-            at = np.einsum("qi,fic->fqc", N, skin.X[self.nodes])
+            at = np.einsum("qi,fic->fqc", shapes, skin.X[self.nodes])
             area *= 2.0 * skin.section.depth(at) / np.linalg.norm(2.0 * tangents[:, :, 1], axis=2)
         group = np.empty((len(every), m), dtype=np.int64)
         cosine = np.cos(np.radians(CREASE))
@@ -44,13 +51,13 @@ class Samples:
         angles = corner_angles(skin.X, every, m, facets, corners)
         self.groups: Groups = starts, facets, corners, *group_slots(starts, facets, corners, every, at_corners), angles
         self._every, self._at_corners = every, at_corners
-        self.number = np.where(own[mine], self.nodes - skin.mine.start, -1)
+        self.number = np.where(own[mine], np.searchsorted(self.own, self.corners), -1)
         f, c = np.nonzero(self.number >= 0)
         order = np.argsort(self.number[f, c], kind="stable")
         f, c, owner = f[order], c[order], self.number[f, c][order]
-        n = skin.mine.stop - skin.mine.start
+        n = len(self.own)
         first = np.searchsorted(owner, np.arange(n + 1))
-        on = np.ascontiguousarray(area), N, N, np.ascontiguousarray(group[mine])
+        on = np.ascontiguousarray(area), shapes, N, np.ascontiguousarray(group[mine])
         self.slaves: Slaves = self.nodes, *on, first, f, c
         most = max(skin.comm.allgather(int(np.diff(first).max(initial=0))))
         nq = len(N)
@@ -73,6 +80,14 @@ class Samples:
         normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 3))
         group_normals(coords, self._every, self._at_corners, self.groups, normals, turns)
         return normals, turns
+
+
+def _quadratic(size: int, places: Floats) -> tuple[Floats, Floats]:
+    """Shape functions (nq, k) and gradients (nq, 2, k) of facets of degree 2 at places (nq, 2)."""
+    out = np.zeros((len(places), 3, size + 1 if size == STRIP else size))
+    for i, (s, t) in enumerate(places):
+        quadratic_shape(size, s, t, out[i])
+    return np.ascontiguousarray(out[:, 0]), np.ascontiguousarray(out[:, 1:])
 
 
 def samples_for(size: float, master: float) -> int:

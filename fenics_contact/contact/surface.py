@@ -24,7 +24,8 @@ class SlaveSurface:
     spacing (ne,): shortest side of its facets over the points along it [length]; cell_height: largest height [length] over
     all ranks; key (ne,): the element's number on any number of ranks.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
-    the body; None for points that are nodes. corners: the points are corners of their facets.
+    the body; None for points that are nodes. corners: the points are corners of their facets; linear: they are the nodes at
+    corners, between which pressures are linear at any degree.
     """
 
     nodes: Ints
@@ -38,6 +39,7 @@ class SlaveSurface:
     key: Ints64
     gradients: Floats | None = None
     corners: bool = False
+    linear: bool = False
 
     @property
     def points(self) -> int:
@@ -50,10 +52,10 @@ def slave_surface(
 ) -> SlaveSurface:
     """Slave points on the exterior facets of a group.
 
-    space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes"; "corners" of
-    facets of degree 1: the nodes, each as often as facets meet there, with what these give to its tributary area; or the
-    number of Gauss points per direction of a facet; section: what a plane mesh stands for. ValueError where nodes have no
-    tributary area (quadratic triangles).
+    space: vector Lagrange space; facets: local facet numbers; modulus (cells,) [pressure]; points: "nodes"; "averages": the
+    nodes at corners; "corners" of facets of degree 1: the nodes, each as often as facets meet there, with what these give to
+    its tributary area; or the number of Gauss points per direction of a facet; section: what a plane mesh stands for.
+    ValueError where nodes have no tributary area (quadratic triangles).
     """
     mesh = space.mesh
     cell = compat.cell_name(mesh)
@@ -66,6 +68,9 @@ def slave_surface(
     X = space.tabulate_dof_coordinates()
     order = 2 * degree if isinstance(points, str) else points
     a, gradients, area = facet_points(*where, order)
+    if points == "averages" and degree > 1:
+        a = facet_points(mesh, cell, 1, where[3], order)[0]
+        nodes = nodes[:, : a.shape[2]]  # corners come first
     sides = area.sum(axis=1)
     if section is not None:
         area = area * section.depth(np.einsum("eqk,ekc->eqc", a, X[nodes]))
@@ -79,7 +84,7 @@ def slave_surface(
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
     tangents: Floats | None = gradients
-    if points == "nodes":
+    if points in ("nodes", "averages"):
         tangents = None
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, (stiffness, height, spacing))
         key = node_keys(space)[nodes[:, 0]]
@@ -97,6 +102,7 @@ def slave_surface(
         key,
         tangents,
         points == "corners",
+        points == "averages",
     )
 
 

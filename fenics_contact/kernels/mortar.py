@@ -10,9 +10,10 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3
                shape (nq, k) of the facet's nodes, N (nq, m) of its corners, group (nf, m) of kernels/normals.py, and where
                each slave node is a corner: starts (ns + 1,), facets (ne,), places (ne,))
     surface    as in kernels/closest_point.py
-    met        (the projection of kernels/closest_point.py, of np = nf nq samples that look along its normals, and the cover
-               of kernels/coverage.py)
-    anchors    (nodes (np m, 4), weights (np m, 4)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
+    met        (the projection of kernels/closest_point.py, of np = nf nq samples that look along its normals, the cover of
+               kernels/coverage.py, and N (np, 3, l): shape functions of the master's facet, of l nodes, at the feet, with
+               their two derivatives)
+    anchors    (nodes (np m, l), weights (np m, l)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
     averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
                master, those with anchors (ns,), and all (ns,) [length^2]) of the slave nodes
     law        (eps_n (ns,), eps_t (ns,) [pressure/length], Friction of kernels/law.py, touch [length], shift (ns,) [length],
@@ -27,12 +28,11 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.facets import Surface, shape, shape_gradient
+from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.law import FREE, Friction, Gaps, Law, excess, partials, traction, without
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import (
     ZERO,
-    Four,
     Vector,
     add_row,
     cross,
@@ -40,7 +40,6 @@ from fenics_contact.kernels.vectors import (
     less,
     minus,
     norm,
-    of_four,
     of_nodes,
     plus,
     row,
@@ -48,7 +47,7 @@ from fenics_contact.kernels.vectors import (
 )
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 
-Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floats]
+Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floats, Floats]
 Slaves = tuple[Ints64, Floats, Floats, Floats, Ints64, Ints64, Ints64, Ints64]
 Anchors = tuple[Ints64, Floats]
 Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
@@ -65,7 +64,7 @@ KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less r
 
 class Foot(NamedTuple):
     """A sample and its foot: gap, normal; x_M; tangents r_1, r_2 of the master; c_1, c_2 with dxi^a = c_a . (d(x_S - x_M) -
-    g dn); shape functions there with their gradients."""
+    g dn)."""
 
     g: float
     n: Vector
@@ -74,9 +73,6 @@ class Foot(NamedTuple):
     r2: Vector
     c1: Vector
     c2: Vector
-    N: Four
-    N1: Four
-    N2: Four
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,15 +99,14 @@ def sample_places(
 @njit(cache=True, error_model="numpy")
 def foot_of(q: int, coords: Floats, surface: Surface, met: Met) -> Foot:
     """The Foot of sample q."""
-    corners, size = surface
-    f, s, t = met[0][q], met[3][q, 0], met[3][q, 1]
-    N, (N1, N2), n = shape(size[f], s, t), shape_gradient(size[f], s, t), row(met[5], q)
-    x0, x1, x2 = row(coords, corners[f, 0]), row(coords, corners[f, 1]), row(coords, corners[f, 2])
-    x3 = row(coords, corners[f, 3])
-    x, r1, r2 = of_four(N, x0, x1, x2, x3), of_four(N1, x0, x1, x2, x3), of_four(N2, x0, x1, x2, x3)
+    corners, N, f, n = surface[0], met[9], met[0][q], row(met[5], q)
+    x = r1 = r2 = ZERO
+    for i in range(corners.shape[1]):
+        p = row(coords, corners[f, i])
+        x, r1, r2 = less(x, -N[q, 0, i], p), less(r1, -N[q, 1, i], p), less(r2, -N[q, 2, i], p)
     one, two = cross(r2, n), cross(n, r1)
     det = dot(r1, one)
-    return Foot(met[4][q], n, x, r1, r2, times(1.0 / det, one), times(1.0 / det, two), N, N1, N2)
+    return Foot(met[4][q], n, x, r1, r2, times(1.0 / det, one), times(1.0 / det, two))
 
 
 @njit(cache=True, error_model="numpy")
@@ -293,9 +288,9 @@ def add_node_forces(
             force = plus(times(total, n), less(tangential, dot(n, tangential), n))
             for i in range(nodes.shape[1]):
                 add_row(forces, nodes[f, i], table[s, i], force)
-            g, N_M = met[0][q], shape(surface[1][met[0][q]], met[3][q, 0], met[3][q, 1])
-            for i in range(4):
-                add_row(forces, surface[0][g, i], -N_M[i], force)
+            g, corners = met[0][q], surface[0]
+            for i in range(corners.shape[1]):
+                add_row(forces, corners[g, i], -met[9][q, 0, i], force)
 
 
 @njit(cache=True, error_model="numpy")
@@ -330,9 +325,9 @@ def anchors_behind(
                     continue
                 foot = foot_of(q, coords, surface, met)
                 one, two = _in_facet(foot, row(slips, A))
-                for i in range(4):
+                for i in range(nodes.shape[1]):
                     nodes[a, i] = surface[0][met[0][q], i]
-                    weights[a, i] = foot.N[i] - one * foot.N1[i] - two * foot.N2[i]
+                    weights[a, i] = met[9][q, 0, i] - one * met[9][q, 1, i] - two * met[9][q, 2, i]
     return nodes, weights
 
 

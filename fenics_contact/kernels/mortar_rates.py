@@ -12,7 +12,7 @@ from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of
 from fenics_contact.kernels.mortar_tangent import Matrix, Turned, insert_row, join, sort_columns
-from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, of_four, of_nodes, plus, row, times
+from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, of_nodes, plus, row, times
 from fenics_contact.types import Bools, Floats
 
 
@@ -65,13 +65,13 @@ def add_node_tangents(
                     _spread(rates, known[nodes[f, i]], table[s, i], by_gap, by_way, push, drags)
                     _act(forces, rubs, acted, known[nodes[f, i]], share * table[s, i], foot.n)
                 corners = surface[0][met[0][q]]
-                for j in range(4):
-                    n = join(corners[j], known, stamp, A, here, n)
+                for j in range(len(corners)):
+                    n, N = join(corners[j], known, stamp, A, here, n), met[9][q, 0, j]
                     at = known[corners[j]]
-                    _spread(rates, at, -foot.N[j], by_gap, by_way, push, drags)
-                    _act(forces, rubs, acted, at, -share * foot.N[j], foot.n)
+                    _spread(rates, at, -N, by_gap, by_way, push, drags)
+                    _act(forces, rubs, acted, at, -share * N, foot.n)
                     if has_anchor:
-                        _drag(rates, at, by_way * foot.N[j], foot.n)
+                        _drag(rates, at, by_way * N, foot.n)
                         n = join(anchors[0][a, j], known, stamp, A, here, n)
                         _drag(rates, known[anchors[0][a, j]], -by_way * anchors[1][a, j], foot.n)
                 for b in range(m):
@@ -255,13 +255,12 @@ def foreseen_averages(
                     tilt = less(tilt, shapes[s, b] / lengths[q], row(tilts, group[f, b]))
                 for i in range(nodes.shape[1]):
                     jump = less(jump, -table[s, i], row(moved, nodes[f, i]))
-                at = surface[0][met[0][q]]
-                m0, m1, m2, m3 = row(moved, at[0]), row(moved, at[1]), row(moved, at[2]), row(moved, at[3])
-                a = q * m + c
+                a, here = q * m + c, ZERO
+                for j in range(surface[0].shape[1]):
+                    here = less(here, -met[9][q, 0, j], row(moved, surface[0][met[0][q], j]))
                 has_anchor = anchors[0][a, 0] >= 0
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords)) if has_anchor else ZERO
                 push, turn, drags, swings = _sample_rates(foot, w)
-                here = of_four(foot.N, m0, m1, m2, m3)
                 if met[6][q] < 1.0:
                     change = weights[f, s] * shapes[s, c] * _uncovered(q, met, jump, tilt, moved)
                     total += change * (foot.g - averaged[0][A])

@@ -65,10 +65,11 @@ def add_held_tangents(
 
     acting: as in add_node_forces.
     """
-    nodes, table, shapes, group = slaves[0], slaves[2], slaves[3], slaves[4]
+    nodes, table, shapes, group, N = slaves[0], slaves[2], slaves[3], slaves[4], met[9]
     slot_starts, slot_nodes, turns, lengths = turned
     count, m, k = len(shapes), shapes.shape[1], nodes.shape[1]
-    rows, ring = k + 6 * count, 0
+    l = surface[0].shape[1]
+    rows, ring = k + (l + 2) * count, 0
     for g in range(len(slot_starts) - 1):
         ring = max(ring, slot_starts[g + 1] - slot_starts[g])
     known, stamp, here = np.empty(len(coords), np.int64), np.full(len(coords), -1), np.empty(rows + m * ring, np.int64)
@@ -94,13 +95,13 @@ def add_held_tangents(
                 for i in range(4):
                     n = join(met[7][q, i], known, stamp, f, here, n)
                 corners = surface[0][met[0][q]]
-                for j in range(4):
+                for j in range(l):
                     n = join(corners[j], known, stamp, f, here, n)
                 for i in range(k):
                     _uncover(element[i], leaned[i], times(table[s, i], whole), q, turn, met, slaves, known)
-                for j in range(4):
+                for j in range(l):
                     at = known[corners[j]]
-                    _uncover(element[at], leaned[at], times(-foot.N[j], whole), q, turn, met, slaves, known)
+                    _uncover(element[at], leaned[at], times(-N[q, 0, j], whole), q, turn, met, slaves, known)
             total, across, t = part * total, part * across, times(part, t)
             force = plus(times(total, normal), t)
             for a in range(3):  # force moves by lean times the motion of the corners' mean normal
@@ -110,20 +111,20 @@ def add_held_tangents(
             for i in range(k):
                 _lean(leaned, i, table[s, i], lean, shapes, s)
             corners = surface[0][met[0][q]]
-            for j in range(4):
-                if foot.N[j] == 0.0 and foot.N1[j] == 0.0 and foot.N2[j] == 0.0:
+            for j in range(l):
+                if N[q, 0, j] == 0.0 and N[q, 1, j] == 0.0 and N[q, 2, j] == 0.0:
                     continue
                 n = join(corners[j], known, stamp, f, here, n)
-                at, h = known[corners[j]], plus(times(foot.N1[j], foot.c1), times(foot.N2[j], foot.c2))
+                at, h = known[corners[j]], plus(times(N[q, 1, j], foot.c1), times(N[q, 2, j], foot.c2))
                 for a in range(3):
                     for b in range(3):
-                        carried[a, b] = lean[a, b] * foot.N[j] + foot.g / lengths[q] * force[a] * h[b]
+                        carried[a, b] = lean[a, b] * N[q, 0, j] + foot.g / lengths[q] * force[a] * h[b]
                 _lean(leaned, at, -1.0, carried, shapes, s)
                 for i in range(k):
                     _outer(element[at], i, -table[s, i], force, h)
-                for l in range(4):
-                    n = join(corners[l], known, stamp, f, here, n)
-                    _outer(element[at], known[corners[l]], foot.N[l], force, h)
+                for i in range(l):
+                    n = join(corners[i], known, stamp, f, here, n)
+                    _outer(element[at], known[corners[i]], N[q, 0, i], force, h)
         height = n
         if height == k and not leaned[:k].any():
             continue

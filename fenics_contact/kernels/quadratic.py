@@ -3,7 +3,8 @@
 A surface is a pair of arrays: nodes (nf, m) int64 and size (nf,) int64, the number m of nodes: 9 of quadrilaterals, 6 of
 triangles, 3 of the sides of a plane mesh.  Corners come first, as in kernels/facets.py, then the middles of the sides, the
 first between the corners 0 and 1, then the centre.  A side of a plane mesh lives on [-1, 1] and goes on along z for ever:
-its second coordinate is that way, and r_2 = e_z.
+its second coordinate is that way, and r_2 = e_z.  Where it ends, as far behind the plane as before it, it is a strip of 6
+nodes, near ends, far ends, near and far middle, whose size is said to be 5, for triangles have 6.
 
 What first derivatives tell of such a facet at a foot is told by the flat one that touches it there, with corners x_M,
 x_M + r_1, x_M + r_2: these are sums of the facet's nodes.  The tangent of a ray's pair, kernels/ray_element.py, asks for no
@@ -15,12 +16,12 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
 from fenics_contact.kernels.couplings import Pattern, find
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.facets import MAX_NODES, Surface, shape, shape_gradient
 from fenics_contact.kernels.slave_ray import MAX_NEWTON, facet_balls
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, row
 from fenics_contact.types import Bools, Floats, Ints64
 
-LINE, TRIANGLE, QUADRILATERAL = 3, 6, 9
+LINE, STRIP, TRIANGLE, QUADRILATERAL = 3, 5, 6, 9
 ALONG_Z = (0.0, 0.0, 1.0)
 # of a facet's squared radius: between its nodes a curved facet may bulge out of the ball that holds these
 BULGE = 1.2
@@ -42,6 +43,13 @@ def quadratic_shape(m: int, s: float, t: float, N: Floats) -> None:
     if m == LINE:
         N[0, 0], N[0, 1], N[0, 2], N[1, 0], N[1, 1], N[1, 2] = _line(s)
         N[2, 0] = N[2, 1] = N[2, 2] = 0.0
+    elif m == STRIP:
+        a0, a1, a2, d0, d1, d2 = _line(s)
+        low, high = 0.5 * (1.0 - t), 0.5 * (1.0 + t)
+        N[0, 0], N[0, 1], N[0, 2], N[0, 3], N[0, 4], N[0, 5] = low * a0, low * a1, high * a1, high * a0, low * a2, high * a2
+        N[1, 0], N[1, 1], N[1, 2], N[1, 3], N[1, 4], N[1, 5] = low * d0, low * d1, high * d1, high * d0, low * d2, high * d2
+        N[2, 0], N[2, 1], N[2, 4] = -0.5 * a0, -0.5 * a1, -0.5 * a2
+        N[2, 2], N[2, 3], N[2, 5] = 0.5 * a1, 0.5 * a0, 0.5 * a2
     elif m == TRIANGLE:
         r = 1.0 - s - t
         N[0, 0], N[0, 1], N[0, 2] = r * (2.0 * r - 1.0), s * (2.0 * s - 1.0), t * (2.0 * t - 1.0)
@@ -66,12 +74,22 @@ def _nine(N: Floats, i: int, a0: float, a1: float, a2: float, b0: float, b1: flo
 
 
 @njit(cache=True)
-def shapes(at: Ints64, size: Ints64, projection: Projection, N: Floats) -> None:
-    """Fill N (n, 3, m): shape functions and derivatives at the feet of the points `at` (n,)."""
-    facet, xi = projection[0], projection[3]
+def foot_shapes(at: Ints64, surface: Surface, projection: Projection, N: Floats) -> None:
+    """Fill N (n, 3, m): shape functions and derivatives at the feet of the points `at` (n,), on flat facets too."""
+    (nodes, size), facet, kind, xi = surface, projection[0], projection[1], projection[3]
+    N[:] = 0.0
     for i in range(len(at)):
         q = at[i]
-        quadratic_shape(size[facet[q]], xi[q, 0], xi[q, 1], N[i])
+        if kind[q] == NONE:
+            continue
+        f, s, t = facet[q], xi[q, 0], xi[q, 1]
+        if nodes.shape[1] == MAX_NODES:
+            N[i, 0, 0], N[i, 0, 1], N[i, 0, 2], N[i, 0, 3] = shape(size[f], s, t)
+            one, two = shape_gradient(size[f], s, t)
+            N[i, 1, 0], N[i, 1, 1], N[i, 1, 2], N[i, 1, 3] = one
+            N[i, 2, 0], N[i, 2, 1], N[i, 2, 2], N[i, 2, 3] = two
+        else:
+            quadratic_shape(size[f], s, t, N[i])
 
 
 @njit(cache=True)
@@ -79,7 +97,7 @@ def _frame(f: int, coords: Floats, surface: Surface, N: Floats) -> tuple[Vector,
     """r, r_1, r_2 of facet f with the shape functions N (3, m)."""
     nodes, size = surface
     r, r1, r2 = ZERO, ZERO, ALONG_Z if size[f] == LINE else ZERO
-    for i in range(size[f]):
+    for i in range(nodes.shape[1]):
         x = row(coords, nodes[f, i])
         r, r1, r2 = less(r, -N[0, i], x), less(r1, -N[1, i], x), less(r2, -N[2, i], x)
     return r, r1, r2
@@ -89,7 +107,7 @@ def _frame(f: int, coords: Floats, surface: Surface, N: Floats) -> tuple[Vector,
 def _meet(
     x: Vector, n: Vector, f: int, coords: Floats, surface: Surface, start: Floats, N: Floats
 ) -> tuple[bool, float, float, float, float]:
-    """Newton for x - r(xi) = g n on facet f from a start (2,); returns (inside, xi1, xi2, g, cosine of n and its normal)."""
+    """Newton for x - r(xi) = g n on facet f from a start (2,); returns (found, xi1, xi2, g, cosine of n and its normal)."""
     s, t, m = start[0], start[1], surface[1][f]
     if m == LINE:
         t = 0.0
@@ -107,12 +125,19 @@ def _meet(
         if abs(s) > FAR or m != LINE and abs(t) > FAR:
             return False, 0.0, 0.0, 0.0, 0.0
         if max(abs(ds), abs(dt)) < 1e-12:
-            low = -OVERLAP if m == TRIANGLE else -1.0 - OVERLAP
-            high = s + t if m == TRIANGLE else (s if m == LINE else max(s, t))
-            inside = s >= low and (m == LINE or t >= low) and high <= 1.0 + OVERLAP
             area = cross(r1, r2)
-            return inside, s, t, dot(less(less(d, ds, r1), dt, r2), n), dot(area, n) / norm(area)
+            return True, s, t, dot(less(less(d, ds, r1), dt, r2), n), dot(area, n) / norm(area)
     return False, 0.0, 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def _within(m: int, s: float, t: float) -> tuple[float, float]:
+    """The place of a facet that is nearest to (s, t) in its coordinates: inside (s, t) itself, but for rounding."""
+    if m == TRIANGLE:
+        s, t = max(s, 0.0), max(t, 0.0)
+        over = max(s + t - 1.0, 0.0)
+        return max(s - 0.5 * over, 0.0), max(t - 0.5 * over, 0.0)
+    return min(max(s, -1.0), 1.0), t if m == LINE else min(max(t, -1.0), 1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,15 +147,14 @@ def quadratic_rays(
     coords: Floats,
     surface: Surface,
     lists: Lists,
-    reach: tuple[float, float],
+    reach: tuple[float, float, float],
     projection: Projection,
 ) -> None:
     """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within a search distance.
 
-    As kernels/slave_ray.py, without going on beyond borders. reach: (search [length]; facing: cosine of the angle between n
-    and the normals of facets that are no partners up to it).
+    All as in kernels/slave_ray.py.
     """
-    size, (offsets, listed), (search, facing) = surface[1], lists, reach
+    size, (offsets, listed), (search, beyond, facing) = surface[1], lists, reach
     facet, kind, feature, xi, gap, normal = projection
     centres, radii, N = np.empty((len(size), 3)), np.empty(len(size)), np.zeros((3, QUADRILATERAL))
     facet_balls(coords, surface, centres, radii)
@@ -139,21 +163,32 @@ def quadratic_rays(
         xi[q, 0] = xi[q, 1] = 0.0
         n, x = row(directions, q), row(points, q)
         normal[q, 0], normal[q, 1], normal[q, 2] = n
-        nearest = np.inf
+        nearest, least, missed = np.inf, np.inf, (-1, 0.0, 0.0, 0.0)
         for f in listed[offsets[q] : offsets[q + 1]]:
             arm = minus(row(centres, f), x)
             along = dot(arm, n)
-            if dot(arm, arm) - along * along > BULGE * radii[f]:
+            if dot(arm, arm) - along * along > (1.0 + beyond) ** 2 * BULGE * radii[f]:
                 continue  # the ray passes by
             starts = STARTS_3 if size[f] == TRIANGLE else STARTS_2
             for i in range(LINE if size[f] == LINE else len(starts)):
-                inside, s, t, g, cosine = _meet(x, n, f, coords, surface, starts[i], N)
-                if inside and cosine > facing:
-                    if abs(g) <= search and abs(g) < nearest:
+                found, s, t, g, cosine = _meet(x, n, f, coords, surface, starts[i], N)
+                if not found or not cosine > facing or not abs(g) <= search:
+                    continue
+                u, v = _within(size[f], s, t)
+                if max(abs(s - u), abs(t - v)) <= OVERLAP:
+                    if abs(g) < nearest:
                         nearest = abs(g)
                         facet[q], kind[q], gap[q] = f, INTERIOR, g
                         xi[q, 0], xi[q, 1] = s, t
                     break
+                if beyond > 0.0:
+                    quadratic_shape(size[f], u, v, N)
+                    miss = norm(minus(less(x, g, n), _frame(f, coords, surface, N)[0]))
+                    if miss * miss <= beyond * beyond * radii[f] and miss < least:
+                        least, missed = miss, (f, s, t, g)
+        if kind[q] == NONE and missed[0] >= 0:
+            facet[q], kind[q], gap[q] = missed[0], INTERIOR, missed[3]
+            xi[q, 0], xi[q, 1] = missed[1], missed[2]
 
 
 @njit(cache=True)

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.facet_points import skin_of
+from fenics_contact.assembly.facet_points import Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
@@ -63,9 +63,10 @@ class SlaveNodes:
         self.contact, self._system, space = contact, system, system.space
         self.skin = skin_of(space, facets, section)
         self._sums = compat.Function(_sums_space(space))
-        s, bare = contact.surface, section if compat.degree(space) == 2 else None
+        s = contact.surface
+        bare = section if compat.degree(space) == 2 and not s.linear else None
         self._share = (s.area * _over_depth(s.a, s.X, bare))[..., None] * _lumped(s.a, s.X)
-        self._lumped = _lumped(self.skin.N, self.skin.X)
+        self._lumped = _of_corners(self.skin) if s.linear else _lumped(self.skin.N, self.skin.X)
         self._over_depth = _over_depth(self.skin.N, self.skin.X, bare)
         self._owned = space.dofmap.index_map.size_local
         self._keys: Ints64 | None = None
@@ -184,6 +185,13 @@ def _over_depth(N: Floats, X: Floats, section: Section | None) -> Floats | float
     """One over the reference depth (ne, nq) of a plane mesh in points with shape functions N (ne, nq, k), nodes at X (ne, k,
     3): values at a node of degree 2 are means over lengths, for on the axis of a turned plane it has no area."""
     return 1.0 if section is None else 1.0 / section.depth(np.einsum("eqk,ekc->eqc", N, X))
+
+
+def _of_corners(skin: Skin) -> Floats:
+    """Shares (ne, nq, k) of a skin's nodes where corners have all of them."""
+    shares = np.zeros_like(skin.N)
+    shares[:, :, : skin.linear.shape[2]] = skin.linear
+    return shares
 
 
 def _lumped(N: Floats, X: Floats) -> Floats:

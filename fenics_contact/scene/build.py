@@ -260,8 +260,7 @@ def _contact(
 ) -> Contact:
     """The term of a stated contact. Collective."""
     points = stated.points if isinstance(stated.points, str) else int(stated.points)
-    where = "nodes" if points == "averages" else points
-    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, where, scene.section)
+    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points, scene.section)
     partner = _partner(scene, stated, surface, timers)
     friction, penalty = stated.friction, stated.penalty
     return Contact(stated.name, partner, friction, penalty, stated.penetration, supports, state, timers)
@@ -276,14 +275,15 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     facets = oriented_facets(scene.space, slave)
     if isinstance(master, MeshedTool):
         if stated.points == "averages":
-            skin, index = MasterSurface(scene.space, slave, scene.section), scene.tools.index(master)
+            skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
+            index = scene.tools.index(master)
             return MeshedToolAverages(surface, skin, master, index, timers)
         return MeshedToolPartner(surface, facets, master, scene.tools.index(master), scene.space, timers)
     if isinstance(master, Tool):
         raise TypeError(f"no partner is known for a {type(master).__name__}")
     surface_of_master = _master_surface(scene, stated, master, surface)
     if stated.points == "averages":
-        skin = MasterSurface(scene.space, slave, scene.section)
+        skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
         return MortarPartner(master_name(master), surface, skin, surface_of_master, timers)
     kind = QuadraticPartner if scene.degree == 2 else FacetPartner
     return kind(master_name(master), surface, facets, surface_of_master, scene.space, timers)
@@ -293,7 +293,8 @@ def _master_surface(
     scene: "Scene", stated: ContactStatement, names: tuple[str, ...], surface: SlaveSurface
 ) -> MasterSurface:
     """The master of a contact of bodies, checked. Collective."""
-    master = MasterSurface(scene.space, scene.mesh.facets(*names), scene.section, whole=scene.degree == 2)
+    strips = scene.section if scene.degree == 1 or stated.points == "averages" else None
+    master = MasterSurface(scene.space, scene.mesh.facets(*names), strips, scene.degree == 2)
     if len(flat := master.degenerate()):
         raise SceneError(
             f"contact '{stated.name}': {len(flat)} facets of the master have no area, the first at {flat[0]}; mesh that "

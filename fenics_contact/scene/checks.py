@@ -76,13 +76,11 @@ def refuse_numbers(
     return law, penalty
 
 
-def default_points(master: Tool | tuple[str, ...], degree: int, bare_corners: bool, multipliers: bool) -> int | str:
-    """What a contact meets its master with if nothing is said; multipliers: whether penetration= is stated."""
+def default_points(master: Tool | tuple[str, ...], bare_corners: bool) -> int | str:
+    """What a contact meets its master with if nothing is said."""
     if isinstance(master, RigidTool):
         return 3 if bare_corners else "nodes"
-    if degree == 1:
-        return "averages"
-    return 2 if multipliers else 3
+    return "averages"
 
 
 def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], degree: int, bare_corners: bool) -> None:
@@ -95,8 +93,10 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
         if common := set(master) & set(contact.slave):
             both = common.pop()
             raise SceneError(f"{what}: slave and master are both '{both}'; name two surfaces, or two walls of one body")
-        if degree != 1 and isinstance(points, str):
-            raise SceneError(f'{what}: points="{points}" on a body need degree=1; use Gauss points, e.g. points=3')
+        if degree != 1 and points in ("nodes", "corners"):
+            raise SceneError(
+                f'{what}: points="{points}" on a body need degree=1; use averages, or Gauss points, e.g. points=3'
+            )
         if degree != 1 and points == 1:
             raise SceneError(f"{what}: one point does not hold a facet of degree 2, which has more nodes; use points=2 or 3")
         if contact.friction.ratio != 1.0:
@@ -105,13 +105,13 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
         raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
         raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
-    if bare_corners and isinstance(points, str):
+    if bare_corners and points in ("nodes", "corners"):
         raise SceneError(
             f'{what}: points="{points}" needs degree=1 here: at degree 2 corners of tetrahedra, and nodes on the axis of an '
             "axisymmetric scene, have no area of their own; use Gauss points, points=3, which is the default there"
         )
-    if isinstance(master, MeshedTool) and degree != 1 and isinstance(points, str):
-        raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use Gauss points, e.g. points=3")
+    if isinstance(master, MeshedTool) and degree != 1 and points in ("nodes", "corners"):
+        raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use averages, or Gauss points, points=3")
     meets_facets = points in ("nodes", "corners") and not isinstance(master, RigidTool)
     if contact.penetration is not None and meets_facets:
         raise SceneError(
@@ -161,8 +161,8 @@ def refuse_chords(name: str, mesh: Mesh, degree: int) -> None:
 
 
 def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: int) -> None:
-    """Curves of a plane mesh meet curves by averages or, of degree 2, by Gauss points; tools of curves, by averages alone,
-    are met in no other scene."""
+    """Curves of a plane mesh meet curves by averages or, of degree 2, by Gauss points; tools of curves are met by averages
+    alone, and in no other scene."""
     if section is None and isinstance(contact.master, MeshedTool) and contact.master.is_curve:
         raise SceneError(
             f"contact '{contact.name}': rigid_curve '{contact.master.name}' belongs to plane scenes; in space give "
@@ -171,7 +171,7 @@ def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: 
     if section is None or isinstance(contact.master, RigidTool) or contact.points == "averages":
         return
     if isinstance(contact.master, MeshedTool):
-        raise SceneError(f"contact '{contact.name}': a tool of curves is met by points=\"averages\", which need degree=1")
+        raise SceneError(f"contact '{contact.name}': a tool of curves is met by points=\"averages\"")
     if degree == 1:
         raise SceneError(f"contact '{contact.name}': in a plane scene curves of degree 1 are met by points=\"averages\"")
 

@@ -307,7 +307,8 @@ class Scene:
         pressures and few iterations; Gauss points per direction of each facet, which look along its normal; "corners" of
         the facets, which look so too; or "nodes", which look for the closest point on the master (the paper): right on
         tools, which have one normal at a place, and on a body where it is smooth, for the force jumps at the edges of its
-        facets. By default nodes on an analytic tool, averages on a body or a meshed tool, 3 where these need degree=1.
+        facets. By default nodes on an analytic tool (3 where quadratic tetrahedra meet it), averages on a body or a meshed
+        tool: linear pressures at any degree.
         penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
         step: multipliers take over from the penalty until that holds (augmented Lagrangian); of Gauss points on facets take
         one, of degree 2 two, for a facet cannot follow another surface in more. By default the penalty alone.
@@ -315,7 +316,7 @@ class Scene:
         """
         slave, master = sides(slave, master)
         if points is None:
-            points = default_points(master, self.degree, self._bare_corners, penetration is not None)
+            points = default_points(master, self._bare_corners)
         name = f"{'+'.join(slave)} on {master_name(master)}" if name is None else name
         friction, penalty = refuse_numbers(name, friction, penalty, penetration, points)
         contact = ContactStatement(name, slave, master, friction, penalty, points, penetration)
