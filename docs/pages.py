@@ -56,7 +56,7 @@ def keep(source, name, width=WIDTH):
         flat.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
     while True:
         flat.thumbnail((width, 2 * width), Image.LANCZOS)
-        flat.quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
+        flat.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
         if (PICTURES / name).stat().st_size < LARGEST:
             return
         width = int(0.9 * width)

@@ -29,7 +29,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, punch_plate, two_blocks
+from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
 from fenics_contact.output.colours import BODY, STATUS, colours
 from fenics_contact.output.curves import along_line, times, words
 from fenics_contact.output.fields import Fields
@@ -285,6 +285,18 @@ def test_a_status_map_has_a_legend_of_its_four_words(rolled, punched):
     known = {tuple(round(int(colour[i : i + 2], 16) / 255, 3) for i in (1, 3, 5)) for colour in STATUS}
     assert len(found & known) >= 2  # under the rough punch some stick or slip, the rim is open
     assert all(np.ptp(np.array(colour) / BODY) < 0.01 for colour in found - known)  # all else is the body's, shaded
+
+
+def test_the_legend_beside_a_square_picture_is_not_cut_off():
+    mesh = read_gmsh(rectangles.build, rectangles={"block": ((0, 0), (10, 20), (2, 4))})
+    scene = Scene(Body(mesh, "block", neo_hooke(mu=0.4, K=2.0)), plane="strain")
+    scene.fix("block_ymin")
+    scene.fix("block_xmin", "x")
+    lid = rigid_plane((0, 20, 0), (0, -1, 0), name="lid")
+    scene.contact("block_ymax", lid, 0.3, name="grip")
+    figure = solve(scene, move={lid: (0, -1, 0)}, steps=1, progress=False).plot("grip_status", mirror="x")
+    if ROOT:
+        holds(figure)
 
 
 @pytest.mark.parametrize("off", [np.nan, 0.0])

@@ -54,7 +54,7 @@ class Colours:
         if self.kind == "status":
             patches = [Patch(facecolor=c, edgecolor="0.4", label=name) for c, name in zip(STATUS, NAMES, strict=True)]
             patches.append(Patch(facecolor=BODY, edgecolor="0.4", label="no contact\nstated"))
-            last.legend(handles=patches, title=self.label, fontsize=size, title_fontsize=size,
+            last.legend(handles=patches, title=self.label.replace(": ", ":\n"), fontsize=size, title_fontsize=size,
                         loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)  # fmt: skip
             return
         found = last.figure.colorbar(

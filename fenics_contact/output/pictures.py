@@ -90,7 +90,7 @@ class Drawing:
         """A figure of its own, as wide as a page; limits, extent as for `draw`."""
         across, tall = np.subtract(*reversed(extent or self.extent()))
         ticks, below = 0.7 if self.is_slice else 0.0, self._bar_below(across, tall)
-        room = WIDTH - ticks - (0.1 if below else 1.3)
+        room = WIDTH - ticks - (0.1 if below else 1.3 if self.colours.kind != "status" else 1.5)  # bar or legend beside it
         height = max(min(room * tall / across, TALLEST), FLATTEST)
         width = min(room, max(height * across / tall, 0.45 * WIDTH)) + WIDTH - room
         figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="constrained")
