@@ -7,8 +7,10 @@ from refusals import refused
 
 from fenics_contact import (
     Body,
+    Load,
     Motion,
     Scene,
+    Stage,
     Travel,
     mooney_rivlin,
     neo_hooke,
@@ -25,7 +27,7 @@ from fenics_contact import (
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.pose import Pose, Poses, rotation, skew, spin_rate
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.meshes import box, tool_surfaces
+from fenics_contact.meshes import box, rectangles, tool_surfaces
 
 STRAIGHT, OBLIQUE = np.eye(3), rotation(np.array([0.5, -0.8, 1.3]))
 
@@ -480,7 +482,7 @@ def test_a_wheel_rolls_freely():
     floor, hub = rigid_plane(name="floor"), rigid_hub("hub", (0, 0, 4.0))
     scene = shaken(hub, floor, 1.0, size=(4.0, 0.5, 1.0), cells=(12, 1, 2))
     scene.fix("ymin", "y")
-    refused(lambda: solve(scene, move={hub: Motion(x=1.0)}, progress=False), "tie of 'zmax' to 'hub'", "support of 'ymin'")
+    refused(lambda: solve(scene, move={hub: Motion(y=1.0)}, progress=False), "'hub', to which", "support of ymin along y")
     scene.supports.clear()
     motion = Motion(x=lambda t: 0.4 * max(t - 0.2, 0.0), force=lambda t: (0, 0, -0.2 * min(5 * t, 1.0)), free="ry")
     result = solve(scene, move={hub: motion}, steps=10, progress=False)
@@ -489,6 +491,99 @@ def test_a_wheel_rolls_freely():
     assert np.abs(moment[:, 1]).max() < 1e-7 * 0.2 * 4.0
     assert result.column("hub_angle_y_rad")[-1] > 0.01 and (result.column("c_sticking_points") > 0).all()
     assert result.audit().right
+
+
+def half_of_a_tied_block(whole):
+    """A block that a hub on its top pushes and tilts, or the half of it behind its plane of symmetry x = 0."""
+    low = -1.0 if whole else 0.0
+    mesh = read_gmsh(box.build, size=(1.0 - low, 1.0, 1.0), cells=(4 if whole else 2, 2, 2), origin=(low, 0.0, 0.0))
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+    hub, floor = rigid_hub("hub", (0.0, 0.2, 1.0)), rigid_plane(name="floor")
+    scene.tie("zmax", hub)
+    scene.contact("zmin", floor, 0.3, name="c")
+    if not whole:
+        scene.fix("xmin", normal=True)
+    share = 1.0 if whole else 0.5
+    stages = [
+        Stage("press", move={hub: Motion(z=-0.1)}, steps=2),
+        Stage("push", move={hub: Motion(force=(0, 0.05 * share, -0.5 * share), moment=(0.02 * share, 0, 0))}, steps=2),
+    ]
+    return solve(scene, stages=stages, progress=False).require()
+
+
+@pytest.mark.parallel
+def test_a_plane_of_symmetry_through_what_is_tied():
+    """Half a block bears half the loads of the whole, in which the tied nodes on the plane count as the hub's."""
+    whole, half = half_of_a_tied_block(True), half_of_a_tied_block(False)
+    for name, unit in (("hub_travel", "mm"), ("hub_angle", "rad")):
+        np.testing.assert_allclose(vectors(half, name, unit), vectors(whole, name, unit), atol=1e-8)
+    for column in ("hub_force_z_N", "hub_moment_x_Nmm", "c_force_y_N", "external_work_Nmm", "c_friction_work_Nmm"):
+        scale = np.abs(whole.column(column)).max()
+        np.testing.assert_allclose(2 * half.column(column), whole.column(column), rtol=0.0, atol=1e-7 * scale)
+    assert np.abs(vectors(whole, "hub_angle", "rad")[-1, 0]) > 1e-3 and half.column("balance_error_N").max() < 1e-8
+
+
+def strip(plane, hub):
+    """A block tied to a hub by its top in plane strain, or a layer in space between two planes."""
+    if plane:
+        sides = {"box": ((0.0, 0.0), (2.0, 1.0), (4, 2))}
+        mesh, name = read_gmsh(rectangles.build, rectangles=sides), "box_{}"
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane="strain", thickness=0.5)
+    else:
+        mesh, name = read_gmsh(box.build, size=(2.0, 1.0, 0.5), cells=(4, 2, 1)), "{}"
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+        scene.fix(("zmin", "zmax"), "z")
+    scene.tie(name.format("ymax"), hub)
+    scene.fix(name.format("ymin"), "xy")
+    return scene
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("method", ["newton", "arc_length"])
+def test_a_hub_in_plane_strain(method):
+    """Pushed, and turning freely under a moment: the same as a layer of the thickness in space."""
+    runs = []
+    for plane in (True, False):
+        hub = rigid_hub("hub", (1.2, 1.0, 0.0))
+        drive = {"move": {hub: Motion(force=(0.2, -0.3, 0.0), moment=(0.0, 0.0, 0.1))}, "progress": False}
+        drive |= {"until": Load(1.0)} if method == "arc_length" else {"steps": 3}
+        runs.append(solve(strip(plane, hub), method=method, **drive).require())
+    columns = [
+        "hub_travel_x_mm",
+        "hub_travel_y_mm",
+        "hub_angle_z_rad",
+        "hub_force_x_N",
+        "hub_moment_z_Nmm",
+        "external_work_Nmm",
+    ]
+    for column in columns:
+        np.testing.assert_allclose(runs[0].column(column)[-1], runs[1].column(column)[-1], rtol=1e-6)
+    assert abs(runs[0].column("hub_angle_z_rad")[-1]) > 0.02
+    assert "hub_moment_x_Nmm" not in runs[0].history[0] and runs[0].column("balance_error_N")[-1] < 1e-6
+
+
+@pytest.mark.parallel
+def test_a_hub_on_an_axis():
+    """A bonded disc all the way round, its axis tied too, drawn by a force: as by the way that this gives, stated."""
+    sides = {"disc": ((0.0, 0.0), (2.0, 1.0), (4, 2))}
+
+    def disc():
+        scene = Scene(Body(read_gmsh(rectangles.build, rectangles=sides), "disc", neo_hooke(1.0, 5.0)), plane="axisymmetric")
+        scene.fix("disc_ymin")
+        return scene
+
+    hub, scene = rigid_hub("hub"), disc()
+    scene.tie("disc_ymax", hub)
+    drawn = solve(scene, move={hub: Motion(force=(0.0, 5.0, 0.0))}, steps=2, progress=False).require()
+    way, scene = drawn.column("hub_travel_y_mm"), disc()
+    scene.fix("disc_ymax", "x")
+    scene.prescribe("disc_ymax", "y", lambda X, t: np.interp(2 * t, range(3), [0.0, *way]))
+    stated = solve(scene, steps=2, progress=False).require()
+    np.testing.assert_allclose(stated.column("disc_ymax_reaction_y_N"), [2.5, 5.0], rtol=1e-7)
+    np.testing.assert_allclose(drawn.column("strain_energy_Nmm"), stated.column("strain_energy_Nmm"), rtol=1e-7)
+    scene = disc()
+    scene.tie("disc_ymax", hub)
+    refused(lambda: solve(scene, move={hub: Motion(x=0.1)}, progress=False), "'hub' is driven along x")
 
 
 def test_arc_length_turns_a_hub():
@@ -543,7 +638,14 @@ def test_wrong_ties_are_refused():
     drive = {"move": {hub: Motion(z=0.1)}, "progress": False}
     scene = shaken(hub)
     scene.tie("zmin", other)
-    refused(lambda: solve(scene, **drive), "tie of 'zmin' to 'other'", "support of 'zmin'", "leave one of them out")
+    led = {"move": {hub: Motion(z=0.1), other: Motion(x=0.1)}, "progress": False}
+    refused(lambda: solve(scene, **led), "'other', to which", "support of zmin along x", "leads them off", "leave one")
+    led["move"][other] = Motion(free="z")
+    refused(lambda: solve(scene, **led), "'other', to which", "support of zmin along z", "may leave")
+    turned = shaken(hub)
+    turned.fix("xmin", "x")
+    stages = [Stage("up", move={hub: Motion(z=0.1)}), Stage("turn", move={hub: Motion(ry=0.1)})]
+    refused(lambda: solve(turned, stages=stages, progress=False), "stage 'turn'", "support of xmin along x")
     scene = shaken(hub)
     scene.tie("xmin", other)
     scene.supports.clear()

@@ -25,6 +25,21 @@ class Ties:
         return bool(self._tied)
 
     @property
+    def nodes(self) -> Ints64:
+        """All local nodes (n,) that follow."""
+        return np.concatenate([nodes for _, nodes, _ in self._tied] or [np.empty(0, dtype=np.int64)])
+
+    def off(self, nodes: Ints64, direction: Floats, values: Floats, poses: Poses, q: Floats) -> Floats:
+        """How far from displacements `values` (n,) along a unit direction those of these nodes (n,) are that bodies carry
+        whose coordinates are q (bodies, 6): (bodies,) [length], zero of bodies that carry none."""
+        found = np.zeros(len(q))
+        for body, tied, X in self._tied:
+            _, here, at = np.intersect1d(nodes, tied, return_indices=True)
+            way = (poses.at(body, q[body]).placed(X[at]) - X[at]) @ direction
+            found[body] = np.abs(way - values[here]).max(initial=0.0)
+        return found
+
+    @property
     def dofs(self) -> Ints64:
         """All dofs (n,) that follow."""
         return np.concatenate([_dofs(nodes) for _, nodes, _ in self._tied] or [np.empty(0, dtype=np.int64)])

@@ -13,7 +13,6 @@ from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.supports import Supports, ToolMotion
-from fenics_contact.assembly.ties import Ties
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.courses import Part, SupportCourse
@@ -22,7 +21,8 @@ from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded
 from fenics_contact.scene.pairs import CourseAt, Pairing
 from fenics_contact.scene.stage import Along, Group, Stage, Way
-from fenics_contact.scene.statements import Pair, Support, Tie
+from fenics_contact.scene.statements import Support
+from fenics_contact.scene.tied import Hindered, refuse_hindered, ties_of
 from fenics_contact.types import Bools, Floats, Ints64, Space
 from fenics_contact.values import SceneError, finite, function, group_names, shown
 
@@ -34,9 +34,10 @@ ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 
 
 # -- supports ---------------------------------------------------------------------------------------------------------
-def supports_of(scene: "Scene", stated: Sequence[Stage], stages: Stages, ways: Sequence[Path]) -> Supports:
+def supports_of(scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ways: Sequence[Path]) -> Supports:
     """Supports from a scene's Support, Tie and Pair statements, the last ones' ways, and what stages prescribe, checked; of
-    a Section, those that keep it in its plane and on its axis. Collective."""
+    a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. Collective."""
+    stages = motion.stages
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
     paired = Pairing(scene, ways) if scene.pairs else None
@@ -55,20 +56,23 @@ def supports_of(scene: "Scene", stated: Sequence[Stage], stages: Stages, ways: S
     for pair, held in paired.on_axis if paired else ():
         nodes = np.flatnonzero(np.isin(keys, held))
         stated_of += [(f"{pair.what} on its axis", nodes, way, partial(_still, stages)) for way in pair.across]
+    ties, hindered = ties_of(scene), list[Hindered]()
     entries, names, carried = list[Entry](), list[str](), list[tuple[Entry, str]]()
     for k, (name, nodes, direction, course) in enumerate(stated_of):
-        if paired is None:
-            entries.append(Entry(nodes.astype(np.int32), direction, course(keys[nodes], X[nodes], keys[nodes])))
-        else:
-            own, *of_leaders = paired.split(k, nodes, direction, course)
-            entries.append(own)
-            carried += [(entry, f"{name}, of paired faces") for entry in of_leaders]
+        tied = np.isin(nodes, ties.nodes)
+        if mesh.comm.allreduce(int(tied.any())):  # what holds these wholly is their body
+            value = course(keys[nodes], X[nodes], keys[nodes[tied]])
+            hindered.append(Hindered(name, nodes[tied], direction, value))
+        mine = nodes[~tied & ~np.isin(keys[nodes], paired.led)] if paired else nodes[~tied]
+        entries.append(Entry(mine.astype(np.int32), direction, course(keys[nodes], X[nodes], keys[mine])))
         names.append(name)
-    ties = _ties(mesh, space, scene.supports, scene.ties, scene.tools, scene.pairs)
+        of_leaders = paired.of_leaders(k, nodes, direction, course) if paired else []
+        carried += [(entry, f"{name}, of paired faces") for entry in of_leaders]
     supports = Supports(
         space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
         paired.pairs() if paired else None,
     )  # fmt: skip
+    refuse_hindered(scene, stated, motion, ties, hindered)
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
             _refuse_conflict(mesh.comm, stage, supports, paired, [stages.time(s) for s in (0.0, 0.5, 1.0)])
@@ -151,33 +155,6 @@ def _ways(scene: "Scene", names: tuple[str, ...], along: Along, what: str) -> li
 
 def _plus(group: Group) -> str:
     return group if isinstance(group, str) else "+".join(group)
-
-
-def _ties(
-    mesh: NamedMesh, space: Space, supports: Sequence[Support], tied: Sequence[Tie], tools: Sequence[Tool],
-    pairs: Sequence[Pair],
-) -> Ties:  # fmt: skip
-    """Ties whose nodes nothing else leads, nodes that two groups of one body have in common once. Collective."""
-    X, found = space.tabulate_dof_coordinates(), list[tuple[int, Ints64, Floats]]()
-    led: list[tuple[str, Tool | None, Ints64]] = [
-        (f"the support of '{'+'.join(one.group)}'", None, _nodes(mesh, space, one.group)) for one in supports
-    ]
-    led += [(f"the {pair.what}", None, _nodes(mesh, space, pair.first + pair.second)) for pair in pairs]
-    nodes_of: dict[Tool, list[Ints64]] = {}
-    for tie in tied:
-        name, nodes = "+".join(tie.group), _nodes(mesh, space, tie.group)
-        for what, hub, others in led:
-            if hub is not tie.hub and mesh.comm.allreduce(len(np.intersect1d(nodes, others))):
-                raise SceneError(
-                    f"tie of '{name}' to '{tie.hub.name}': {what} leads some of the same nodes; leave one of them out, or "
-                    "name surfaces that do not meet"
-                )
-        led.append((f"the tie of '{name}' to '{tie.hub.name}'", tie.hub, nodes))
-        nodes_of.setdefault(tie.hub, []).append(nodes)
-    for hub, parts in nodes_of.items():
-        nodes = np.unique(np.concatenate(parts))
-        found.append((tools.index(hub), nodes, X[nodes]))
-    return Ties(found, space.dofmap.index_map.size_local)
 
 
 def _nodes(mesh: NamedMesh, space: Space, group: tuple[str, ...]) -> Ints64:

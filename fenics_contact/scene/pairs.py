@@ -91,13 +91,10 @@ class Pairing:
         return found[0] if found else None
 
     # -- supports -------------------------------------------------------------------------------------------------
-    def split(self, statement: int, nodes: Ints64, direction: Floats, course: CourseAt) -> list[Entry]:
-        """Entries of a statement about local nodes (n,): first those that follow no other, then of the leading ones, what it
-        asks of those that do. Collective."""
+    def of_leaders(self, statement: int, nodes: Ints64, direction: Floats, course: CourseAt) -> list[Entry]:
+        """What a statement about local nodes (n,) asks of those that follow, as entries of the leading ones. Collective."""
         keys, X = self._keys, self._space.tabulate_dof_coordinates()
-        mine = np.isin(keys[nodes], self.led)
-        stays = nodes[~mine]
-        entries = [Entry(stays.astype(np.int32), direction, course(keys[nodes], X[nodes], keys[stays]))]
+        mine, entries = np.isin(keys[nodes], self.led), list[Entry]()
         named = np.unique(np.concatenate(self._comm.allgather(keys[nodes[mine]])))
         rows = np.searchsorted(self.led, named)
         local = np.argsort(keys)

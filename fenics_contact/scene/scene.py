@@ -170,10 +170,9 @@ class Scene:
     def tie(self, group: str | tuple[str, ...], hub: Tool) -> None:
         """Let a surface move as a part of a rigid body: of a hub, `rigid_hub(name, point)`, or of any tool.
 
-        It is moved, pushed or free as `solve(move={hub: Motion(...)})` says; what is not said stays.
+        It is moved, pushed or free as `solve(move={hub: Motion(...)})` says; what is not said stays. Supports may hold some
+        of the same nodes where they never hinder it, as planes of symmetry do.
         """
-        if self.section is not None:
-            raise SceneError(f"tie '{group}': ties are known in space; in a plane scene prescribe the surface's way")
         if not isinstance(hub, Tool):
             raise SceneError(f"tie '{group}': {shown(hub)} is no rigid body; give rigid_hub(name, point), or a tool")
         self._facets(group)

@@ -1,0 +1,82 @@
+"""Surfaces tied to rigid bodies: what else may lead their nodes, and supports there that would hinder the bodies."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fenics_contact.assembly.supports import Prescribed, ToolMotion
+from fenics_contact.assembly.ties import Ties
+from fenics_contact.contact.tools import Tool
+from fenics_contact.scene.stage import Stage
+from fenics_contact.types import Floats, Ints64
+from fenics_contact.values import SceneError
+
+if TYPE_CHECKING:  # which states them
+    from fenics_contact.scene.scene import Scene
+
+HINDERED = 1e-9  # of a body's way: by how much less it may leave a support, whose direction is rounded
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a stage, at which its motions are looked at
+TRIALS = 2  # motions of free components that are tried at each
+
+
+class Hindered(NamedTuple):
+    """A support of tied local nodes (n,): its name, unit direction (3,) and what it prescribes of them."""
+
+    name: str
+    nodes: Ints64
+    direction: Floats
+    value: Prescribed
+
+
+def ties_of(scene: "Scene") -> Ties:
+    """Ties whose nodes no other tie and no pair leads; nodes that two groups of one body have in common once. Collective."""
+    mesh, space, tools = scene.mesh, scene.space, scene.tools
+    X, found = space.tabulate_dof_coordinates(), list[tuple[int, Ints64, Floats]]()
+    led: list[tuple[str, Tool | None, Ints64]] = [
+        (f"the {pair.what}", None, mesh.nodes(space, *pair.first, *pair.second).astype(np.int64)) for pair in scene.pairs
+    ]
+    nodes_of: dict[Tool, list[Ints64]] = {}
+    for tie in scene.ties:
+        name, nodes = "+".join(tie.group), mesh.nodes(space, *tie.group).astype(np.int64)
+        for what, hub, others in led:
+            if hub is not tie.hub and mesh.comm.allreduce(len(np.intersect1d(nodes, others))):
+                raise SceneError(
+                    f"tie of '{name}' to '{tie.hub.name}': {what} leads some of the same nodes; leave one of them out, or "
+                    "name surfaces that do not meet"
+                )
+        led.append((f"the tie of '{name}' to '{tie.hub.name}'", tie.hub, nodes))
+        nodes_of.setdefault(tie.hub, []).append(nodes)
+    for hub, parts in nodes_of.items():
+        nodes = np.unique(np.concatenate(parts))
+        found.append((tools.index(hub), nodes, X[nodes]))
+    return Ties(found, space.dofmap.index_map.size_local)
+
+
+def refuse_hindered(
+    scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ties: Ties, hindered: Sequence[Hindered]
+) -> None:
+    """Rigid bodies must be able to go all their ways, free ones anywhere, without leaving the supports of what is tied to
+    them, as those of planes of symmetry. Collective."""
+    stages, comm, tried = motion.stages, scene.mesh.comm, np.random.default_rng(0)
+    poses, came = motion.poses(), np.zeros((len(motion), 6))  # where the stages before have led
+    for i, stage in enumerate(stated if hindered else ()):
+        with stages.foreseen(i):
+            for t in (stages.time(share) for share in SHARES):
+                values = [one.value(t) for one in hindered]
+                for _ in range(TRIALS):
+                    q = came + motion.prescribed(t) + motion.lever * motion.free * tried.uniform(-1.0, 1.0, came.shape)
+                    for one, value in zip(hindered, values, strict=True):
+                        off = np.max(comm.allgather(ties.off(one.nodes, one.direction, value, poses, q)), axis=0)
+                        k = int(off.argmax())
+                        if off[k] > HINDERED * motion.lever:
+                            raise SceneError(stage.says(_words(motion.names[k], one.name, bool(motion.free[k].any()))))
+            came += np.where(motion.free, 0.0, motion.prescribed(stages.time(1.0)))
+
+
+def _words(hub: str, support: str, free: bool) -> str:
+    how = "may leave" if free else "leads them off"
+    return (
+        f"'{hub}', to which some nodes of the support of {support} are tied, {how} where that holds them; let it stay or "
+        "move along that support alone, or leave one of them out"
+    )
