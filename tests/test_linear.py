@@ -53,6 +53,26 @@ def test_a_failed_factorisation_leaves_nothing(symmetric):
 
 @pytest.mark.parallel
 @pytest.mark.parametrize("symmetric", [True, False])
+def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
+    """What MUMPS foresees is too little now and then on several ranks: no sign of a singular matrix."""
+    monkeypatch.setattr(reuse, "WORKSPACE", (-90, 100))
+    system = block(4).system()
+    system.assemble_tangent()
+    regular = system.matrix.copy()
+    regular.shift(1.0)
+    solver = ReusingSolver(COMM, 3 * 125, symmetric, "direct", None, Timers())
+    right, out, rest = (system.new_vector() for _ in range(3))
+    right.set(1.0)
+    for _ in range(2):
+        assert solver.solve(regular, 0, right, out, 1e-8) >= 0
+        regular.mult(out, rest)
+        rest.axpy(-1.0, right)
+        assert rest.norm() < 1e-12 * right.norm()
+    assert solver.builds == 2 and solver.mumps_code() == 0  # the second solve has the first one's
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("symmetric", [True, False])
 def test_a_matrix_of_another_pattern_is_factorised_anew(symmetric):
     """PETSc has counted as many changes in either."""
     system = block(2).system()

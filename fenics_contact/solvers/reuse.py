@@ -14,6 +14,9 @@ from fenics_contact.types import Mat, Solver, Vec
 
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
+# MUMPS' INFOG(1) where the workspace foreseen is too small: pivots are delayed, and ranks' messages arrive as they may
+SHORT_OF_SPACE = (-8, -9)
+WORKSPACE = (20, 100, 500)  # per cent more than foreseen, one after another; the first is MUMPS' own
 NOT_FINITE = 72  # PETSC_ERR_FP, PETSc's code of a floating-point exception
 # Iterations that cost as much as a new factorisation or hierarchy, measured at 8e3 and 6e4 unknowns.
 BUILD_COST = {"direct": 15, "iterative": 35}
@@ -80,7 +83,7 @@ class ReusingSolver:
     ) -> None:
         self.comm, self.symmetric, self.timers, self.choice = comm, symmetric, timers, choice
         self._near_null_space = near_null_space
-        self.builds = self.iterations = self._cause = 0
+        self.builds = self.iterations = self._cause = self._space = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
         self._copy: Mat = None
         self._pattern: int | None = None
@@ -147,10 +150,15 @@ class ReusingSolver:
         """out = matrix^-1 rhs to a relative residual; returns PETSc's reason, negative on failure, the same on all ranks.
 
         pattern: number that changes with the matrix's nonzero pattern. After a failure nothing is kept: MUMPS goes on
-        reporting the singular matrix that it met last. A solution that is not finite is a failure, whatever PETSc says.
+        reporting the singular matrix that it met last. A solution that is not finite is a failure, whatever PETSc says. A
+        factorisation that runs out of workspace is made again with more, which later ones keep.
         """
         self._mark = time.perf_counter()
         reason = self._tried(matrix, pattern, rhs, out, tolerance)
+        while reason < 0 and self._space + 1 < len(WORKSPACE) and self._infog() in SHORT_OF_SPACE:
+            self._space += 1
+            self.use(self.method)
+            reason = self._tried(matrix, pattern, rhs, out, tolerance)
         self._lap(digits_of(tolerance))
         if reason >= 0 and not np.isfinite(out.norm()):
             reason = -NOT_FINITE
@@ -201,7 +209,19 @@ class ReusingSolver:
             self._reuse = Reuse(BUILD_COST[self.method])
             self.builds += 1
             self._fresh.setOperators(matrix, self._copy)
-            return _code(self._fresh.setUp)
+            return _code(self._set_up)
+
+    def _set_up(self) -> None:
+        pc = self._fresh.getPC()
+        if self._by_mumps():
+            pc.setFactorSetUpSolverType()
+            pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE[self._space])
+        self._fresh.setUp()
+
+    def _by_mumps(self) -> bool:
+        """Whether MUMPS factorises: PETSc's options, which users may set, can ask for another solver."""
+        pc = self._fresh.getPC()
+        return (pc.getType(), pc.getFactorSolverType()) == ("cholesky" if self.symmetric else "lu", "mumps")
 
     def _lap(self, digits: float = 0.0) -> None:
         """Have the choice know of the time since the last lap, and of a solve by its digits."""
@@ -225,12 +245,9 @@ class ReusingSolver:
     def negative_pivots(self) -> int | None:
         """Of the factorisation at hand: MUMPS counts them where it is symmetric, else 1 where its determinant is negative, 0
         where not; None: there is none."""
-        if self.method != "direct" or self._reuse is None:
+        if self.method != "direct" or self._reuse is None or not self._by_mumps():
             return None
-        pc = self._fresh.getPC()
-        if (pc.getType(), pc.getFactorSolverType()) != ("cholesky" if self.symmetric else "lu", "mumps"):
-            return None  # PETSc's options, which users may set, ask for another one
-        factors = pc.getFactorMatrix()
+        factors = self._fresh.getPC().getFactorMatrix()
         return factors.getMumpsInfog(12) if self.symmetric else int(factors.getMumpsRinfog(12) < 0.0)
 
     def mumps_code(self) -> int:
@@ -238,8 +255,8 @@ class ReusingSolver:
         return self._cause
 
     def _infog(self) -> int:
-        pc = self._fresh.getPC()
-        return pc.getFactorMatrix().getMumpsInfog(1) if self.method == "direct" and self._reuse is not None else 0
+        factorised = self.method == "direct" and self._reuse is not None and self._by_mumps()
+        return self._fresh.getPC().getFactorMatrix().getMumpsInfog(1) if factorised else 0
 
 
 def _code(call: Callable[[], object]) -> int:
