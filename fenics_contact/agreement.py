@@ -15,6 +15,7 @@ from mpi4py import MPI
 # same function, and nobody but this rank can end that.
 PATIENCE = 30.0
 ALIKE = 1e-9  # of its size: what a sum over ranks may differ by from rank to rank is round-off
+FEW = 6  # numbers that an error shows; of more the first that differ
 
 Value = TypeVar("Value")
 S = TypeVar("S", bound="OnRanks")
@@ -74,18 +75,21 @@ def _words(failure: Exception, what: str, kind: type[Exception]) -> tuple[str, b
 
 
 def alike(comm: MPI.Comm, what: str, call: Callable[[], Value], kind: type[Exception]) -> Value:
-    """call() made on every rank, a number or an array that must be the same on all: rank 0's. Collective."""
+    """call() made on every rank, a number or an array of one shape that must be the same on all: rank 0's. Collective."""
     with agreed(comm, what, kind):
         here = call()
     if comm.size == 1:
         return here
-    first, *others = comm.allgather(here)
-    bound = ALIKE * np.max(np.abs(np.nan_to_num(first, posinf=0.0, neginf=0.0)), initial=0.0)
-    for rank, there in enumerate(others, start=1):
-        if not np.allclose(there, first, rtol=0.0, atol=bound, equal_nan=True):
+    first = comm.bcast(here)
+    with agreed(comm, what, kind):
+        there, known = np.asarray(here).ravel(), np.asarray(first).ravel()
+        bound = ALIKE * np.max(np.abs(np.nan_to_num(known, posinf=0.0, neginf=0.0)), initial=0.0)
+        off = ~np.isclose(there, known, rtol=0.0, atol=bound, equal_nan=True)
+        if off.any():
+            shown = (first, here) if there.size <= FEW else (known[off][0], there[off][0])
             raise kind(
-                f"{what} gives {first} on rank 0 and {there} on rank {rank}: it must not depend on the part of the mesh "
-                "that a rank holds; sum or compare over the ranks first, e.g. by comm.allreduce"
+                f"{what} gives {shown[0]} on rank 0 and {shown[1]} on rank {comm.rank}: it must not depend on the part of "
+                "the mesh that a rank holds; sum or compare over the ranks first, e.g. by comm.allreduce"
             )
     return first
 

@@ -35,7 +35,7 @@ from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
 from fenics_contact.scene.build import build
 from fenics_contact.scene.drives import turning
-from fenics_contact.scene.fingerprint import statement
+from fenics_contact.scene.fingerprint import refuse_unlike, statement
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
@@ -119,6 +119,7 @@ def solve(
     system = built.system
     plans = plans_of(scene, built, stated, schedules, linear, tolerance)
     told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven)
+    refuse_unlike(system.comm, told([1.0] * len(stated)))
     steppers = [(plan.path, plan.softened) for plan in plans]
     keeper = Keeper(folder, system, steppers, told, left, every, resume) if every and folder else None
     kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), progress)

@@ -12,7 +12,7 @@ import refusals
 from mpi4py import MPI
 from test_restart import alone, mpirun
 
-from fenics_contact import Body, Load, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Load, Scene, SceneError, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.agreement import alike
 from fenics_contact.meshes import box
 
@@ -167,6 +167,35 @@ def test_what_a_function_of_points_must_give():
         scene = bar()
         scene.prescribe("xmax", "x", value)
         refused(lambda scene=scene: solve(scene, steps=1, progress=False), "xmax along x", words)
+
+
+def of_rank(size):
+    """A number that is another one on the last rank."""
+    return size * (1.0 + 0.1 * (COMM.size > 1 and COMM.rank == COMM.size - 1))
+
+
+PLATE = rigid_plane((8, 0, 0), (-1, 0, 0), name="plate")
+UNLIKE = {
+    "traction on 'xmax'": lambda scene: scene.traction("xmax", lambda X, t: of_rank(0.1) * t + 0.0 * X),
+    "pressure on 'xmax'": lambda scene: scene.pressure("xmax", lambda X, t: of_rank(0.1) * t + 0.0 * X[:, 0]),
+    "body force": lambda scene: scene.body_force(lambda t: (0.0, 0.0, of_rank(-0.001) * t)),
+    "swell": lambda scene: scene.swell("box", lambda t: 1.0 + of_rank(0.1) * t),
+    "xmax along x": lambda scene: scene.prescribe("xmax", "x", lambda X, t: of_rank(0.1) * t * X[:, 1]),
+    "friction": lambda scene: scene.contact("xmax", PLATE, coulomb(lambda p: of_rank(0.3) / (1.0 + p), up_to=10.0)),
+    "traction on 'xmax' is 0.03": lambda scene: scene.traction("xmax", (of_rank(0.1), 0, 0)),
+}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", UNLIKE)
+def test_what_ranks_state_differently_is_refused(name):
+    """Functions of t, of places and of the pressure, and plain numbers."""
+    scene = bar()
+    UNLIKE[name](scene)
+    if COMM.size == 1:
+        assert solve(scene, steps=1, progress=False).converged
+    else:
+        refused(lambda: solve(scene, steps=1, progress=False), name, "on rank 0", f"on rank {COMM.size - 1}")
 
 
 ALONE = """

@@ -4,13 +4,16 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.agreement import agreed
 from fenics_contact.scene.build import Built
 from fenics_contact.scene.functions import row_of, sample
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
 from fenics_contact.solid.materials import sampled_energy
+from fenics_contact.values import SceneError
 
 TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # shares at which a stage is sampled, and as many between 1 and the largest reached
 SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
@@ -85,6 +88,18 @@ def _driven(built: Built, reached: float) -> Statement:
         out[f"move of '{name}'"] = sampled(row_of(system.tools.prescribed, i))
         out[f"free components of '{name}'"] = plain(system.tools.free[i])
     return out
+
+
+def refuse_unlike(comm: MPI.Comm, here: Statement) -> None:
+    """Every rank states the same. SceneError, on all ranks, where one does not. Collective."""
+    there = comm.bcast(here)
+    with agreed(comm, "what a rank states", SceneError):
+        if found := first_difference(there, here):
+            name, first, mine = found
+            raise SceneError(
+                f"{name} is {first} on rank 0 and {mine} on rank {comm.rank}: all ranks must state the same scene; take no "
+                "number from the part of the mesh that a rank holds"
+            )
 
 
 def first_difference(there: Statement, here: Statement) -> tuple[str, Any, Any] | None:

@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.agreement import agreed, alike
+from fenics_contact.agreement import alike
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.types import Floats, Ints, Ints64, Space
@@ -153,17 +153,19 @@ class AtPoints(Spread):
 
     def everywhere(self, t: float) -> Floats:
         """Values (all places, ...) of the shape asked for."""
-        with agreed(self._comm, f"{self._what} at t = {t:g}", SceneError):
-            values, wanted = np.asarray(self._value(self._X.copy(), t)), (len(self._X), *self._shape)
-            values = np.broadcast_to(values, wanted).copy() if values.shape == self._shape else values
-            if values.shape != wanted or values.dtype.kind not in "iuf":
-                one = f"one row of shape {self._shape}" if self._shape else "one number"
-                raise SceneError(
-                    f"{self._what}: its function gives {values.dtype} of shape {values.shape} for {len(self._X)} points X "
-                    f"(n, 3); it must give {one} per point, or one for all"
-                )
-            if not np.all(np.isfinite(values)):
-                raise SceneError(f"{self._what} is not finite at t = {t:g}; mend its function")
+        return alike(self._comm, f"{self._what} at t = {t:g}", lambda: self._asked(t), SceneError)
+
+    def _asked(self, t: float) -> Floats:
+        values, wanted = np.asarray(self._value(self._X.copy(), t)), (len(self._X), *self._shape)
+        values = np.broadcast_to(values, wanted).copy() if values.shape == self._shape else values
+        if values.shape != wanted or values.dtype.kind not in "iuf":
+            one = f"one row of shape {self._shape}" if self._shape else "one number"
+            raise SceneError(
+                f"{self._what}: its function gives {values.dtype} of shape {values.shape} for {len(self._X)} points X "
+                f"(n, 3); it must give {one} per point, or one for all"
+            )
+        if not np.all(np.isfinite(values)):
+            raise SceneError(f"{self._what} is not finite at t = {t:g}; mend its function")
         return values
 
     def few(self, t: float) -> Floats:
