@@ -45,6 +45,9 @@ class Recorder:
         self.scene, self.system, self.keeper = scene, built.system, keeper
         self.columns, self.extra = named
         system = self.system
+        self._films = [value for value in self.extra.values() if isinstance(value, Film)]
+        for film in self._films:
+            film.begin()
         self.arcs, self._augments = arcs, bool(system.augmented) or system.stabilised
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
         self._told = len(self.verdict.notes)  # those that have been printed
@@ -75,7 +78,7 @@ class Recorder:
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds))
-            for film in (value for value in self.extra.values() if isinstance(value, Film)):
+            for film in self._films:
                 film.take(self.scene, self.system)
             if self.writer and on_schedule:
                 self.writer.write_fields(len(self.history))

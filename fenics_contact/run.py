@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
+from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.contact.tools import Tool
@@ -126,7 +127,7 @@ def solve(
     setup = timers.table()["total"]
     verdict = kept.verdict
     kept.remark([*scene.notes, *built.notes])
-    carry(system, plans, kept, verdict, smallest_step)
+    _carried(scene, system, plans, kept, smallest_step)
     kept.bar.close()
     if verdict.converged:
         kept.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
@@ -150,6 +151,18 @@ def solve(
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
         tqdm.write("\n".join(lines), file=sys.stderr)
     return Result(kept.history, verdict, system, summary, scene, kept.results, [*columns.all(), *extra], left())
+
+
+def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder, smallest_step: float | None) -> None:
+    """The run's steps. Where a function of the user's raises, what was accepted stays readable and summary.json says why."""
+    try:
+        carry(system, plans, kept, kept.verdict, smallest_step)
+    except SceneError as error:
+        kept.bar.close()
+        kept.verdict.stop(Finding(ERROR, str(error)), system.state.t, len(kept.history) + 1)
+        if kept.writer:
+            kept.writer.close(_summary(scene, system, plans, kept.verdict, kept.history))
+        raise
 
 
 def _started(start: object, scene: Scene) -> Start | None:

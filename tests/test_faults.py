@@ -1,5 +1,6 @@
 """Whatever goes wrong on one rank, in a function of the user's or in a file, ends all ranks with one error that names it."""
 
+import json
 import subprocess
 import sys
 import time
@@ -85,6 +86,31 @@ def test_functions_of_the_state_that_fail_on_one_rank():
     )
     arc = {"method": "arc_length", "until": late, "progress": False}
     refused(lambda: solve(scene, **arc), "target 1, late = 0", "KeyError")
+
+
+@pytest.mark.parallel
+def test_a_run_that_an_error_ends_leaves_what_it_accepted(tmp_path):
+    """The folder is whole, says why it ends, and the run goes on from there once the function is mended."""
+    folder = COMM.bcast(tmp_path)
+
+    def run(fails, **options):
+        scene = bar()
+        scene.prescribe("xmax", "x", 0.1)
+
+        def mine(view):
+            if fails and view.t > 0.7:
+                raise ValueError("the table ends here")
+            return view.t
+
+        return solve(scene, steps=4, out=folder, checkpoint=True, record={"mine": mine}, progress=False, **options)
+
+    refused(lambda: run(True), "the table ends here")
+    COMM.Barrier()
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["verdict"]["kind"] == "ended by an error" and not summary["verdict"]["converged"]
+    assert "the table ends here" in summary["verdict"]["reason"] and summary["verdict"]["step"] == 3
+    assert len((folder / "history.csv").read_text().splitlines()) == 3
+    assert run(False, resume=True).column("mine").tolist() == [0.25, 0.5, 0.75, 1.0]
 
 
 @pytest.mark.parallel

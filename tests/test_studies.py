@@ -83,17 +83,19 @@ def outputs_of(depth_mm, stiff, way):
 
 def test_a_case_may_give_outputs_alone(folder):
     runs = [*grid(depth_mm=[1.0, 2.0], stiff=[3.0], way=["good"]), {"depth_mm": 3.0, "stiff": 3.0, "way": "gives up"},
-            {"depth_mm": 4.0, "stiff": 3.0, "way": "less"}]  # fmt: skip
+            {"depth_mm": 4.0, "stiff": 3.0, "way": "less"},
+            {"depth_mm": float("nan"), "stiff": 3.0, "way": "good"}]  # fmt: skip
     study = Study("outputs", outputs_of, runs, shared=True, outputs=["force_N", "width_mm"])
     rows = read(study.run(folder, progress=False))
-    assert [row["force_N"] for row in rows] == [3.0, 12.0, "", ""] and rows[1]["width_mm"] == 4.0
-    assert [row["converged"] for row in rows] == [True, True, False, False]
+    assert [row["force_N"] for row in rows][:4] == [3.0, 12.0, "", ""] and rows[1]["width_mm"] == 4.0
+    assert [row["converged"] for row in rows] == [True, True, False, False, False]
     before = (folder / "outputs.csv").read_text()
     study.run(folder, progress=False)
     assert (folder / "outputs.csv").read_text() == before
     assert failures(rows, ["depth_mm"]) == [
         "depth_mm 3: limit point: the dome snaps",
         "depth_mm 4: refused: the case gives no 'width_mm'; it gives converged, verdict, t_reached, force_N",
+        "depth_mm nan: 'force_N' is not a number",
     ]
     with pytest.raises(ValueError, match="no column 'torque_Nmm'; move it away"):
         Study("outputs", outputs_of, runs, outputs=["force_N", "torque_Nmm"]).run(folder, progress=False)

@@ -23,6 +23,7 @@ NO_LAW = "outside a law"
 MEMORY = "out of memory"
 OUT_OF_STEPS = "out of steps"
 UNKNOWN = "no convergence"
+ERROR = "ended by an error"
 
 
 class Finding(NamedTuple):

@@ -25,7 +25,8 @@ DOTS = 110  # per inch
 class Film:
     """Takes a drawing after every accepted step, or every n-th: solve(..., record={"frame": film}), then film.save("a.gif").
 
-    field, mirror, view, backend as for `Result.plot`; its column in the history is the number of drawings so far.
+    field, mirror, view, backend as for `Result.plot`; its column in the history is the number of drawings so far. A further
+    run it is given to begins anew.
     drawings: those of this run, in the order of its steps, on rank 0; a drawing holds the bodies' surface, not the volume.
     """
 
@@ -45,6 +46,11 @@ class Film:
         self._fields: Fields | None = None
         self._comm: MPI.Comm | None = None
 
+    def begin(self) -> None:
+        """A run begins: drawings of an earlier one go."""
+        self.drawings, self._fields = [], None
+        self._steps = self._taken = 0
+
     def __call__(self, view: object) -> float:
         """Number of drawings before this step's."""
         return float(self._taken)
@@ -54,7 +60,7 @@ class Film:
         self._steps += 1
         if (self._steps - 1) % self.every:
             return
-        if self._fields is None or self._fields.system is not system:
+        if self._fields is None:
             refuse_backend(self.backend, system.comm)
             self._fields, self._comm = Fields(scene, system), system.comm
         self._fields.update()

@@ -48,12 +48,16 @@ class Writer:
             if self._history:
                 self._history.write(row)
 
-    def finish(self, summary: Summary) -> None:
-        """summary.json and body.png. Collective."""
+    def close(self, summary: Summary) -> None:
+        """The history's end, and summary.json. Collective."""
         with writing(self.comm, self.folder, "summary.json"):
             if self._history is not None:
                 self._history.close()
                 write_summary(self.folder, summary)
+
+    def finish(self, summary: Summary) -> None:
+        """summary.json and body.png. Collective."""
+        self.close(summary)
         self.fields.update()
         drawn = drawing(self.scene, self.system, fields=self.fields)
         if drawn is not None and not summary["verdict"]["converged"]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
@@ -93,7 +94,12 @@ def row_of(found: Result | Row, outputs: Sequence[str]) -> Row:
     last = found.history[-1] if isinstance(found, Result) and found.history else row
     if row["converged"] and (lacking := [name for name in outputs if name not in last]):
         raise ValueError(f"the case gives no '{lacking[0]}'; it gives {', '.join(last)}")
-    return row | {name: last.get(name, "") for name in outputs}
+    given = {name: last.get(name, "") for name in outputs}
+    if row["converged"] and (
+        lost := [name for name, value in given.items() if isinstance(value, float) and np.isnan(value)]
+    ):
+        row = row | {"converged": False, "verdict": f"'{lost[0]}' is not a number"}
+    return row | given
 
 
 @dataclass
