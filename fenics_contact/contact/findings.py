@@ -22,6 +22,7 @@ RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
 LED = 0.01  # of a contact's force: what more of it acts on prescribed points is worth a note
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
+OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
@@ -33,14 +34,21 @@ def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None
 
 def trouble(contact: Contact, state: State) -> Finding | None:
     """What keeps the step after an accepted state from converging. Collective."""
-    comm, h = state.u.function_space.mesh.comm, contact.trial.history
-    area, met = contact.surface.area.ravel(), h.met.ravel()
-    gone = np.where(met, area, 0.0) * contact.partner.bare(contact.partner.feet(state))
-    whole, lost = comm.allreduce(np.array([area[met].sum(), gone.sum()]))
-    if lost > SLID_OFF * whole:
-        text = f"{lost / whole:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
-        return Finding(LOST, text, worst(contact, comm, gone)[1], contact.partner.slid_off)
+    lost, text, place = _slid_off(contact, state)
+    if lost > SLID_OFF:
+        return Finding(LOST, text, place, contact.partner.slid_off)
     return _sunk(contact, state, SUNK)
+
+
+def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
+    """(share of the area that has been in contact and has left the master, in words, place). Collective."""
+    comm = state.u.function_space.mesh.comm
+    area, met = contact.surface.area.ravel(), contact.trial.history.met.ravel()
+    gone = np.where(met, area, 0.0) * contact.partner.bare(contact.partner.feet(state))
+    whole, left = comm.allreduce(np.array([area[met].sum(), gone.sum()]))
+    lost = left / whole if whole > 0.0 else 0.0
+    text = f"{lost:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
+    return lost, text, worst(contact, comm, gone)[1]
 
 
 def deep(contact: Contact, state: State) -> Finding | None:
@@ -78,7 +86,7 @@ def never_met(contact: Contact, state: State) -> str | None:
 
 def remarks(contact: Contact, state: State, said: Collection[str]) -> dict[str, str]:
     """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
-    kinds = {"led": _led_note, "deep": _depth_note}
+    kinds = {"led": _led_note, "deep": _depth_note} | ({"out of its cell": _cell_note} if contact.paired else {})
     return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
 
@@ -95,6 +103,17 @@ def _led_note(contact: Contact, state: State) -> str | None:
         f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
         f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out "
         "of the slave"
+    )
+
+
+def _cell_note(contact: Contact, state: State) -> str | None:
+    """None, or that a slave beside a pair of faces has left the master, which goes on beyond them. Collective."""
+    lost, text, place = _slid_off(contact, state)
+    if lost <= OUT_OF_CELL:
+        return None
+    return (
+        f"{text}, most at {place}: a body that slides out of the cell of a pair does not come in again at its other end: "
+        "the contact's force is too small by about as much; state several cells as one: the share falls with their number"
     )
 
 

@@ -55,7 +55,12 @@ class Contact:
         free = supports.free(surface.nodes)
         # (ne, k, 3, 3): directions, by rows, in which supports let the slave nodes go; None on all ranks where all do
         led = int((~free.any(axis=3)).any())
-        self._free = free if state.u.function_space.mesh.comm.allreduce(led) else None
+        comm = state.u.function_space.mesh.comm
+        self._free = free if comm.allreduce(led) else None
+        # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
+        self.paired = (
+            comm.allreduce(int(supports.pairs is not None and np.isin(surface.nodes, supports.pairs.nodes).any())) > 0
+        )
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(tolerance)), Multipliers(self)
         ne, nq = surface.area.shape

@@ -65,6 +65,11 @@ class Pairing:
         self._loops: list[tuple[Pair, Floats, Floats]] = []  # (pair, X, what must do nothing with the ways) of closed rounds
         for k, (pair, (first, second)) in enumerate(zip(scene.pairs, faces, strict=True)):
             turn, order = _matched(pair, first, second)
+            across = np.abs(second.X.mean(axis=0) - first.X.mean(axis=0))[0]
+            if scene.section is not None and scene.section.axisymmetric and across > MATCH * np.ptp(second.X, axis=0).max():
+                raise SceneError(
+                    f"{pair.what}: all the way round what repeats does so along y; these faces lie apart along x"
+                )
             one, other = (np.searchsorted(self._all.keys, keys) for keys in (first.keys, second.keys[order]))
             self._join(k, pair, turn, one, other)
         follow = np.flatnonzero(self._root != np.arange(n))
