@@ -7,7 +7,7 @@ from mpi4py import MPI
 from refusals import refused
 from test_two_bodies import RUBBER, blocks, direction, roughened
 
-from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_plane, rigid_surface, solve
+from fenics_contact import Body, Penalty, Scene, neo_hooke, read_gmsh, rigid_plane, rigid_surface, solve
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.meshes import box, o_ring, tool_surfaces
@@ -190,14 +190,14 @@ def test_corners_without_area_are_refused():
 
 
 # ---- a ring
-def ring(cells=5, p=3.0, points=None, source="wet", **options):
+def ring(cells=5, p=3.0, points=None, source="wet", penalty=None, **options):
     """Half an O-ring under a lid that squeezes it until t = 0.5, then pushed to a side wall by a fluid."""
     mesh = read_gmsh(o_ring.build, cells=cells)
     scene = Scene(Body(mesh, "ring", neo_hooke(2.0, 20.0)), plane="strain")
     scene.fix("symmetry_y", "y")
     lid = rigid_plane((0, 1.5, 0), (0, -1, 0), name="lid")
-    scene.contact("rim", lid, points=points, name="lid")
-    scene.contact("rim", rigid_plane((1.6, 0, 0), (-1, 0, 0), name="side"), points=points, name="side")
+    scene.contact("rim", lid, points=points, penalty=penalty, name="lid")
+    scene.contact("rim", rigid_plane((1.6, 0, 0), (-1, 0, 0), name="side"), points=points, penalty=penalty, name="side")
     scene.pressure("rim", lambda t: p * max(2 * t - 1, 0.0), where="open", from_=source)
     drive = {"move": {lid: lambda t: (0, -0.4 * min(2 * t, 1.0), 0)}, "stabilise": True, "steps": 6, "progress": False}
     return solve(scene, **{**drive, **options})
@@ -252,6 +252,19 @@ def test_a_ring_seals_itself(points):
     fluid, X = fluid_of(result), result.system.space.tabulate_dof_coordinates()
     assert max(result.column("lid_peak_pressure_MPa")[:3]) < 8.0 and result.column("lid_peak_pressure_MPa")[-1] > 9.0
     assert not fluid.reached[(np.hypot(X[:, 0], X[:, 1]) > 1.499) & (X[:, 0] > 0.0)].any()
+
+
+@pytest.mark.parallel
+def test_the_cost_of_the_penalties_where_a_node_carries_contact_and_fluid():
+    """Against penalties ten times as large, which leave a tenth: for 0.2 % of a force, first order is good to 5 %."""
+    soft, stiff = (ring(p=4.8, penalty=Penalty(factor=factor)).require() for factor in (100.0, 1000.0))
+    fluid, owned = fluid_of(soft), soft.system.space.dofmap.index_map.size_local
+    p = fluid.contact_pressure(soft.system.state)[:owned]
+    assert COMM.allreduce(int(((p > 0.0) & (p < 4.8) & fluid.reached[:owned]).sum()))
+    for name, axis in (("lid", 1), ("side", 0)):
+        before, after = (result.history[-1][f"{name}_force_{'xy'[axis]}_N"] for result in (soft, stiff))
+        said = soft.summary["penalty_error"]["contacts"][name]["force_change_N"][axis]
+        np.testing.assert_allclose(0.9 * said, after - before, rtol=0.05)
 
 
 @pytest.mark.parallel

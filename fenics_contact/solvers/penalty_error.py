@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.assembly.exchange import copy_to_ghosts, sum_to_owners
+from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
@@ -22,7 +22,7 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
     """Changes as all penalties grow without bound: {"contacts": {name: {...}}, "travel_change", "angle_change": (tools, 3)};
     None if not to be had.
 
-    With s the logarithm of all penalties, K du/ds = -dR_C/ds and dF/ds is the change of F that is left, to first order in
+    With s the logarithm of all penalties, K du/ds = -dR/ds and dF/ds is the change of F that is left, to first order in
     1/penalty. Contacts say what other penalties would make of them, see `Penalties.stiffened`: multipliers stay, and what
     sticks has come to rest under the same traction. Changes of the contact area and of the path before are left out. Of a
     contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
@@ -68,36 +68,41 @@ def _at(system: System, terms: Sequence[ContactTerm], factor: float, u: Floats, 
     return found
 
 
-def _contact_force(system: System, terms: Sequence[ContactTerm], factor: float) -> tuple[Vec, Floats]:
-    """R_C (local array, not yet summed over ranks) and the force on the tools with penalties greater by `factor`."""
-    force, tools = system.residual_vector.duplicate(), np.zeros_like(system.tool_residual)
-    with force.localForm() as local:
-        local.set(0.0)
-        for term in terms:
-            trial = term.penalties.stiffened(system.state, factor)
-            term.add_residual(system.state, local.array_w, tools, trial)
-    sum_to_owners(force)
-    with force.localForm() as local:
-        system.supports.ties.add_wrenches(system.state.poses, system.state.q, local.array_r, tools)
-    return force, system.comm.allreduce(tools)
+def _take(terms: Sequence[ContactTerm], trials: Sequence[Any]) -> None:
+    for term, trial in zip(terms, trials, strict=True):
+        term.take(trial)
+
+
+def _out_of_balance(system: System, terms: Sequence[ContactTerm], trials: Sequence[Any]) -> tuple[Vec, Floats]:
+    """The residual and that of the tools where the contacts are evaluated with these trials. Collective."""
+    _take(terms, trials)
+    system.assemble_residual()
+    return system.residual_vector.copy(), system.tool_residual
 
 
 def _rates(system: System, terms: Sequence[ContactTerm], linear: LinearSolver) -> tuple[Floats, Floats] | None:
-    """du/ds, a local array, and dq/ds of the tools' coordinates; None where the tangent is singular."""
-    (ahead, tools_ahead), (behind, tools_behind) = (_contact_force(system, terms, 1.0 + side) for side in (NUDGE, -NUDGE))
+    """du/ds, a local array, and dq/ds of the tools' coordinates; None where the tangent is singular.
+
+    The whole residual is differenced: a fluid's share goes by what the contacts press with.
+    """
+    own = [term.trial for term in terms]
+    behind, same, ahead = (
+        [term.penalties.stiffened(system.state, 1.0 + side) for term in terms] for side in (-NUDGE, 0.0, NUDGE)
+    )
+    (force, tools), (less, tools_less) = (_out_of_balance(system, terms, trials) for trials in (ahead, behind))
+    _take(terms, same)
     system.assemble_residual()
-    system.assemble_tangent(trials={term: term.penalties.stiffened(system.state, 1.0) for term in terms})
-    ahead.axpy(-1.0, behind)
-    ahead.scale(0.5 / NUDGE)
-    with ahead.localForm() as local:
-        system.supports.put_forces(local.array_w, 0.0)
-    ahead.copy(system.residual_vector)
-    system.tool_residual = np.divide(tools_ahead - tools_behind, 2.0 * NUDGE)
+    system.assemble_tangent()
+    force.axpy(-1.0, less)
+    force.scale(0.5 / NUDGE)
+    force.copy(system.residual_vector)
+    system.tool_residual = np.divide(tools - tools_less, 2.0 * NUDGE)
     try:
         du, dq = linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.q), LINEAR)
     except LinearFailure:
         return None
     finally:
+        _take(terms, own)
         system.assemble_residual()
     copy = system.new_vector()
     du.copy(copy)
