@@ -215,7 +215,9 @@ class ReusingSolver:
         pc = self._fresh.getPC()
         if self._by_mumps():
             pc.setFactorSetUpSolverType()
-            pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE[self._space])
+            factors = pc.getFactorMatrix()
+            factors.setOptionsPrefix(PREFIX)  # set up this early it has none
+            factors.setMumpsIcntl(14, WORKSPACE[self._space])
         self._fresh.setUp()
 
     def _by_mumps(self) -> bool:
