@@ -58,7 +58,7 @@ suite-newest:
 # What could hinge on the last bits, with the plain kernels that OpenBLAS falls back to on CPUs it does not know
 test-rounding: setup
 	@$(ENV) OPENBLAS_CORETYPE=Prescott python3 -m pytest -n 2 tests/test_linear.py tests/test_verdicts.py tests/test_damping.py \
-	  tests/test_stabilisation.py tests/test_arc_length.py tests/test_steppers.py
+	  tests/test_stabilisation.py tests/test_arc_length.py tests/test_steppers.py tests/test_branches.py
 
 # 200 random scenes on one process and on two, each in a process of its own: a line per scene, and how many ended how
 nightly: setup

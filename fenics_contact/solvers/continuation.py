@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from petsc4py import PETSc
 
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
@@ -24,6 +25,9 @@ LIMIT_TOLERANCE = 1e-6
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
 TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
 
+# Of the stiffest node's resistance, and times what the softest motion may still resist where a bifurcation counts as located:
+# motions that differ by far less have none to tell them apart but round-off, the root of which the first is
+ALIKE, WITHIN = 1e-8, 100.0
 AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
 
 Leg = dict[str, Callable[[], float]]  # words of a target: distance of the state from it, which changes its sign there
@@ -313,21 +317,24 @@ class Path:
 
     def _bifurcation(self, arrival: Arrival, rate: Increment, fork: Fork) -> Arrival:
         """The arrival at a bifurcation that lies within this step, with the null vector on which the path is to go on."""
-        found: list[Motion] = []
+
+        def soft(alike: float = 0.0) -> Motion:
+            self.system.assemble_tangent()
+            mode = softest(self.system, fork.dofs, alike)
+            if mode is None:
+                raise StepFailed("no motion is softest at a bifurcation")
+            return mode
 
         def stiffness(at: Arrival) -> float:
             """What the softest motion resists, below zero behind the bifurcation."""
-            self.system.assemble_tangent()
-            mode = softest(self.system, fork.dofs)
-            if mode is None:
-                raise StepFailed("no motion is softest at a bifurcation")
-            found.append(mode)
+            mode = soft()
             resists = abs(mode.dot(resistance(self.system, mode, self.system.matrix)))
             return -resists if self._passed(at) else resists
 
         far = abs(stiffness(arrival))
         arrival = self._locate(arrival, rate, far, stiffness, lambda left, _: abs(left) <= LIMIT_TOLERANCE * far)
-        mode = found[-1]
+        largest = self.system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
+        mode = soft(max(ALIKE * largest, WITHIN * LIMIT_TOLERANCE * far))
         along = self.system.comm.allreduce(float(mode.du.array_r[fork.dofs].sum()))
         arrival.fork = Increment(mode.du, mode.dq, 0.0).times(np.copysign(1.0, along * fork.towards))
         return arrival

@@ -39,15 +39,17 @@ def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
     return Motion(force, np.where(system.tools.free, tools, 0.0))
 
 
-def softest(system: System, first: Ints | None = None) -> Motion | None:
+def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Motion | None:
     """Motion that the assembled tangent resists least, by inverse iteration; None where it cannot be factorised.
 
     Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. first: owned dofs that move alike where the
-    iteration begins; of several motions that are as soft it finds the one most like that; by default a random start. The
-    supports are eliminated from the tangent here. Collective.
+    iteration begins; of several motions that are as soft it finds the one most like that; by default a random start.
+    alike: far less than this apart, motions count as equally soft [force / length]; else round-off, over what the softest
+    one resists, chooses between them. The supports are eliminated from the tangent here, and all motions resist more.
+    Collective.
     """
     linear, nodes = LinearSolver(system, "direct", afresh=True), system.vector.getSize() / 3
-    system.matrix.shift(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
+    system.matrix.shift(max(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), alike))
     free, resting = system.tools.free, np.zeros(len(system.supports.dofs))
     mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
     if first is not None:
