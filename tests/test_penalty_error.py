@@ -209,3 +209,17 @@ def test_what_multipliers_have_left(penetration):
     true = forces[1] - forces[0]
     assert abs(true) > 5e-3 * abs(forces[1])  # some error is left, and it is what is said
     assert 0.5 < said["force_change_N"][2] / true < 2.0
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+def test_where_nothing_presses_any_more_the_penalties_cost_nothing(pushed):
+    """A lid that is pressed down and let go: what is left are 1e-16 of the force, and no share of them is said."""
+    scene = Scene(Body(read_gmsh(box.build, size=(6, 6, 3), cells=(4, 4, 2)), "box", RUBBER))
+    scene.fix("zmin")
+    lid = rigid_plane((0, 0, 3.0), (0, 0, -1.0), name="lid")
+    scene.contact("zmax", lid, 0.2, name="c")
+    way = lambda t: (0, 0, -0.5 * np.sin(np.pi * t) if t < 1.0 else 0.0)  # noqa: E731
+    result = solve(scene, **{"push" if pushed else "move": {lid: way}}, steps=8, stabilise=pushed, progress=False).require()
+    assert not any("penalties" in note for note in result.verdict.notes), result.verdict.notes
+    error = result.summary["penalty_error"]["contacts"]["c"]
+    assert error["load_N"] == error["force_change_over_load"] == error["load_change_over_load"] == 0.0

@@ -450,6 +450,45 @@ def test_a_hub_leads_what_is_tied_to_it(method):
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize("stabilise", [False, True])
+def test_what_nothing_turns_stays_and_what_nothing_holds_is_said(stabilise):
+    """A ball without friction resists no turn: without a moment it rests, and no pivot of round-off is a bifurcation."""
+    ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
+    scene = rubber(ball, 0.0)
+    press, kept = lambda t: -0.4 * min(2 * t, 1.0), {"steps": 4, "progress": False, "stabilise": stabilise}
+    resting = solve(scene, move={ball: Motion(z=press, free="rz")}, **kept).require()
+    assert np.abs(resting.column("ball_angle_z_rad")).max() < 1e-9
+    assert not any("bifurcation" in note for note in resting.verdict.notes)
+    twisted = lambda t: (0, 0, 0.1 * max(2 * t - 1, 0.0))  # noqa: E731
+    failed = solve(scene, move={ball: Motion(z=press, moment=twisted)}, **kept)
+    verdict = failed.verdict
+    assert (verdict.kind, verdict.place, verdict.t) == ("rigid-body motion", "tool 'ball'", 0.5)
+    assert "turns about z without resistance" in verdict.reason and "prescribe that component" in verdict.remedy
+    assert np.abs(failed.column("ball_angle_z_rad")).max() < 1e-9
+    solve(scene, move={ball: Motion(z=press, rz=0.3)}, **kept).require()  # the one remedy; the other one:
+    solve(rubber(ball, 0.3), move={ball: Motion(z=press, moment=twisted)}, **kept).require()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_moment_on_a_wheel_in_the_air(friction):
+    """Nothing resists it, with the tread that is tied to it: said, with what lets it go on."""
+    floor, hub = rigid_plane((0, 0, -0.1), name="floor"), rigid_hub("hub", (0, 0, 4.0))
+    scene = shaken(hub, floor, friction, size=(4.0, 0.5, 1.0), cells=(12, 1, 2))
+    scene.supports.clear()
+
+    def run(start):
+        motion = Motion(z=lambda t: -0.2 * min(2 * t, 1.0), moment=lambda t: (0, 0.01 * max(t - start, 0.0), 0))
+        return solve(scene, move={hub: motion}, steps=10, progress=False)
+
+    verdict = run(0.0).verdict
+    assert (verdict.kind, verdict.place, verdict.t) == ("rigid-body motion", "tool 'hub'", 0.0)
+    assert "turns about y" in verdict.reason and "let the moment begin once friction holds it" in verdict.remedy
+    if friction > 0.0:
+        assert run(0.5).require().column("hub_angle_y_rad")[-1] > 1e-5
+
+
+@pytest.mark.parallel
 def test_a_body_on_a_hub_turns_without_force():
     hub = rigid_hub("hub", (4.0, 0, 0))
     scene = shaken(hub)

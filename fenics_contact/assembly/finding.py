@@ -25,6 +25,8 @@ OUT_OF_STEPS = "out of steps"
 UNKNOWN = "no convergence"
 ERROR = "ended by an error"
 
+MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
+
 
 class Finding(NamedTuple):
     """kind: one of the above; reason: what is wrong; place: body, contact or point; remedy: the change to try."""

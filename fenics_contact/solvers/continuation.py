@@ -25,8 +25,8 @@ LIMIT_TOLERANCE = 1e-6
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
 TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
 
-# Of the stiffest node's resistance, and times what the softest motion may still resist where a bifurcation counts as located:
-# motions that differ by far less have none to tell them apart but round-off, the root of which the first is
+# Of the stiffest node's resistance (the root of round-off), and times what the softest motion may still resist where a
+# bifurcation counts as located: motions that differ by far less are as soft, and round-off alone tells them apart
 ALIKE, WITHIN = 1e-8, 100.0
 AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from fenics_contact.assembly.finding import CYCLING, LOST, MEMORY, OUT_OF_STEPS, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import TOLERANCE, System
-from fenics_contact.solvers.holding import closed, rigid_motion, sliding
+from fenics_contact.solvers.holding import closed, rigid_motion, sliding, turns_freely
 from fenics_contact.solvers.softness import damping, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -36,7 +36,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return lifted
     if known.kind == RIGID_MOTION and not _touched(system):
         return known
-    found = sliding(system) or rigid_motion(system) or (_on_few_points(system) if system.stabilised else None)
+    found = sliding(system) or rigid_motion(system) or turns_freely(system)
+    found = found or (_on_few_points(system) if system.stabilised else None)
     found = found or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
@@ -45,7 +46,9 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if found is None and known.kind == UNKNOWN:
         return _restless(system, goal) or _letting_go(system) or _unexplained(system, known, inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
-        return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
+        ways = [known.remedy, *damping(system)]
+        short = goal is not None and goal - system.committed_t <= LONG  # more steps would not be shorter ones
+        return known._replace(remedy=" or ".join(ways[::-1] if short else ways))
     return found or known
 
 

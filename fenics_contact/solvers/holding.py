@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.finding import RIGID_MOTION, SLIDES, Finding
+from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm, Term
@@ -43,7 +43,26 @@ def closed(system: System, contact: ContactTerm) -> bool:
 
 # -- rigid-body motion ------------------------------------------------------------------------------------------------
 def rigid_motion(system: System) -> Finding | None:
-    """A finding if some bodies and tools can move as rigid ones without any resistance."""
+    """A finding if some bodies and tools can move as rigid ones without any resistance. Collective."""
+    parts = _free(system)
+    return _unheld(system, parts) if parts else None
+
+
+def turns_freely(system: System) -> Finding | None:
+    """A finding where springs of the stabilisation alone keep a pushed tool from turning, and contacts that are all closed
+    leave it free. Collective."""
+    springs = system.grounding
+    if springs is None or not springs.engaged:
+        return None
+    springs.engaged = False
+    parts = _free(system)
+    springs.engaged = True
+    turning = all(set(how) <= set(MOVES[3:]) for _, how in parts)
+    return _unheld(system, parts) if parts and turning and not _open_contacts(system, {name for name, _ in parts}) else None
+
+
+def _free(system: System) -> list[tuple[str, list[str]]]:
+    """(owner, words) of the bodies and tools that can move as rigid ones without any resistance. Collective."""
     system.assemble_tangent()
     matrix, motions = supported(system), rigid_motions(system)
     diagonal = matrix.getDiagonal()
@@ -55,16 +74,25 @@ def rigid_motion(system: System) -> Finding | None:
     gram = _products(forces, softness, 1.0 / largest)
     values, vectors = _lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
     free = vectors[:, np.abs(values) < FREE]
-    if not free.size:
-        return None
-    parts = _parts(motions, free)
+    return _parts(motions, free) if free.size else []
+
+
+def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
+    """The finding that nothing holds these (owner, words). Collective."""
     text = [f"{_kind_of_owner(system, name)} '{name}' {', '.join(how)} without resistance" for name, how in parts]
     waiting = _open_contacts(system, {name for name, _ in parts})
+    tools = [name for name, _ in parts if name in system.tools.names]
     remedy = "fix a surface or use a symmetry plane"
+    if tools:
+        which = " and ".join(f"'{name}'" for name in tools)
+        remedy = f"let the Motion of {which} hold or prescribe that component, or let friction hold it before it is loaded"
     if waiting:
         crossed = "" if system.stabilised else " or cross it with prescribe or solve(..., stabilise=True)"
-        remedy = f"fix a surface, use a symmetry plane, close the gap of {waiting}, which is open,{crossed}"
-    place = f"body '{', '.join(name for name, _ in parts)}'"
+        remedy = f"{remedy}, close the gap of {waiting}, which is open,{crossed}"
+    owners: dict[str, list[str]] = {}
+    for name, _ in parts:
+        owners.setdefault(_kind_of_owner(system, name), []).append(name)
+    place = ", ".join(f"{kind} '{', '.join(names)}'" for kind, names in owners.items())
     return Finding(RIGID_MOTION, " and ".join(text), place, remedy)
 
 

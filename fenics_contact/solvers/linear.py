@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.finding import MEMORY, RIGID_MOTION
-from fenics_contact.assembly.system import System
+from fenics_contact.assembly.finding import MEMORY, MOVES, RIGID_MOTION
+from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
 from fenics_contact.types import Array, Floats, Mat, Vec
@@ -18,6 +18,10 @@ OUT_OF_MEMORY = 55  # PETSc's error code
 # Jacobi sweeps that take the rigid-body modes away where a penalty or a support holds a node, and their damping: measured on
 # the frictional punch, 20x20x5 and 40x40x10; one sweep, or five, cost up to half as many iterations again.
 SWEEPS, DAMPING = 2, 0.9
+
+# Of the stiffest node's, or of those between which it is the difference: less resistance is round-off. At a limit point,
+# located to 1e-6 of the way, 1e-7 is left.
+LOOSE = 1e-12
 
 Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, tools' one (tools, 6), du on the supports' dofs, dq
 Solution = tuple[Vec, Floats]  # du and dq (tools, 6) [length]
@@ -110,30 +114,27 @@ class LinearSolver:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(-border.columns[c]) for c in free]
         rows = [system.border_vector(border.rows[c]) for c in free]
-        schur = border.corner[np.ix_(free, free)].copy()
-        for i, row in enumerate(rows):
-            schur[i] += [row.dot(column) for column in columns]
-        if self.negative is not None and np.isfinite(schur).all():
-            signs = np.linalg.eigvalsh(0.5 * (schur + schur.T)) if system.symmetric else [np.linalg.det(schur)]
-            more = int(np.sum(np.less(signs, 0.0)))
-            self.negative = self.negative + more if system.symmetric else (self.negative + more) % 2
+        held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.stiffness)
+        if self.negative is not None:
+            more = held.negative(system.symmetric)
+            if more is None:
+                self.negative = None
+            else:
+                self.negative = self.negative + more if system.symmetric else (self.negative + more) % 2
         return [
             self._with_free_tools(
-                du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, schur, rows, columns
+                du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, held, rows, columns
             )
             for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
         ]
 
     def _with_free_tools(
-        self, du: Vec, dq: Floats, right: Floats, free: Array, schur: Floats, rows: list[Vec], columns: list[Vec]
+        self, du: Vec, dq: Floats, right: Floats, free: Array, held: "_Held", rows: list[Vec], columns: list[Vec]
     ) -> Solution:
-        """The pushed tools' share of an increment: the border's Schur complement."""
-        right = right - [row.dot(du) for row in rows]
-        try:
-            moved = np.linalg.solve(schur, right)
-        except np.linalg.LinAlgError:
-            remedy = "bring it into contact before the force acts, or solve(..., stabilise=True)"
-            raise LinearFailure("it meets no resistance", RIGID_MOTION, self._tools(free), remedy) from None
+        """The pushed tools' share of an increment. What nothing resists and nothing loads stays where it is."""
+        moved, unheld = held.solve(right - [row.dot(du) for row in rows])
+        if np.abs(unheld).max(initial=0.0) > max(TOLERANCE * self.system.scale, self.system.noise):
+            raise self._unheld(free[np.abs(unheld) > 0.3 * np.abs(unheld).max()])
         for amount, column in zip(moved, columns, strict=True):
             du.axpy(amount, column)
         total = dq.ravel().copy()
@@ -144,9 +145,15 @@ class LinearSolver:
             self.system.supports.ties.follow(state.poses, state.q, loose, local.array_w)
         return du, total.reshape(-1, 6)
 
-    def _tools(self, free: Array) -> str:
-        """Names of the tools with free components."""
-        return ", ".join(f"tool '{name}'" for name in dict.fromkeys(self.system.tools.names[c // 6] for c in free))
+    def _unheld(self, components: Array) -> LinearFailure:
+        """What to raise where loads act on these components (of tools, 6 each) and nothing resists."""
+        ways = [MOVES[axis] for axis in sorted(set(components % 6))]
+        names = dict.fromkeys(self.system.tools.names[c // 6] for c in components)
+        remedy = "bring it into contact before the force acts, or solve(..., stabilise=True)"
+        if (components % 6 >= 3).all():
+            remedy = "let the moment begin once friction holds it, or prescribe this rotation in its Motion (rx=, ry=, rz=)"
+        place = ", ".join(f"tool '{name}'" for name in names)
+        return LinearFailure(f"it {', '.join(ways)} and meets no resistance", RIGID_MOTION, place, remedy)
 
     def _add_prescribed_motion(self, rhs: Vec, dq: Floats) -> None:
         if self.system.border is None:
@@ -205,6 +212,45 @@ class LinearSolver:
             text = f"the direct solver could not get the memory it needs (MUMPS {code})"
             return text, MEMORY, "", 'use linear="iterative", more ranks on more machines, or a coarser mesh'
         return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)
+
+
+class _Held:
+    """The border's Schur complement S on the tools' free components: what resists them once the bodies have given way.
+
+    corner (n, n); rows, columns: of the border, and the bodies' responses to unit motions; stiffness: of the stiffest node
+    [force / length]. Scaled by the sizes of what it is the difference and sum of, so that what is round-off, and no
+    resistance, shows: singular values below LOOSE. Collective.
+    """
+
+    def __init__(self, corner: Floats, rows: list[Vec], columns: list[Vec], stiffness: float) -> None:
+        schur, size = corner.copy(), np.abs(np.diag(corner))
+        for i, row in enumerate(rows):
+            schur[i] += [row.dot(column) for column in columns]
+            size[i] += row.norm() * columns[i].norm()
+        self._known = bool(np.isfinite(schur).all() and np.isfinite(size).all())
+        if not self._known:
+            return
+        self._scale = 1.0 / np.sqrt(np.maximum(size, stiffness)) if stiffness > 0.0 else np.ones(len(size))
+        self._scaled = self._scale[:, None] * schur * self._scale
+        self._left, self._values, self._right = np.linalg.svd(self._scaled)
+        self._loose = self._values < LOOSE
+
+    def negative(self, symmetric: bool) -> int | None:
+        """Negative eigenvalues of S; where it is not symmetric whether they are odd; None where that is not known."""
+        if not self._known:
+            return 0
+        if symmetric:
+            return int(np.sum(np.linalg.eigvalsh(0.5 * (self._scaled + self._scaled.T)) < -LOOSE))
+        return None if self._loose.any() else int(np.linalg.det(self._scaled) < 0.0)
+
+    def solve(self, right: Floats) -> tuple[Floats, Floats]:
+        """(motions, forces) (n,): S on these motions makes up for `right`, but for the forces that nothing resists."""
+        if not self._known:
+            return np.full(len(right), np.nan), np.zeros(len(right))
+        parts = self._left.T @ (self._scale * right)
+        unheld = self._left @ np.where(self._loose, parts, 0.0) / self._scale
+        motions = np.divide(parts, self._values, out=np.zeros_like(parts), where=~self._loose)
+        return self._scale * (self._right.T @ motions), unheld
 
 
 def _soft_modes(system: System, matrix: Mat) -> Any:

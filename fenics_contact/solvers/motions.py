@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.finding import MOVES
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Ints, Ints64, Mat, Vec
 
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
-MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
 ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent be factorised
 
 
@@ -49,8 +49,11 @@ def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Mo
     Collective.
     """
     linear, nodes = LinearSolver(system, "direct", afresh=True), system.vector.getSize() / 3
-    system.matrix.shift(max(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), alike))
+    shift = max(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), alike)
+    system.matrix.shift(shift)
     free, resting = system.tools.free, np.zeros(len(system.supports.dofs))
+    if system.border is not None:  # what it is the difference of is as large as it
+        system.border.corner[np.diag_indices(free.size)] += max(shift, 10 * ROUNDED * np.abs(system.border.corner).max())
     mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
     if first is not None:
         mode.du.array[first], mode.dq[:] = 1.0, 0.0
@@ -91,8 +94,9 @@ def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
 
 
 def _of_body(system: System, nodes: Ints64) -> list[Vec]:
-    """Six rigid motions of a body from its current place, as PETSc vectors of unit size; turns about its own centre."""
-    owned = system.space.dofmap.index_map.size_local
+    """Six rigid motions of a body from its current place, as PETSc vectors of unit size; turns about its own centre. What is
+    tied to a tool moves with that alone."""
+    owned, tied = system.space.dofmap.index_map.size_local, system.supports.ties.nodes
     nodes = nodes[nodes < owned]
     x = system.space.tabulate_dof_coordinates()[nodes] + system.state.u.x.array.reshape(-1, 3)[nodes]
     sums = system.comm.allreduce(np.append(x.sum(axis=0), len(nodes)))
@@ -104,6 +108,7 @@ def _of_body(system: System, nodes: Ints64) -> list[Vec]:
         values = np.zeros((owned, 3))
         turn = np.eye(3)[axis % 3]
         values[nodes] = turn if axis < 3 else np.cross(turn, x)
+        values[tied[tied < owned]] = 0.0
         mode.array[:] = values.ravel()
         mode.normalize()
         modes.append(mode)

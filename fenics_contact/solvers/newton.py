@@ -11,7 +11,9 @@ from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Vec
 
-FARTHEST = 10.0  # sizes of the bodies; a solve that moves a node by more than that and its supports has met no resistance
+FARTHEST = (
+    10.0  # sizes of the bodies; a solve that moves a node or tool by more than that and what is driven has met no resistance
+)
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
@@ -193,7 +195,8 @@ def solve_once(system: System, linear: LinearSolver, du: Floats, dq: Floats, tol
         increment = linear.solve(du, dq, tolerance)
     except LinearFailure as failure:
         raise StepFailed(*failure.args) from None
-    if not increment[0].norm(PETSc.NormType.NORM_INFINITY) <= FARTHEST * system.extent + np.abs(du).max(initial=0.0):
+    moved = max(increment[0].norm(PETSc.NormType.NORM_INFINITY), np.abs(increment[1]).max(initial=0.0))
+    if not moved <= FARTHEST * system.extent + max(np.abs(du).max(initial=0.0), np.abs(dq).max(initial=0.0)):
         raise StepFailed("the tangent is singular: an increment is not finite or far larger than the bodies")
     system.update(*increment)
     return increment

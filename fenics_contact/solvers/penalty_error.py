@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.exchange import copy_to_ghosts
+from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
@@ -27,7 +28,7 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
     sticks has come to rest under the same traction. Changes of the contact area and of the path before are left out. Of a
     contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
     load_change; peak pressure, peak_at, its reference position, and peak_change, None where it is too great for a first
-    order. Collective.
+    order. What is round-off, or less than a balance leaves, is zero. Collective.
     """
     terms = system.contacts
     if not terms or not (rates := _rates(system, terms, linear)):
@@ -39,7 +40,7 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
         nudged = u + side * NUDGE * du, q + side * NUDGE * dq
         values[side] = _at(system, terms, 1.0 + side * NUDGE, *nudged)
     system.assemble_residual()  # the state itself is what the terms remember
-    found = {}
+    found, least = {}, max(ALLOWED * max(system.forces, system.force_scale), system.noise)
     for term, ahead, behind, here in zip(terms, values[1.0], values[-1.0], values[0.0], strict=True):
         pressure, area = here[1], term.surface.area.ravel()
         to_force, to_pressure = ((a - b) / (2.0 * NUDGE) for a, b in zip(ahead, behind, strict=True))
@@ -49,6 +50,15 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
         found[term.name] = {"force_change": to_force, "load": load, "load_change": to_load, "peak": peak}
         found[term.name]["peak_at"] = list(place)
         found[term.name]["peak_change"] = change if abs(change) <= UNSETTLED * peak else None
+        if not load > least:  # nothing presses there
+            found[term.name] |= {
+                "force_change": np.zeros(3),
+                "load": 0.0,
+                "load_change": 0.0,
+                "peak": 0.0,
+                "peak_change": 0.0,
+            }
+    dq = np.where(np.abs(dq) > ALLOWED * system.extent, dq, 0.0)
     return {"contacts": found, "travel_change": dq[:, :3], "angle_change": dq[:, 3:] / system.state.poses.lever}
 
 
