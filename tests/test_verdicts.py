@@ -21,6 +21,7 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_hub,
     rigid_plane,
     rigid_sphere,
     solve,
@@ -490,3 +491,27 @@ def test_bodies_that_hold_only_each_other_are_refused():
     scene, drive = holding_each_other(floor=False)
     with pytest.raises(SceneError, match="'lower'.*loose together"):
         solve(scene, **drive, progress=False)
+
+
+@pytest.mark.parallel
+def test_bodies_drawn_inside_one_another_that_the_first_step_cannot_part():
+    """Named as what they are, with the way that brings them there."""
+
+    def run(start, steps):
+        mesh = read_gmsh(
+            two_blocks.build, lower=(7, 6, 2.5), lower_cells=(3, 3, 2), lower_origin=(0, 0, -2.5), upper=(4, 4, 2),
+            upper_cells=(2, 2, 2), upper_origin=(1.2, 0.9, start),
+        )  # fmt: skip
+        blocks = Body(mesh, "lower", neo_hooke(0.3, 3.0)), Body(mesh, "upper", neo_hooke(0.5, 3.0))
+        scene = Scene(*blocks, degree=2)
+        scene.fix("lower_bottom")
+        scene.contact("upper_bottom", "lower_top", friction=0.4, name="c")
+        scene.tie("upper_top", hub := rigid_hub("hub"))
+        return solve(scene, move={hub: (0, 0, -0.4 - start)}, steps=steps, progress=False)
+
+    verdict = run(-0.3, 2).verdict
+    assert verdict.kind == "no convergence" and "contact 'c'" in verdict.place, verdict.reason
+    assert "at the start a point lies 0.3 inside 'lower_top'" in verdict.reason
+    assert "start it outside and bring it in along its path" in verdict.remedy
+    brought = run(0.0, 4).require()
+    assert brought.column("c_load_N")[-1] > 0.1

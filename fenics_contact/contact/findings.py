@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, Finding, foremost, spot
+from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, foremost, spot
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.trial import DRAWN
 from fenics_contact.types import Floats
@@ -16,6 +16,7 @@ from fenics_contact.types import Floats
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
+INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved is more than what straight cells cut off
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
@@ -54,6 +55,16 @@ def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
 def deep(contact: Contact, state: State) -> Finding | None:
     """A point lies deep enough to be distrusted. Collective."""
     return _sunk(contact, state, DEEP)
+
+
+def drawn_inside(contact: Contact, state: State) -> Finding | None:
+    """None, or the Finding that a point lies within the master before anything has moved. Collective."""
+    depth, place = deepest_point(contact, state)
+    if depth <= INSIDE * contact.surface.cell_height:
+        return None
+    text = f"at the start a point lies {depth:.3g} inside '{contact.master_name}', and the first step cannot press it out"
+    remedy = "start it outside and bring it in along its path, in steps, or let a body swell into its place, swell()"
+    return Finding(UNKNOWN, text, place, remedy)
 
 
 def _sunk(contact: Contact, state: State, share: float) -> Finding | None:

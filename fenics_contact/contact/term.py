@@ -316,6 +316,9 @@ class Contact:
     def deep(self, state: State) -> Finding | None:
         return findings.deep(self, state)
 
+    def drawn_inside(self, state: State) -> Finding | None:
+        return findings.drawn_inside(self, state)
+
     def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
         return findings.remarks(self, state, said)
 

@@ -38,7 +38,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return known
     found = sliding(system) or rigid_motion(system) or turns_freely(system)
     found = found or (_on_few_points(system) if system.stabilised else None)
-    found = found or next(iter(troubles), None)
+    found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
     if found is None and inverted and _inverts_ahead(system, goal):
@@ -110,6 +110,14 @@ def _lifted(system: System, goal: float | None) -> Finding | None:
             remedy = "end the path where the force vanishes, or move the tool away in place of pushing it (move=)"
             return Finding(RIGID_MOTION, text, f"tool '{name}'", remedy)
     return None
+
+
+def _pressed_apart(system: System) -> Finding | None:
+    """A finding if bodies and tools lie inside one another before anything has been loaded: the first step must press them
+    apart in one go, which is no small change. Collective."""
+    if len(system.accepted) > 1 or system.vector.norm() > 0.0:
+        return None
+    return next((found for contact in system.contacts if (found := contact.drawn_inside(system.state))), None)
 
 
 def _on_few_points(system: System) -> Finding | None:

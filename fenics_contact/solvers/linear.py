@@ -232,7 +232,8 @@ class _Held:
             return
         self._scale = 1.0 / np.sqrt(np.maximum(size, stiffness)) if stiffness > 0.0 else np.ones(len(size))
         self._scaled = self._scale[:, None] * schur * self._scale
-        self._left, self._values, self._right = np.linalg.svd(self._scaled)
+        parts: tuple[Floats, Floats, Floats] = np.linalg.svd(self._scaled)
+        self._left, self._values, self._right = parts
         self._loose = self._values < LOOSE
 
     def negative(self, symmetric: bool) -> int | None:
