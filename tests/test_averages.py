@@ -7,11 +7,23 @@ from mpi4py import MPI
 from test_two_bodies import EXACT, RUBBER, blocks, deformed, direction, remainders, roughened, stacked
 
 from demos import ironing
-from fenics_contact import Body, Penalty, Scene, SceneError, Stage, coulomb, from_elastic, read_gmsh, rigid_plane, solve
+from fenics_contact import (
+    Body,
+    Penalty,
+    Scene,
+    SceneError,
+    Stage,
+    coulomb,
+    from_elastic,
+    mooney_rivlin,
+    read_gmsh,
+    rigid_plane,
+    solve,
+)
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.meshes import ironing as mesh_script
-from fenics_contact.meshes import two_blocks
+from fenics_contact.meshes import rectangles, two_blocks
 
 COMM = MPI.COMM_WORLD
 
@@ -243,3 +255,34 @@ def test_a_tool_has_no_averages():
     scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
     with pytest.raises(SceneError, match="averages meet facets; an analytic tool"):
         scene.contact("upper_top", rigid_plane((0, 0, 9)), points="averages")
+
+
+# ---- an edge that is drawn along
+def square_blade(master):
+    """A blade with square edges, pressed on a stiffer sheet, or on a rigid plane, and drawn along: force ratios |H/V|."""
+    sheet = {"sheet": ((-2.0, -2.0), (8.0, 2.0), (32, 4))} if master == "sheet_ymax" else {}
+    mesh = read_gmsh(rectangles.build, rectangles={"blade": ((0.0, 0.0), (1.0, 4.0), (4, 16)), **sheet})
+    blade = Body(mesh, "blade", mooney_rivlin(0.3, 0.1, 8.0))
+    bodies = [blade, Body(mesh, "sheet", mooney_rivlin(1.5, 0.5, 40.0))] if sheet else [blade]
+    scene = Scene(*bodies, plane="strain")
+    if sheet:
+        scene.fix("sheet_ymin")
+    scene.fix("blade_ymax")
+    scene.contact("blade_ymin", master, friction=0.5, name="c")
+    stages = [
+        Stage("press", prescribe={("blade_ymax", "y"): -0.1}, steps=2),
+        Stage("drag", prescribe={("blade_ymax", "x"): 2.0}, steps=12),
+    ]
+    result = solve(scene, stages=stages, progress=False).require()
+    ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
+    return ratio[-1], [note for note in result.verdict.notes if "lean" in note]
+
+
+@pytest.mark.parallel
+def test_an_edge_of_the_slave_that_presses_aside_is_named():
+    """Its facet leans by some 18 degrees: with its normals friction is far below mu N; the tool's normals are right."""
+    ratio, notes = square_blade("sheet_ymax")
+    assert ratio < 0.3 and len(notes) == 1 and "round the edge" in notes[0] and "contact 'c'" in notes[0]
+    ratio, notes = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
+    np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
+    assert not notes

@@ -94,6 +94,10 @@ class OnFacets:
         gaps = self.first_feet(state).projection[4]
         return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
 
+    def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
+        """Nothing: pressure acts along the master's normals."""
+        return np.zeros(4)
+
     def beside(self, state: State) -> tuple[Ints64, Floats] | None:
         """None: nodes off the slave surface are not looked for."""
 

@@ -24,6 +24,7 @@ CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body benea
 LED = 0.01  # of a contact's force: what more of it acts on prescribed points is worth a note
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
+LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
@@ -97,7 +98,9 @@ def never_met(contact: Contact, state: State) -> str | None:
 
 def remarks(contact: Contact, state: State, said: Collection[str]) -> dict[str, str]:
     """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
-    kinds = {"led": _led_note, "deep": _depth_note} | ({"out of its cell": _cell_note} if contact.paired else {})
+    kinds = {"led": _led_note, "deep": _depth_note, "leans": _lean_note} | (
+        {"out of its cell": _cell_note} if contact.paired else {}
+    )
     return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
 
@@ -114,6 +117,20 @@ def _led_note(contact: Contact, state: State) -> str | None:
         f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
         f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out "
         "of the slave"
+    )
+
+
+def _lean_note(contact: Contact, state: State) -> str | None:
+    """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
+    *apart, total = state.u.function_space.mesh.comm.allreduce(contact.lean(state))
+    lean = np.linalg.norm(apart)
+    if not (total > 0.0 and lean > LEANS * total):
+        return None
+    angle = np.degrees(2.0 * np.arcsin(min(0.5 * lean / total, 1.0)))
+    return (
+        f"contact '{contact.name}': its pressure acts along normals of the slave that lean by {angle:.2g} degrees from "
+        f"those of '{contact.master_name}': an edge of the slave is what touches, and pressure and friction are off by that "
+        "angle; round the edge, with cells of a quarter of its radius, or let it meet an analytic tool"
     )
 
 

@@ -355,6 +355,25 @@ class MortarPartner(OnFacets):
         feet = self.feet(state)
         return -self._mean(feet, np.ones(len(feet.points), dtype=bool))
 
+    def lean(self, feet: MortarFeet, trial: Trial, held: Bools) -> Floats:
+        """Sums over this rank's samples: beside the slave's ends and creases of pressure times the difference of their
+        normals from the master's (3), and of all the pressure (1) [force]. held (ns,): nodes whose ends count as none.
+
+        Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
+        """
+        _, _, N, _, _, _ = self._tractions(feet, trial)
+        none = np.concatenate(self._comm.allgather(self.samples.own[held]))
+        beside = np.isin(self.samples.corners, np.setdiff1d(self.samples.ends(), none)).any(axis=1)
+        s, x = self.samples, feet.coords[self._facets[0][feet.projection[0]]]
+        each = np.where(s.number < 0, 0.0, -N[s.number])
+        pressed = (np.einsum("sc,fc->fs", s.slaves[3], each) * s.slaves[1]).ravel() * feet.met[6]
+        pressed = np.where(feet.projection[1] != NONE, pressed, 0.0)
+        along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], x) for i in (1, 2))
+        ours, theirs = feet.projection[5], unit(np.cross(along, across))
+        theirs = theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
+        at_ends = np.where(np.repeat(beside, len(pressed) // max(len(beside), 1)), pressed, 0.0)
+        return np.append(at_ends @ np.where(at_ends[:, None] > 0.0, ours - theirs, 0.0), pressed.sum())
+
     def bare(self, feet: MortarFeet) -> Floats:
         """Shares (ns,) of the nodes' areas that do not lie over the master."""
         s = self.samples

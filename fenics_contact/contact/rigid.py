@@ -235,6 +235,10 @@ class RigidPartner:
         distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state.pose(self.index)), gap)
         return gap
 
+    def lean(self, feet: object, trial: Trial, held: Bools) -> Floats:
+        """Nothing: pressure acts along the master's normals."""
+        return np.zeros(4)
+
     def beside(self, state: State) -> tuple[Ints64, Floats]:
         """(local numbers, reference positions (n, 3)) of nodes that may meet the tool and are no slaves. Collective."""
         space = state.u.function_space

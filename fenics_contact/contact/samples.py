@@ -9,7 +9,7 @@ from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints
 
 FEWEST, MOST = 3, 6  # samples of a facet per direction
 PER_FACET = 2.0  # samples of a facet per direction, for each facet of a finer master that it covers
@@ -26,6 +26,7 @@ class Samples:
     """
 
     def __init__(self, skin: MasterSurface, count: int) -> None:
+        self._skin = skin
         (nodes, size), (flat, around) = skin.facets, skin.corners
         m = int(around[0]) if len(around) else 4
         every = nodes if skin.whole else np.ascontiguousarray(nodes[:, :m])
@@ -70,6 +71,16 @@ class Samples:
         aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
         self.rim = 1.8 * float(aside.min())
         self.anchor = np.where(self.table < 0, -1, self.table * m + self.corner)
+
+    def ends(self) -> Ints:
+        """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes."""
+        ring = self._skin.corners[0]
+        sides = [1, 3] if self._skin.section is not None else range(4)  # a strip has no ends across
+        pairs = np.concatenate([np.sort(ring[:, [i, (i + 1) % 4]], axis=1) for i in sides])
+        pairs, times = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0, return_counts=True)
+        normals = np.unique(np.column_stack([self.corners.ravel(), self.slaves[4].ravel()]), axis=0)
+        nodes, several = np.unique(normals[:, 0], return_counts=True)
+        return np.union1d(pairs[times == 1], nodes[several > 1])
 
     @property
     def count(self) -> int:

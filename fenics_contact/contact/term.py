@@ -57,6 +57,8 @@ class Contact:
         led = int((~free.any(axis=3)).any())
         comm = state.u.function_space.mesh.comm
         self._free = free if comm.allreduce(led) else None
+        ways = free.any(axis=3).sum(axis=2)[:, 0]  # in which the first node of each element may go
+        self._guided = ways < max(comm.allgather(int(ways.max(initial=0))))
         # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
         self.paired = (
             comm.allreduce(int(supports.pairs is not None and np.isin(surface.nodes, supports.pairs.nodes).any())) > 0
@@ -286,6 +288,11 @@ class Contact:
         response = self.response(state)
         held = (response.cover >= 1.0) & (response.status != OPEN) & ~self.led(state)
         return np.where(held, -(response.gap + shift), 0.0)
+
+    def lean(self, state: State) -> Floats:
+        """`Partner.lean` at a state, of this rank: ends that a support holds, as a plane of symmetry does, count as none.
+        Collective."""
+        return self.partner.lean(self.partner.feet(state), self.trial, self._guided)
 
     def held_axes(self, state: State) -> set[str]:
         """Axes along which the contact can hold a body that it touches."""
