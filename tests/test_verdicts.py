@@ -26,7 +26,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, dome, two_blocks
+from fenics_contact.meshes import box, dome, rectangles, two_blocks
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead
 from fenics_contact.studies.punch import punched_plate
@@ -515,3 +515,20 @@ def test_bodies_drawn_inside_one_another_that_the_first_step_cannot_part():
     assert "start it outside and bring it in along its path" in verdict.remedy
     brought = run(0.0, 4).require()
     assert brought.column("c_load_N")[-1] > 0.1
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("friction", "depth", "steps"), [(0.2, 3.2, 3), (0.0, 3.2, 6), (0.2, 3.5, 3)])
+def test_a_pad_led_through_the_floor_it_is_glued_to(friction, depth, steps):
+    """There is no such state, but a compressible law gives one with half a percent of the volume and a lid that sinks in."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0, 0), (6, 3), (6, 3))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(mu=1.0, K=5.0)), plane="strain")
+    scene.fix("pad_ymin")
+    lid = rigid_plane((0, 3, 0), normal=(0, -1, 0), name="lid")
+    scene.contact("pad_ymax", lid, friction=friction, name="top")
+    result = solve(scene, move={lid: (0, -depth, 0)}, steps=steps, progress=False)
+    verdict = result.verdict
+    assert (verdict.kind, "body 'pad'" in verdict.place) == ("element inverted", True), verdict.reason
+    assert "squeezed to nothing" in verdict.reason and "end the path before" in verdict.remedy
+    assert result.column("lid_travel_y_mm")[-1] > -3.0  # it has not come to the floor
+    solve(scene, move={lid: (0, -0.8 * result.column("t")[-1] * depth, 0)}, steps=2 * steps, progress=False).require()

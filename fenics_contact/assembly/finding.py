@@ -8,6 +8,9 @@ from mpi4py import MPI
 from fenics_contact.types import Floats
 
 ALIKE = 1e-6  # relative: values that differ by less, in symmetric scenes, are the same but for round-off
+# J of a cell that has so little volume left that it has been led through its body, whatever its law says; and where steps
+# that lead there have been cut to nothing before
+CRUSHED, CRUSHING = 0.02, 0.04
 DIGITS = 12  # of coordinates beside the largest of them; the rest is round-off
 
 CONVERGED = "converged"

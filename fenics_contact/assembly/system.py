@@ -11,7 +11,7 @@ from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
-from fenics_contact.assembly.finding import RIGID_MOTION, Finding
+from fenics_contact.assembly.finding import CRUSHED, RIGID_MOTION, Finding
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED, Holds
 from fenics_contact.assembly.pattern import MatrixPattern
@@ -277,7 +277,7 @@ class System:
 
     def objection(self) -> Finding | None:
         """None, or the Finding why a state in balance must not be accepted. Collective."""
-        found = self.check()
+        found = self.check(CRUSHED)
         for term in self.terms:
             found = found or term.objection(self.state)
         return found or self.adrift()

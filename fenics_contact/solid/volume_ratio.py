@@ -8,7 +8,7 @@ import ufl
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.finding import INVERTED, Finding, foremost, spot
+from fenics_contact.assembly.finding import CRUSHING, INVERTED, Finding, foremost, spot
 from fenics_contact.assembly.section import Section
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body, NamedCells
@@ -45,6 +45,9 @@ class VolumeRatio:
         place = spot(found.place)
         remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
+        if 0.0 < smallest <= CRUSHING:
+            what = "is squeezed to nothing"
+            remedy = f"end the path before what presses on it leaves it no room; where that is one place alone, {remedy}"
         return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", f"body '{body}' at {place}", remedy)
 
     def _body(self, cell: int) -> str:

@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from fenics_contact.assembly.finding import CYCLING, LOST, MEMORY, OUT_OF_STEPS, RIGID_MOTION, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import (
+    CRUSHING,
+    CYCLING,
+    LOST,
+    MEMORY,
+    OUT_OF_STEPS,
+    RIGID_MOTION,
+    TOO_STIFF,
+    UNKNOWN,
+    Finding,
+)
 from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.solvers.holding import closed, rigid_motion, sliding, turns_freely
 from fenics_contact.solvers.softness import damping, soft_motion
@@ -27,6 +37,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     system.rollback()
     if known.kind in CERTAIN:
         return known
+    if worst := system.check(CRUSHING):  # whatever failed last
+        return worst
     if inverted and (worst := system.check(SQUEEZED)):  # no iterate gone astray: the accepted state was about to
         return worst
     troubles = [found for term in system.terms if (found := term.trouble(system.state))]
