@@ -36,7 +36,7 @@ from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
 from fenics_contact.scene.build import build
 from fenics_contact.scene.drives import turning
-from fenics_contact.scene.fingerprint import refuse_unlike, statement
+from fenics_contact.scene.fingerprint import refuse_unlike, stages_told, statement
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
@@ -109,6 +109,7 @@ def solve(
     """
     timers = Timers()
     stated = stated_stages(scene, stages, (move, push), (until, back), steps, method)
+    refuse_unlike(scene.mesh.comm, stages_told(stated))  # all that follows goes through them on all ranks together
     schedules = [schedule(stage, tolerance, smallest_step) for stage in stated]
     every = checkpoint_steps(checkpoint, resume, out)
     columns = columns_of(record or {}, scene, turning(stated))

@@ -13,7 +13,7 @@ from fenics_contact.scene.functions import row_of, sample
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
 from fenics_contact.solid.materials import sampled_energy
-from fenics_contact.values import SceneError
+from fenics_contact.values import SceneError, is_number, shown
 
 TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # shares at which a stage is sampled, and as many between 1 and the largest reached
 SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
@@ -69,6 +69,16 @@ def statement(
         del parts["penalty"]
         parts |= {"master": term.master_name, "slave points": comm.allreduce(term.surface.points)}
         out |= {f"contact '{one.name}', {key}": plain(value) for key, value in parts.items()}
+    return out
+
+
+def stages_told(stated: Sequence[Stage]) -> Statement:
+    """How many stages there are, and how each is called and goes on."""
+    out: Statement = {"the number of stages": len(stated)}
+    for i, stage in enumerate(stated):
+        out |= {f"stage {i + 1}": stage.name, f"method of stage {i + 1}": str(stage.method)}
+        if is_number(stage.steps) or isinstance(stage.steps, list | tuple | np.ndarray):
+            out[f"steps of stage {i + 1}"] = shown(stage.steps)
     return out
 
 
