@@ -640,6 +640,30 @@ def test_contradictory_supports(mesh, out):
     refused(lambda: solve(scene, out=out, progress=False), "zmin", "xmin", "contradict")
 
 
+@pytest.mark.skipif(COMM.size == 1, reason="one rank alone states one thing")
+def test_stages_that_differ_from_rank_to_rank(mesh, out):
+    """Their number above all, for what follows goes through them on all ranks together."""
+    scene, tool = pressed(mesh)
+    down = {"move": {tool: (0, 0, -0.1)}, "steps": 1}
+    run = {"out": out, "progress": False}
+    stages = [fc.Stage(f"down {i}", **down) for i in range(1 + COMM.rank)]
+    refused(lambda: solve(scene, stages=stages, **run), "number of stages", "1 on rank 0", "2 on rank 1")
+    refused(lambda: solve(scene, stages=[fc.Stage(f"down {COMM.rank}", **down)], **run), "stage 1", "down 0 on rank 0")
+    apart = down | {"steps": [0.5, 1.0] if COMM.rank else 1}
+    refused(lambda: solve(scene, stages=[fc.Stage("down", **apart)], **run), "steps of stage 1", "rank 1")
+
+
+def test_supports_that_contradict_each_other_at_some_step_alone(mesh, out):
+    """They agree at the start, half way and at the end."""
+    scene = held(mesh)
+    scene.prescribe("xmin", "z", lambda X, t: 0.1 * np.sin(8 * np.pi * t))
+    run = {"out": out, "progress": False}
+    refused(lambda: solve(scene, steps=[0.3, 1.0], **run), "t = 0.3", "zmin", "xmin", "contradict")
+    stages = [fc.Stage("rest", prescribe={("xmin", "z"): 0.0}, steps=1)]
+    stages += [fc.Stage("shake", prescribe={("xmin", "z"): lambda X, s: 0.1 * np.sin(4 * np.pi * s)}, steps=[0.3, 1.0])]
+    refused(lambda: solve(scene, stages=stages, **run), "stage 'shake'", "t = 1.3", "zmin", "xmin", "contradict")
+
+
 @pytest.mark.parametrize("held_axes", ["", "z", "xy"])
 def test_nothing_against_rigid_motion(mesh, out, held_axes):
     scene = Scene(Body(mesh, "box", fc.neo_hooke(1.0, 5.0)))

@@ -672,6 +672,35 @@ def test_a_motion_is_stated_once():
 
 
 @pytest.mark.parallel
+def test_a_hub_that_leaves_a_support_at_some_step_alone_is_refused():
+    """At all quarters of the way it is where the support holds the nodes; in the second stage where the first has led."""
+    hub = rigid_hub("hub")
+    shake = Motion(x=0.1, z=lambda s: 0.1 * np.sin(8 * np.pi * s))
+    scene = shaken(hub)
+    scene.supports.clear()
+    scene.fix("xmin", "z")
+    run, words = {"steps": [0.3, 1.0], "progress": False}, ("xmin along z", "leads them off")
+    refused(lambda: solve(scene, move={hub: shake}, **run), "t = 0.3", *words)
+    stages = [Stage("along", move={hub: Motion(x=0.1)}, steps=1), Stage("shake", move={hub: shake})]
+    refused(lambda: solve(scene, stages=stages, **run), "stage 'shake'", "t = 1.3", *words)
+
+
+@pytest.mark.parallel
+def test_a_load_on_a_component_that_is_not_free_is_refused():
+    """A function that vanishes at t = 0.5 and 1 lets nothing go, and would do nothing."""
+    hub = rigid_hub("hub")
+    scene = shaken(hub)
+    swing = lambda t: (0.0, 0.0, t * (1 - t) * (0.5 - t))  # noqa: E731
+    run = {"steps": 4, "progress": False}
+    refused(lambda: solve(scene, move={hub: Motion(force=swing)}, **run), "'hub': force at t = 0.25", "component z", "free=")
+    turned = Motion(x=0.1, moment=swing)
+    refused(lambda: solve(scene, move={hub: turned}, **run), "'hub': moment at t = 0.25", "component z", "free=")
+    both = lambda t: (-t, 0.0, t * (1 - t) * (0.5 - t))  # noqa: E731
+    refused(lambda: solve(scene, push={hub: both}, **run), "push of 'hub' at t = 0.25", "component z", "free=")
+    assert solve(scene, move={hub: Motion(force=swing, free="z")}, **run).converged
+
+
+@pytest.mark.parallel
 def test_wrong_ties_are_refused():
     hub, other = rigid_hub("hub"), rigid_hub("other")
     drive = {"move": {hub: Motion(z=0.1)}, "progress": False}

@@ -22,13 +22,15 @@ class End:
 class Stages:
     """Stages one after another, each of a duration [t]; ends: of those that are behind, after which one is on now.
 
-    names: "" of the only stage of a run that states none; tools: their number.
+    names: "" of the only stage of a run that states none; tools: their number. ahead: whether a stage is looked at before
+    the run comes to it.
     """
 
     def __init__(self, names: Sequence[str], durations: Sequence[float], tools: int) -> None:
         self.names, self.durations = tuple(names), tuple(durations)
         self.origin = End(0.0, np.zeros((tools, 6)), np.zeros((tools, 6)))
         self.ends: list[End] = []
+        self.ahead = False
 
     def __len__(self) -> int:
         return len(self.names)
@@ -68,10 +70,10 @@ class Stages:
     @contextmanager
     def foreseen(self, index: int) -> Iterator[None]:
         """As if stage `index` were on, each before it having gone its full length with the tools in their first places."""
-        behind, self.ends = self.ends, []
+        behind, self.ends, self.ahead = self.ends, [], True
         for duration in self.durations[:index]:
             self.ends.append(End(self.start.t + duration, self.origin.q, self.origin.forces))
         try:
             yield
         finally:
-            self.ends = behind
+            self.ends, self.ahead = behind, False

@@ -108,10 +108,14 @@ class Supports:
         directions = np.where(there[..., None], self._directions[self._entry[self._rows]], 0.0)
         return Turned(known, directions)
 
-    def conflict(self, times: Iterable[float]) -> tuple[str, str] | None:
-        """Names of two entries that contradict each other on this rank at one of these t, or None. Collective."""
-        found = [self._contradiction(values) for values in map(self._all, times)]
-        return next((pair for pair in found if pair), None)
+    @property
+    def meet(self) -> bool:
+        """Whether nodes of this rank have several statements that could contradict each other."""
+        return len(self._straight) > len(self._first) or self.turned is not None
+
+    def conflict(self, t: float) -> tuple[str, str] | None:
+        """Names of two entries that contradict each other on this rank at t, or None. Collective."""
+        return self._contradiction(self._all(t))
 
     def _contradiction(self, values: Floats) -> tuple[str, str] | None:
         allowed = 1e-12 * max(1.0, np.abs(values).max(initial=0.0))

@@ -102,7 +102,7 @@ def build(
     loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
     pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
     ways = ways_of(scene, stages)
-    supports = supports_of(scene, stated, motion, [way for _, way in ways])
+    supports, refuse_apart = supports_of(scene, stated, motion, [way for _, way in ways])
     with timers("compile"):
         fields = field_loads(scene, u, followed)
         solid = _solid(scene, u, loads, fields.materials)
@@ -128,6 +128,7 @@ def build(
     others: list[Term] = [*follower, *fluids, *fields.terms, *(term for term in (grounding, damped, *contacts) if term)]
 
     def set_loads(t: float) -> None:
+        refuse_apart(state, t)
         for coefficient, load in [*loads, *pressures]:
             _set(coefficient, load, t)
         for fluid in fluids:

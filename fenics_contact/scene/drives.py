@@ -1,6 +1,6 @@
 """What drives a scene through its stages: supports, and tools that are moved or pushed, from what the user stated."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,16 +13,17 @@ from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.supports import Supports, ToolMotion
+from fenics_contact.assembly.term import State
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.courses import Part, SupportCourse
 from fenics_contact.scene.directions import Unit, normals, unit
 from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
-from fenics_contact.scene.motion import Driven, Motion, driven, loaded
+from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_free
 from fenics_contact.scene.pairs import CourseAt, Pairing
 from fenics_contact.scene.stage import Along, Group, Stage, Way
 from fenics_contact.scene.statements import Support
-from fenics_contact.scene.tied import Hindered, refuse_hindered, ties_of
+from fenics_contact.scene.tied import Bound, Hindered, ties_of
 from fenics_contact.types import Bools, Floats, Ints64, Space
 from fenics_contact.values import SceneError, finite, function, group_names, shown
 
@@ -34,9 +35,12 @@ ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 
 
 # -- supports ---------------------------------------------------------------------------------------------------------
-def supports_of(scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ways: Sequence[Path]) -> Supports:
+def supports_of(
+    scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ways: Sequence[Path]
+) -> tuple[Supports, Callable[[State, float], None]]:
     """Supports from a scene's Support, Tie and Pair statements, the last ones' ways, and what stages prescribe, checked; of
-    a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. Collective."""
+    a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. And what refuses a t at which
+    they contradict each other, as functions may do anywhere. Collective."""
     stages = motion.stages
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
@@ -72,26 +76,36 @@ def supports_of(scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, way
         space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
         paired.pairs() if paired else None,
     )  # fmt: skip
-    refuse_hindered(scene, stated, motion, ties, hindered)
+    bound = Bound(mesh.comm, motion, ties, hindered)
+    bound.refuse_hindered(stated)
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
-            _refuse_conflict(mesh.comm, stage, supports, paired, [stages.time(s) for s in (0.0, 0.5, 1.0)])
-    return supports
+            for t in (stages.time(s) for s in (0.0, 0.5, 1.0)):
+                _refuse_conflict(mesh.comm, stage, supports, paired, t)
+    meet = bool(mesh.comm.allreduce(int(supports.meet)))
+
+    def refuse_apart(state: State, t: float) -> None:
+        stage = stated[stages.index]
+        if meet or paired:
+            _refuse_conflict(mesh.comm, stage, supports, paired, t, f"at t = {t:g} ")
+        if not (stages.ahead and stages.index):  # where a later stage begins is not known yet
+            bound.refuse_astray(stage, t, state.poses, state.q)
+
+    return supports, refuse_apart
 
 
 def _refuse_conflict(
-    comm: MPI.Comm, stage: Stage, supports: Supports, paired: Pairing | None, times: Sequence[float]
+    comm: MPI.Comm, stage: Stage, supports: Supports, paired: Pairing | None, t: float, when: str = ""
 ) -> None:
-    """Supports agree where they meet, and so do pairs of faces. Collective."""
-    conflicts = [c for c in comm.allgather(supports.conflict(times)) if c]
+    """Supports agree at t where they meet, and so do pairs of faces. Collective."""
+    conflicts = [c for c in comm.allgather(supports.conflict(t)) if c]
     if conflicts:
-        words = f"supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}"
+        words = f"{when}supports contradict each other where they meet: {conflicts[0][0]} and {conflicts[0][1]}"
         raise SceneError(stage.says(words))
-    for t in times if paired else ():
-        if paired and (found := paired.open_loop(paired.ways(t))):
-            pair, X = found
-            words = f"{pair.what}: with the other pairs it leads the node at {spot(X)} to two places; let their ways agree"
-            raise SceneError(stage.says(words))
+    if paired and (found := paired.open_loop(paired.ways(t))):
+        pair, X = found
+        words = f"{when}{pair.what}: with the other pairs it leads the node at {spot(X)} to two places; let their ways agree"
+        raise SceneError(stage.says(words))
 
 
 def _course(
@@ -222,7 +236,7 @@ def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:
     free = free | np.append(loaded(load), np.zeros(3, dtype=bool))  # what was free stays so, under no force
     if not free[:3].any():
         raise SceneError(f"{what} has no force in any direction")
-    return Driven(None, (load, None), free)
+    return Driven(None, (only_free(load, free[:3], what), None), free)
 
 
 def _point(tool: Tool, stated: Sequence[Driven]) -> Floats:

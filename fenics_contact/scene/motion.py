@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.scene.functions import Drive, Path, ramp
+from fenics_contact.scene.functions import Drive, Path, Ramp, ramp
 from fenics_contact.types import Bools, Floats
 from fenics_contact.values import SceneError, finite, shown
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+ROUNDED = 1e-12  # of a load's largest component: less is round-off
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ def driven(comm: MPI.Comm, what: str, motion: Motion) -> Driven:
 
     pushed = np.concatenate([loaded(force), loaded(moment)])
     free = pushed | np.isin(COMPONENTS, motion.free.split())
+    force, moment = only_free(force, free[:3], f"{what}: force"), only_free(moment, free[3:], f"{what}: moment")
     _refuse(what, [key for key, way in zip(COMPONENTS, paths, strict=True) if way is not None], pushed, free)
     about = None if motion.about is None else finite(motion.about, f"{what}: about", (3,))
     return Driven(path, (force, moment), free, about)
@@ -84,6 +86,25 @@ def driven(comm: MPI.Comm, what: str, motion: Motion) -> Driven:
 def loaded(load: Path) -> Bools:
     """Along which axes (3,) a load acts."""
     return np.any([load(s) != 0.0 for s in (0.5, 1.0)], axis=0)
+
+
+def only_free(load: Path, free: Bools, what: str) -> Path:
+    """A load (3,) that acts nowhere but where the tool is free (3,): elsewhere it would be lost. SceneError at a t where its
+    function says otherwise."""
+    if isinstance(load, Ramp):
+        return load
+
+    def checked(t: float) -> Floats:
+        value = load(t)
+        lost = np.flatnonzero(~free & (np.abs(value) > ROUNDED * np.abs(value).max()))
+        if lost.size:
+            raise SceneError(
+                f"{what} at t = {t:g} has a component {'xyz'[lost[0]]}, in which the tool is not free, for it has none at "
+                "t = 0.5 and 1: name that in free= of a Motion"
+            )
+        return value
+
+    return checked
 
 
 def _refuse(what: str, moved: list[str], pushed: Bools, free: Bools) -> None:

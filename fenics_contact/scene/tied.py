@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
+from fenics_contact.assembly.pose import Poses
 from fenics_contact.assembly.supports import Prescribed, ToolMotion
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.contact.tools import Tool
@@ -53,25 +55,42 @@ def ties_of(scene: "Scene") -> Ties:
     return Ties(found, space.dofmap.index_map.size_local)
 
 
-def refuse_hindered(
-    scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ties: Ties, hindered: Sequence[Hindered]
-) -> None:
-    """Rigid bodies must be able to go all their ways, free ones anywhere, without leaving the supports of what is tied to
-    them, as those of planes of symmetry. Collective."""
-    stages, comm, tried = motion.stages, scene.mesh.comm, np.random.default_rng(0)
-    poses, came = motion.poses(), np.zeros((len(motion), 6))  # where the stages before have led
-    for i, stage in enumerate(stated if hindered else ()):
-        with stages.foreseen(i):
-            for t in (stages.time(share) for share in SHARES):
-                values = [one.value(t) for one in hindered]
-                for _ in range(TRIALS):
-                    q = came + motion.prescribed(t) + motion.lever * motion.free * tried.uniform(-1.0, 1.0, came.shape)
-                    for one, value in zip(hindered, values, strict=True):
-                        off = np.max(comm.allgather(ties.off(one.nodes, one.direction, value, poses, q)), axis=0)
-                        k = int(off.argmax())
-                        if off[k] > HINDERED * motion.lever:
-                            raise SceneError(stage.says(_words(motion.names[k], one.name, bool(motion.free[k].any()))))
-            came += np.where(motion.free, 0.0, motion.prescribed(stages.time(1.0)))
+class Bound(NamedTuple):
+    """What is tied to rigid bodies, and the supports that hold some of the same nodes."""
+
+    comm: MPI.Comm
+    motion: ToolMotion
+    ties: Ties
+    hindered: Sequence[Hindered]
+
+    def refuse_hindered(self, stated: Sequence[Stage]) -> None:
+        """Rigid bodies must be able to go all their ways, free ones anywhere, without leaving the supports of what is tied
+        to them, as those of planes of symmetry. Collective."""
+        motion, stages, tried = self.motion, self.motion.stages, np.random.default_rng(0)
+        poses, came = motion.poses(), np.zeros((len(motion), 6))  # where the stages before have led
+        for i, stage in enumerate(stated if self.hindered else ()):
+            with stages.foreseen(i):
+                for t in (stages.time(share) for share in SHARES):
+                    for _ in range(TRIALS):
+                        free = motion.lever * motion.free * tried.uniform(-1.0, 1.0, came.shape)
+                        if words := self._off(t, poses, came + motion.prescribed(t) + free):
+                            raise SceneError(stage.says(words))
+                came += np.where(motion.free, 0.0, motion.prescribed(stages.time(1.0)))
+
+    def refuse_astray(self, stage: Stage, t: float, poses: Poses, q: Floats) -> None:
+        """They leave none at t either, which may lie between the places looked at before the run; q (bodies, 6): where those
+        are that are free. Collective."""
+        if words := self._off(t, poses, np.where(self.motion.free, q, self.motion.prescribed(t))):
+            raise SceneError(stage.says(f"at t = {t:g} {words}"))
+
+    def _off(self, t: float, poses: Poses, q: Floats) -> str:
+        """What a body whose coordinates are q leaves at t, in words. Collective."""
+        for one in self.hindered:
+            off = np.max(self.comm.allgather(self.ties.off(one.nodes, one.direction, one.value(t), poses, q)), axis=0)
+            k = int(off.argmax())
+            if off[k] > HINDERED * self.motion.lever:
+                return _words(self.motion.names[k], one.name, bool(self.motion.free[k].any()))
+        return ""
 
 
 def _words(hub: str, support: str, free: bool) -> str:
