@@ -16,10 +16,13 @@ from fenics_contact import (
     Branch,
     Displacement,
     Load,
+    Motion,
     Scene,
+    Travel,
     from_elastic,
     neo_hooke,
     read_gmsh,
+    rigid_hub,
     rigid_plane,
     solve,
 )
@@ -143,6 +146,29 @@ def test_a_column_buckles_at_eulers_load_and_follows_the_elastica(rough):
     np.testing.assert_allclose(load, 1.0, atol=LEFT_OUT)
     turned = np.pi * sideways / (2 * LONG)  # of the head; the elastica's load is 1 + turned^2 / 8 of the critical one
     np.testing.assert_allclose(result.column("t")[-1] / load - 1.0, turned**2 / 8, rtol=turned**2)
+
+
+@pytest.mark.parallel
+def test_a_column_tied_to_a_hub_buckles_alike_however_it_is_pressed():
+    """The hub takes part in what is softest; where the surface named is tied, so does its branch."""
+    sideways, found = 2.0, {}
+    presses = {"pushed": {"force": (0, 0, -EULER)}, "moved": {"z": -3 * LONG * EULER / E}}
+    for how, press in presses.items():
+        scene, hub = column(), rigid_hub("hub", (0.5, 0.5, LONG))
+        scene.loads.clear()
+        scene.tie("zmax", hub)
+        free = Motion(**press, free="x ry")
+        branch = Branch("zmax" if how == "pushed" else "xmin", "x", towards=-1)
+        steps = ArcSteps(first=0.3, largest=0.5, branch=branch)
+        result = solve(scene, move={hub: free}, **FOLLOW, steps=steps, until=[Travel(hub, "x", way) for way in (-2.0, 2.0)])
+        assert result.verdict.reason == "reached travel of 'hub' along x = -2", result.verdict.reason
+        (at,) = np.flatnonzero(result.column("bifurcation") == 1)
+        found[how] = -result.column("hub_force_z_N")[[at, -1]] / EULER
+    turned = np.pi * sideways / (2 * LONG)
+    for critical_load, load in found.values():
+        np.testing.assert_allclose(critical_load, 1.0, atol=LEFT_OUT)
+        np.testing.assert_allclose(load / critical_load - 1.0, turned**2 / 8, rtol=turned**2)
+    np.testing.assert_allclose(found["moved"], found["pushed"], rtol=1e-6)
 
 
 @pytest.mark.parallel

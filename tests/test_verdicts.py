@@ -15,6 +15,7 @@ from test_damping import blade
 from fenics_contact import (
     Body,
     Displacement,
+    Motion,
     Penalty,
     Scene,
     SceneError,
@@ -203,6 +204,17 @@ def dragged_by_force(friction=0.3, drive="force"):
     return scene, {}
 
 
+def dragged_by_a_hub(friction=0.3, drive="force"):
+    """The same block, tied to a hub by its top, which pushes it or is moved."""
+    rubber, hub = neo_hooke(2.0, K=10.0), rigid_hub("hub", (2, 2, 2))
+    scene = cube(cells=(3, 3, 2), size=(4.0, 4.0, 2.0), material=rubber)
+    scene.contact("zmin", rigid_plane(), friction, name="floor")
+    scene.tie("zmax", hub)
+    push = lambda t: 1.01 * 0.3 * 1.6 * max(2 * t - 1, 0) if drive == "force" else 0.0  # noqa: E731
+    x = None if drive == "force" else lambda t: 0.5 * max(2 * t - 1, 0)
+    return scene, {"move": {hub: Motion(x=x, force=lambda t: (push(t), 0, -1.6 * min(2 * t, 1)))}}
+
+
 def tipping(drive="force"):
     """A block pressed on another one by a dead load, then pushed aside at its top until it tips: with the node that lifts
     last goes all that holds it, or drawn aside."""
@@ -310,6 +322,12 @@ CATALOGUE = {
         "contact 'floor'",
         "raise friction=, fix a surface, or prescribe",
     ),
+    "too great a push on a hub": (
+        dragged_by_a_hub,
+        "friction used up",
+        "contact 'floor'",
+        "raise friction=, fix a surface, or prescribe",
+    ),
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
     "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),
@@ -360,6 +378,7 @@ CURES = {
     "soft under a block": [lambda: block_through(penalty=None)],
     "long steps": [lambda: tall_block(None)],
     "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
+    "too great a push on a hub": [lambda: dragged_by_a_hub(friction=0.31), lambda: dragged_by_a_hub(drive="move")],
     "loose half": [lambda: with_options(loose_half, stabilise=True)],
     "on a node": [lambda: on_a_node(3, None)],
     "pushed over a limit": [lambda: pushed_through("move")],

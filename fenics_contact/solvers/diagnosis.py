@@ -147,7 +147,8 @@ def _on_few_points(system: System) -> Finding | None:
 
 
 def _touched(system: System) -> bool:
-    """Whether every pushed tool touches a body in the accepted state. Collective."""
-    names = {system.tools.names[i] for i in np.flatnonzero(system.tools.free.any(axis=1))}
+    """Whether every pushed tool touches a body in the accepted state, or has some of it tied to it. Collective."""
+    pushed = set(np.flatnonzero(system.tools.free.any(axis=1))) - system.supports.ties.bodies
+    names = {system.tools.names[i] for i in pushed}
     met = {contact.master_name for contact in system.contacts if closed(system, contact)}
     return names <= met

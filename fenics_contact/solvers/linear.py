@@ -38,12 +38,14 @@ class LinearSolver:
     smoothed aggregation and the rigid-body modes), or "auto", see `Choice`. Either is kept from tangent to tangent while it
     pays,
     unless `afresh`: a continuation's tangents are nearly singular, and what an old one tells of the softest motion is wrong.
+    singular: the tangents are so on purpose, and what hardly resists a tool moves it all the further.
     """
 
-    def __init__(self, system: System, method: str = "auto", afresh: bool = False) -> None:
+    def __init__(self, system: System, method: str = "auto", afresh: bool = False, singular: bool = False) -> None:
         if method not in ("auto", "direct", "iterative"):
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
+        self._loose = 0.0 if singular else LOOSE
         size = system.vector.getSize()
         self._forced = method == "iterative"
         choice = Choice(system.comm, foreseen_costs(system)) if method == "auto" else None
@@ -114,7 +116,7 @@ class LinearSolver:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(-border.columns[c]) for c in free]
         rows = [system.border_vector(border.rows[c]) for c in free]
-        held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.stiffness)
+        held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.stiffness, self._loose)
         if self.negative is not None:
             more = held.negative(system.symmetric)
             if more is None:
@@ -219,10 +221,10 @@ class _Held:
 
     corner (n, n); rows, columns: of the border, and the bodies' responses to unit motions; stiffness: of the stiffest node
     [force / length]. Scaled by the sizes of what it is the difference and sum of, so that what is round-off, and no
-    resistance, shows: singular values below LOOSE. Collective.
+    resistance, shows: singular values below `loose`. Collective.
     """
 
-    def __init__(self, corner: Floats, rows: list[Vec], columns: list[Vec], stiffness: float) -> None:
+    def __init__(self, corner: Floats, rows: list[Vec], columns: list[Vec], stiffness: float, loose: float) -> None:
         schur, size = corner.copy(), np.abs(np.diag(corner))
         for i, row in enumerate(rows):
             schur[i] += [row.dot(column) for column in columns]
@@ -234,14 +236,14 @@ class _Held:
         self._scaled = self._scale[:, None] * schur * self._scale
         parts: tuple[Floats, Floats, Floats] = np.linalg.svd(self._scaled)
         self._left, self._values, self._right = parts
-        self._loose = self._values < LOOSE
+        self._least, self._loose = loose, self._values < loose
 
     def negative(self, symmetric: bool) -> int | None:
         """Negative eigenvalues of S; where it is not symmetric whether they are odd; None where that is not known."""
         if not self._known:
             return 0
         if symmetric:
-            return int(np.sum(np.linalg.eigvalsh(0.5 * (self._scaled + self._scaled.T)) < -LOOSE))
+            return int(np.sum(np.linalg.eigvalsh(0.5 * (self._scaled + self._scaled.T)) < -self._least))
         return None if self._loose.any() else int(np.linalg.det(self._scaled) < 0.0)
 
     def solve(self, right: Floats) -> tuple[Floats, Floats]:

@@ -15,7 +15,8 @@ ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent b
 
 
 class Motion(NamedTuple):
-    """du: PETSc Vec (owned part, zero on supports) and dq (tools, 6), zero where a tool is not free [lengths alike]."""
+    """du: PETSc Vec (owned part), zero on supports but for what is tied, which goes with dq; dq (tools, 6), zero where a
+    tool is not free [lengths alike]."""
 
     du: Vec
     dq: Floats
@@ -26,17 +27,26 @@ class Motion(NamedTuple):
 
 
 def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
-    """Forces of the assembled tangent, its block of the bodies being `matrix`, against a motion. Collective."""
-    force = system.new_vector()
-    matrix.mult(motion.du, force)
+    """Forces of the assembled tangent, its block of the bodies being `matrix`, against a motion. What tied nodes do and feel
+    is the tools'. Collective."""
+    force, own, tied = system.new_vector(), motion.du.copy(), _tied(system)
+    own.array_w[tied] = 0.0
+    matrix.mult(own, force)
     tools = np.zeros_like(motion.dq)
     if system.border is not None:
         border, flat = system.border, motion.dq.ravel()
         for c in np.flatnonzero(system.tools.free.ravel()):
             force.axpy(flat[c], system.border_vector(border.columns[c]))
-            tools.flat[c] = system.border_vector(border.rows[c]).dot(motion.du)
+            tools.flat[c] = system.border_vector(border.rows[c]).dot(own)
         tools += (border.corner @ flat).reshape(-1, 6)
+    force.array_w[tied] = 0.0
     return Motion(force, np.where(system.tools.free, tools, 0.0))
+
+
+def _tied(system: System) -> Ints64:
+    """Owned dofs that go with tools."""
+    dofs = system.supports.ties.dofs
+    return dofs[dofs < 3 * system.space.dofmap.index_map.size_local]
 
 
 def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Motion | None:
@@ -45,20 +55,32 @@ def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Mo
     Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. first: owned dofs that move alike where the
     iteration begins; of several motions that are as soft it finds the one most like that; by default a random start.
     alike: far less than this apart, motions count as equally soft [force / length]; else round-off, over what the softest
-    one resists, chooses between them. The supports are eliminated from the tangent here, and all motions resist more.
-    Collective.
+    one resists, chooses between them. The supports are eliminated from the bodies' tangent here, and all motions resist more
+    there. Collective.
     """
-    linear, nodes = LinearSolver(system, "direct", afresh=True), system.vector.getSize() / 3
     shift = max(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), alike)
     system.matrix.shift(shift)
-    free, resting = system.tools.free, np.zeros(len(system.supports.dofs))
-    if system.border is not None:  # what it is the difference of is as large as it
-        system.border.corner[np.diag_indices(free.size)] += max(shift, 10 * ROUNDED * np.abs(system.border.corner).max())
+    free, border = system.tools.free, system.border
     mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
     if first is not None:
-        mode.du.array[first], mode.dq[:] = 1.0, 0.0
+        mode.du.array[first], mode.dq[:] = 1.0, 0.0  # what is tied moves so by its tool
+        system.supports.ties.add_wrenches(system.state.poses, system.state.q, mode.du.array, mode.dq)
+        mode.dq[:] = np.where(free, system.comm.allreduce(mode.dq), 0.0)
     else:
         mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
+    if border is None:
+        return _iterated(system, mode)
+    corner = border.corner.copy()  # what it is the difference of is as large as it
+    border.corner[np.diag_indices(free.size)] += max(shift, 10 * ROUNDED * np.abs(corner).max())
+    found = _iterated(system, mode)
+    border.corner[:] = corner
+    return found
+
+
+def _iterated(system: System, mode: Motion) -> Motion | None:
+    """What inverse iteration makes of a motion: of the size |du|^2 / nodes + |dq|^2 = 1, or None. Collective."""
+    linear, nodes = LinearSolver(system, "direct", afresh=True, singular=True), system.vector.getSize() / 3
+    resting = np.zeros(len(system.supports.dofs))
     for sweep in range(SWEEPS):
         system.supports.put(mode.du.array_w, 0.0)
         size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))
@@ -87,10 +109,17 @@ def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
     for i, axis in zip(*np.nonzero(system.tools.free), strict=True):
         dq = np.zeros_like(system.state.q)
         dq[i, axis] = 1.0
-        still = system.new_vector()
-        still.set(0.0)
-        found.append((system.tools.names[i], Motion(still, dq), MOVES[axis]))
+        found.append((system.tools.names[i], Motion(_carried(system, dq), dq), MOVES[axis]))
     return found
+
+
+def _carried(system: System, dq: Floats) -> Vec:
+    """How what is tied to tools goes when they move by dq (tools, 6)."""
+    du, state = system.new_vector(), system.state
+    with du.localForm() as local:
+        local.set(0.0)
+        system.supports.ties.follow(state.poses, state.q, dq, local.array_w)
+    return du
 
 
 def _of_body(system: System, nodes: Ints64) -> list[Vec]:
