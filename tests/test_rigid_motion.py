@@ -686,6 +686,24 @@ def test_a_hub_that_leaves_a_support_at_some_step_alone_is_refused():
 
 
 @pytest.mark.parallel
+def test_a_hub_goes_on_with_a_support_of_tied_nodes_from_another_run():
+    """Both have come as far there; what the support prescribes counts from there, too."""
+    hub = rigid_hub("hub")
+    scene = shaken(hub)
+    scene.supports.clear()
+    scene.prescribe("xmin", "z", 0.2)
+    run = {"steps": 2, "progress": False}
+    lifted = solve(scene, move={hub: Motion(z=0.2)}, **run).require()
+    further = Stage("further", move={hub: Motion(z=0.1)}, prescribe={("xmin", "z"): 0.1})
+    result = solve(scene, stages=[further, Stage("along", move={hub: Motion(x=0.3)})], start=lifted, **run).require()
+    np.testing.assert_allclose(result.column("hub_travel_z_mm"), [0.25, 0.3, 0.3, 0.3], rtol=1e-12)
+    along = solve(scene, stages=[Stage("along", move={hub: Motion(x=0.3)})], start=lifted, **run).require()
+    np.testing.assert_allclose(along.column("hub_travel_z_mm"), 0.2, rtol=1e-12)
+    wrong = Stage("wrong", move={hub: Motion(z=lambda s: 0.1 * np.sin(4 * np.pi * s))}, steps=[0.3, 1.0])
+    refused(lambda: solve(scene, stages=[wrong], start=lifted, progress=False), "t = 0.3", "xmin along z", "leads them off")
+
+
+@pytest.mark.parallel
 def test_a_load_on_a_component_that_is_not_free_is_refused():
     """A function that vanishes at t = 0.5 and 1 lets nothing go, and would do nothing."""
     hub = rigid_hub("hub")

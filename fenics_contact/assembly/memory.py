@@ -73,15 +73,18 @@ class Memory:
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 
-    def begin(self, arrays: Arrays, q: Floats) -> list[str]:
-        """Put the displacement of another scene's collected arrays, coordinates q (tools, 6), and the histories of terms of
-        the same name and points there in the place of the state at rest; returns the names of contacts without. Collective.
+    def place(self, arrays: Arrays) -> None:
+        """Put the displacement of another scene's collected arrays in the place of that at rest. Collective.
 
         ValueError, on all ranks, if the arrays belong to another mesh.
         """
-        system, comm = self.system, self.system.comm
         self._refuse_other_nodes(arrays)
-        system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
+        self.system.state.u.x.array[:] = self._nodal(arrays, "u").ravel()
+
+    def begin(self, arrays: Arrays, q: Floats) -> list[str]:
+        """Begin with the displacement placed, coordinates q (tools, 6), and the histories of terms of the same name and
+        points in another scene's collected arrays; returns the names of contacts without. Collective."""
+        system, comm = self.system, self.system.comm
         there = comm.bcast(arrays and list(arrays)) or []
         kept, left = [], []
         for term in system.terms:

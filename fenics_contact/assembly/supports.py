@@ -54,6 +54,16 @@ class Support(NamedTuple):
     carried: Carried | None = None
 
 
+class Hindered(NamedTuple):
+    """A support of local nodes (n,) that are tied to a body, which it must not hinder: its name, unit direction (3,) and
+    what it prescribes of them."""
+
+    name: str
+    nodes: Ints64
+    direction: Floats
+    value: Prescribed
+
+
 class Supports:
     """Dofs with prescribed displacement: components along the nodes' axes, which are x, y, z but for turned nodes.
 
@@ -61,15 +71,16 @@ class Supports:
     turned; owned: those of owned nodes; turned: the nodes where a support along another direction acts, with all supports
     that meet there, None where no rank has one; ties: of nodes in none of the entries, which rigid bodies hold, tied: which
     of the dofs are theirs; pairs: of nodes in neither, whose displacement relative to those that lead them is prescribed;
-    change: u = T v such that all is components of v, None: they are those of u. Collective, but for `free`, `spanned` and
-    `parts`.
+    hindered: of tied nodes, which have no other part in this; change: u = T v such that all is components of v, None: they
+    are those of u. Collective, but for `free`, `spanned` and `parts`.
     """
 
     def __init__(
         self, space: Space, entries: Sequence[Support], names: Sequence[str], ties: Ties | None = None,
-        pairs: Pairs | None = None,
+        pairs: Pairs | None = None, hindered: Sequence[Hindered] = (),
     ) -> None:  # fmt: skip
         self.entries, self._names, self.ties, self.pairs = entries, names, ties or Ties(), pairs
+        self.hindered = hindered
         nodes = _joined([np.asarray(entry.nodes, dtype=np.int64) for entry in entries], np.int64)
         self._entry = np.repeat(np.arange(len(entries)), [len(entry.nodes) for entry in entries])
         self._directions = np.array([entry.direction for entry in entries], dtype=float).reshape(-1, 3)
@@ -164,6 +175,8 @@ class Supports:
         """Start from a displacement u (local array) of another run; before: {name: what its scene said}. Collective."""
         for (nodes, direction, value, _), name in zip(self.entries, self._names, strict=True):
             value.begin(u.reshape(-1, 3)[nodes] @ direction, before.get(name, ()))
+        for name, tied, direction, value in self.hindered:
+            value.begin(u.reshape(-1, 3)[tied] @ direction, before.get(name, ()))
 
     def said(self) -> dict[str, list[float]]:
         """{name: what the scene states of it}. Collective."""

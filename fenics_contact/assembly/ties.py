@@ -24,10 +24,9 @@ class Ties:
     def __bool__(self) -> bool:
         return bool(self._tied)
 
-    @property
-    def bodies(self) -> set[int]:
-        """Numbers of the rigid bodies that something is tied to."""
-        return {body for body, _, _ in self._tied}
+    def of(self, body: int) -> Ints64:
+        """Local nodes (n,) that follow one body."""
+        return np.concatenate([nodes for one, nodes, _ in self._tied if one == body] or [np.empty(0, dtype=np.int64)])
 
     @property
     def nodes(self) -> Ints64:
@@ -70,7 +69,8 @@ class Ties:
 
         matrix: supports not eliminated; forces: on the nodes, whose wrenches turn with them. Collective.
         """
-        moving = [6 * body + c for body in sorted(self.bodies) for c in np.flatnonzero(free[body])]
+        bodies = sorted({body for body, _, _ in self._tied})
+        moving = [6 * body + c for body in bodies for c in np.flatnonzero(free[body])]
         ahead, pull = (np.zeros((border.columns.shape[0], border.columns.shape[1])) for _ in range(2))
         for (body, nodes, _), pose, motions in self._moving(poses, q):
             mine, dofs = slice(6 * body, 6 * body + 6), _dofs(nodes)

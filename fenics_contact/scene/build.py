@@ -102,7 +102,7 @@ def build(
     loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
     pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
     ways = ways_of(scene, stages)
-    supports, refuse_apart = supports_of(scene, stated, motion, [way for _, way in ways])
+    supports, refuse_hindered, refuse_apart = supports_of(scene, stated, motion, [way for _, way in ways])
     with timers("compile"):
         fields = field_loads(scene, u, followed)
         solid = _solid(scene, u, loads, fields.materials)
@@ -142,6 +142,7 @@ def build(
     )  # fmt: skip
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
     notes = _start(scene, system, stated, driven, start)
+    refuse_hindered(state)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
     return Built(system, notes, [*dead, *follower, *fluids, *fields.terms], fluids, driven, [_size(system)])

@@ -11,8 +11,8 @@ from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.stages import Stages
+from fenics_contact.assembly.supports import Hindered, Supports, ToolMotion
 from fenics_contact.assembly.supports import Support as Entry
-from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
@@ -23,7 +23,7 @@ from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_fre
 from fenics_contact.scene.pairs import CourseAt, Pairing
 from fenics_contact.scene.stage import Along, Group, Stage, Way
 from fenics_contact.scene.statements import Support
-from fenics_contact.scene.tied import Bound, Hindered, ties_of
+from fenics_contact.scene.tied import Bound, ties_of
 from fenics_contact.types import Bools, Floats, Ints64, Space
 from fenics_contact.values import SceneError, finite, function, group_names, shown
 
@@ -37,10 +37,11 @@ ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 # -- supports ---------------------------------------------------------------------------------------------------------
 def supports_of(
     scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ways: Sequence[Path]
-) -> tuple[Supports, Callable[[State, float], None]]:
+) -> tuple[Supports, Callable[[State], None], Callable[[State, float], None]]:
     """Supports from a scene's Support, Tie and Pair statements, the last ones' ways, and what stages prescribe, checked; of
-    a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. And what refuses a t at which
-    they contradict each other, as functions may do anywhere. Collective."""
+    a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. And what refuses a state to
+    begin with from which that would leave supports, and a t at which these contradict each other, as functions may do
+    anywhere. Collective."""
     stages = motion.stages
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
@@ -74,10 +75,9 @@ def supports_of(
         carried += [(entry, f"{name}, of paired faces") for entry in of_leaders]
     supports = Supports(
         space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
-        paired.pairs() if paired else None,
+        paired.pairs() if paired else None, hindered,
     )  # fmt: skip
     bound = Bound(mesh.comm, motion, ties, hindered)
-    bound.refuse_hindered(stated)
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
             for t in (stages.time(s) for s in (0.0, 0.5, 1.0)):
@@ -91,7 +91,7 @@ def supports_of(
         if not (stages.ahead and stages.index):  # where a later stage begins is not known yet
             bound.refuse_astray(stage, t, state.poses, state.q)
 
-    return supports, refuse_apart
+    return supports, lambda state: bound.refuse_hindered(stated, state.poses), refuse_apart
 
 
 def _refuse_conflict(

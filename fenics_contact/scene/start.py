@@ -57,8 +57,9 @@ def begin(system: System, driven: Driven, start: Start) -> list[str]:
                 "same mesh, and state it as a function value(X, t) where it is one there"
             )
         course.begin(origin, before)
+    memory = Memory(system)
     try:
-        left = Memory(system).begin(start.arrays, q)
+        memory.place(start.arrays)
     except ValueError as error:
         raise SceneError(f"start = {start.name} does not fit: {error}; start from one on the same mesh") from None
     u = system.state.u.x.array.copy()
@@ -68,7 +69,7 @@ def begin(system: System, driven: Driven, start: Start) -> list[str]:
             f"start = {start.name} does not fit: what is tied here has moved there without its rigid body; tie it there too"
         )
     system.supports.begin(u, start.drives["supports"])
-    system.set_loads(0.0)
+    left = memory.begin(start.arrays, q)
     return [f"contact '{name}' starts without a history: {start.name} has none of that name and points" for name in left]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.pose import Poses
-from fenics_contact.assembly.supports import Prescribed, ToolMotion
+from fenics_contact.assembly.supports import Hindered, ToolMotion
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.stage import Stage
@@ -20,15 +20,6 @@ if TYPE_CHECKING:  # which states them
 HINDERED = 1e-9  # of a body's way: by how much less it may leave a support, whose direction is rounded
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a stage, at which its motions are looked at
 TRIALS = 2  # motions of free components that are tried at each
-
-
-class Hindered(NamedTuple):
-    """A support of tied local nodes (n,): its name, unit direction (3,) and what it prescribes of them."""
-
-    name: str
-    nodes: Ints64
-    direction: Floats
-    value: Prescribed
 
 
 def ties_of(scene: "Scene") -> Ties:
@@ -63,19 +54,19 @@ class Bound(NamedTuple):
     ties: Ties
     hindered: Sequence[Hindered]
 
-    def refuse_hindered(self, stated: Sequence[Stage]) -> None:
-        """Rigid bodies must be able to go all their ways, free ones anywhere, without leaving the supports of what is tied
-        to them, as those of planes of symmetry. Collective."""
+    def refuse_hindered(self, stated: Sequence[Stage], poses: Poses) -> None:
+        """Rigid bodies must be able to go all their ways from where the run begins, free ones anywhere, without leaving the
+        supports of what is tied to them, as those of planes of symmetry. Collective."""
         motion, stages, tried = self.motion, self.motion.stages, np.random.default_rng(0)
-        poses, came = motion.poses(), np.zeros((len(motion), 6))  # where the stages before have led
+        first, came = stages.origin.q, np.zeros((len(motion), 6))  # how far the stages before have led
         for i, stage in enumerate(stated if self.hindered else ()):
             with stages.foreseen(i):
                 for t in (stages.time(share) for share in SHARES):
                     for _ in range(TRIALS):
-                        free = motion.lever * motion.free * tried.uniform(-1.0, 1.0, came.shape)
-                        if words := self._off(t, poses, came + motion.prescribed(t) + free):
+                        free = first + motion.lever * tried.uniform(-1.0, 1.0, came.shape)
+                        if words := self._off(t, poses, came + np.where(motion.free, free, motion.prescribed(t))):
                             raise SceneError(stage.says(words))
-                came += np.where(motion.free, 0.0, motion.prescribed(stages.time(1.0)))
+                came += np.where(motion.free, 0.0, motion.prescribed(stages.time(1.0)) - first)
 
     def refuse_astray(self, stage: Stage, t: float, poses: Poses, q: Floats) -> None:
         """They leave none at t either, which may lie between the places looked at before the run; q (bodies, 6): where those

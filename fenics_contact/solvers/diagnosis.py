@@ -14,7 +14,7 @@ from fenics_contact.assembly.finding import (
     Finding,
 )
 from fenics_contact.assembly.system import TOLERANCE, System
-from fenics_contact.solvers.holding import closed, rigid_motion, sliding, turns_freely
+from fenics_contact.solvers.holding import closed, contacts_of, rigid_motion, sliding, turns_freely
 from fenics_contact.solvers.softness import damping, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -147,8 +147,12 @@ def _on_few_points(system: System) -> Finding | None:
 
 
 def _touched(system: System) -> bool:
-    """Whether every pushed tool touches a body in the accepted state, or has some of it tied to it. Collective."""
-    pushed = set(np.flatnonzero(system.tools.free.any(axis=1))) - system.supports.ties.bodies
-    names = {system.tools.names[i] for i in pushed}
-    met = {contact.master_name for contact in system.contacts if closed(system, contact)}
-    return names <= met
+    """Whether every pushed tool touches a body in the accepted state, or something does that is tied to it. Collective."""
+    tools, met = system.tools, {contact.master_name for contact in system.contacts if closed(system, contact)}
+    for i in np.flatnonzero(tools.free.any(axis=1)):
+        tied = system.supports.ties.of(i)
+        of_body = [system.comm.allreduce(int(np.isin(nodes, tied).any())) for _, nodes in system.bodies]
+        bodies = {name for (name, _), follows in zip(system.bodies, of_body, strict=True) if follows}
+        if tools.names[i] not in met and not any(closed(system, contact) for contact in contacts_of(system, bodies)):
+            return False
+    return True

@@ -126,11 +126,11 @@ def _parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
 
 def _open_contacts(system: System, names: set[str]) -> str:
     """Contacts of these bodies without a closed point at the state evaluated last, in words. Collective."""
-    waiting = [contact for contact in _contacts_of(system, names) if not closed(system, contact)]
+    waiting = [contact for contact in contacts_of(system, names) if not closed(system, contact)]
     return " or ".join(f"contact '{contact.name}'" for contact in waiting)
 
 
-def _contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
+def contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
     """Contacts of bodies and tools of these names. Collective."""
     blocks = [nodes for name, nodes in system.bodies if name in names]
     touching = [
@@ -169,7 +169,7 @@ def sliding(system: System) -> Finding | None:
     if not held.size:
         return None
     parts = _parts(motions, held)
-    contacts = [contact for contact in _contacts_of(system, {name for name, _ in parts}) if contact in used]
+    contacts = [contact for contact in contacts_of(system, {name for name, _ in parts}) if contact in used]
     taken, most = np.sum([grips[contact] for contact in contacts], axis=0)
     names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
