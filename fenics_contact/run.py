@@ -12,7 +12,7 @@ from tqdm import tqdm
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
 from fenics_contact.assembly.finding import ERROR, Finding
-from fenics_contact.assembly.system import System
+from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.contact.tools import Tool
 from fenics_contact.options import Steps, checkpoint_steps, stated_stages
@@ -140,7 +140,9 @@ def solve(
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
     summary["energy"] = energy_summary(kept.history, scene.units)
     kept.remark(kept.results.notes())
-    kept.remark(energy_notes(summary["energy"], len(kept.history), scene.units) if verdict.converged else [])
+    taken = len(kept.history)
+    unknown = taken * TOLERANCE * system.scale * system.moved
+    kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown) if verdict.converged else [])
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:
         kept.writer.finish(summary)

@@ -256,13 +256,17 @@ class System:
         return float(self.stiffness * ROUNDED * self.reach)
 
     @property
+    def moved(self) -> float:
+        """The largest displacement of a node along an axis [length]. Collective."""
+        return float(self.vector.norm(PETSc.NormType.NORM_INFINITY))
+
+    @property
     def scale(self) -> float:
         """What out-of-balance forces are compared with [force]: the largest force of any term, now or before.
 
         A body that moves without strain has no other scale than rounding.
         """
-        moved = self.vector.norm(PETSc.NormType.NORM_INFINITY)
-        return max(self.forces, self.force_scale, 1e-4 * self.stiffness * moved, self.noise / TOLERANCE)
+        return max(self.forces, self.force_scale, 1e-4 * self.stiffness * self.moved, self.noise / TOLERANCE)
 
     def update(self, du: Vec, dq: Floats, share: float = 1.0) -> None:
         """Add a PETSc increment (owned part) and one of the tools' coordinates to the state.

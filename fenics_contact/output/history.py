@@ -121,14 +121,16 @@ def energy_summary(rows: Sequence[HistoryRow], units: Units) -> Summary:
     }  # fmt: skip
 
 
-def energy_notes(summary: Summary, steps: int, units: Units) -> list[str]:
+def energy_notes(summary: Summary, steps: int, units: Units, unknown: float = 0.0) -> list[str]:
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
+
+    unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work.
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
     1 / steps^2 at most up to the cube.
     """
     share = summary.get("error_share", 0.0)
-    if share <= max(COSTLY, 1.0 / steps**2):
+    if share <= max(COSTLY, 1.0 / steps**2) or abs(summary[f"error_{energy_unit(units)}"]) <= unknown:
         return []
     done = f"{summary[f'work_done_{energy_unit(units)}']:.4g} {units.force} {units.length}"
     worst, where = summary["worst_step_share"], f"step {summary['worst_step']} to t = {summary['worst_step_t']:.6g}"
