@@ -560,6 +560,25 @@ def test_a_start_that_does_not_fit_is_refused(folder):
     assert any("'another' starts without a history" in note for note in result.verdict.notes)
 
 
+@pytest.mark.parallel
+def test_what_a_start_leaves_out_is_noted():
+    """A tool by another name is where it was stated, not where it went, and a load that is not stated ends at once."""
+    scene, ball = pressed()
+    scene.traction("xmax", (0.01, 0, 0))
+    first = solve(scene, move={ball: (0, 0, -0.2)}, steps=1, **TIGHT).require()
+    again, same = pressed()
+    again.traction("xmax", (0.01, 0, 0))
+    kept = solve(again, move={same: (0, 0, -0.1)}, steps=1, start=first, **TIGHT).require()
+    assert not any("stated" in note for note in kept.verdict.notes)
+    bare = Scene(Body(block(), "box", LAW))
+    bare.fix("zmin")
+    other = rigid_sphere(5.0, (4, 4, 8.8), name="other")
+    bare.contact("zmax", other, 0.3, name="top")
+    notes = solve(bare, move={other: (0, 0, -0.1)}, steps=1, start=first, **TIGHT).verdict.notes
+    assert any("tool 'other' starts where the scene states it" in note and "'ball'" in note for note in notes)
+    assert any("traction on 'xmax', with which the result ends" in note for note in notes)
+
+
 # -- pictures ---------------------------------------------------------------------------------------------------------
 @pytest.mark.serial
 def test_pictures_and_curves_name_the_stages():

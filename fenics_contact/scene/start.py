@@ -12,6 +12,7 @@ from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.system import System
 from fenics_contact.scene.courses import Course
 from fenics_contact.scene.functions import Path
+from fenics_contact.scene.statements import LOADS
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError
 
@@ -70,7 +71,28 @@ def begin(system: System, driven: Driven, start: Start) -> list[str]:
         )
     system.supports.begin(u, start.drives["supports"])
     left = memory.begin(start.arrays, q)
-    return [f"contact '{name}' starts without a history: {start.name} has none of that name and points" for name in left]
+    return _left_out(system, driven, start) + [
+        f"contact '{name}' starts without a history: {start.name} has none of that name and points" for name in left
+    ]
+
+
+def _left_out(system: System, driven: Driven, start: Start) -> list[str]:
+    """What the other scene had and this one has not: a tool by another name is not where it was, a load ends at once."""
+    tools, loads, here = start.drives["tools"], start.drives["loads"], _courses(driven)
+    lost = ", ".join(f"'{name}'" for name in tools if name not in system.tools.names)
+    new = ", ".join(f"'{name}'" for name in system.tools.names if name not in tools)
+    notes = (
+        [f"tool {new} starts where the scene states it: {start.name} has none of that name, but {lost}"]
+        if lost and new
+        else []
+    )
+    for what, (value, _) in loads.items():
+        rest = 1.0 if what.startswith(LOADS["swell"]) else 0.0
+        if what not in here and np.any(np.array(value) != rest):
+            notes.append(
+                f"{what}, with which {start.name} ends, is not stated and gone at once: state it, to let it go in steps"
+            )
+    return notes
 
 
 def _tools(system: System, there: dict[str, Any]) -> tuple[Floats, Floats]:
