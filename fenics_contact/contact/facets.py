@@ -29,8 +29,7 @@ from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64, Sp
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
 FIRST_SEARCH = 3.0
-# Over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for.
-MARGIN = 0.5
+MARGIN = 0.5  # over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for
 
 
 class Placed(NamedTuple):
@@ -85,17 +84,15 @@ class OnFacets:
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
         """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
-        normals = np.abs(self.looks(state)).max(axis=(0, 1), initial=0.0)
-        largest = np.max(self._comm.allgather(normals), axis=0)
+        largest = np.max(self._comm.allgather(np.abs(self.looks(state)).max(axis=(0, 1), initial=0.0)), axis=0)
         return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
     def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
         """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
-        gaps = self.first_feet(state).projection[4]
-        return -min(self._comm.allgather(gaps.min(initial=0.0))), 0.0
+        return -min(self._comm.allgather(self.first_feet(state).projection[4].min(initial=0.0))), 0.0
 
     def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
-        """Nothing: pressure acts along the master's normals."""
+        """Nothing: it is asked of averages alone."""
         return np.zeros(4)
 
     def beside(self, state: State) -> tuple[Ints64, Floats] | None:
@@ -112,9 +109,8 @@ class FacetPartner(OnFacets):
     Points of slave facets, Gauss points or corners, seek the master along their own facet's normal, which stays continuous
     over the master's edges; slave nodes without a facet seek the closest point on the master and its normal (the paper).
     surface: SlaveSurface; facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals
-    say where a slave node looks; master: MasterSurface. Each rank evaluates its slave points against the whole master
-    surface; forces on the master go back by a sum over its nodes. Anchors are (nodes (np, m), weights (np, m)). All
-    methods that take a state are collective.
+    say where nodes look; master: MasterSurface, the whole of which each rank evaluates its slave points against. Its forces
+    are summed over its nodes. Anchors: (nodes (np, m), weights (np, m)). Methods that take a state are collective.
     """
 
     settles = False

@@ -236,7 +236,7 @@ class RigidPartner:
         return gap
 
     def lean(self, feet: object, trial: Trial, held: Bools) -> Floats:
-        """Nothing: pressure acts along the master's normals."""
+        """Nothing: pressure acts along the tool's normals."""
         return np.zeros(4)
 
     def beside(self, state: State) -> tuple[Ints64, Floats]:
