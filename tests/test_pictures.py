@@ -19,6 +19,7 @@ from fenics_contact import (
     Body,
     Film,
     Scene,
+    Stage,
     Units,
     mooney_rivlin,
     neo_hooke,
@@ -33,6 +34,7 @@ from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
 from fenics_contact.output.colours import BODY, STATUS, colours
 from fenics_contact.output.curves import along_line, times, words
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.film import common_limits
 from fenics_contact.output.pictures import LETTERS, WIDTH
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.render import pyvista_works
@@ -493,6 +495,22 @@ def test_a_film_draws_the_steps_of_a_run(tmp_path, monkeypatch):
         lids = [one.tools[0][..., 2].mean() for one in film.drawings]
         np.testing.assert_allclose(lids, [0.95, 0.9, 0.85, 0.8])  # each is of its own step
         assert film.drawings[0].title == "t = 0.25"
+
+
+def test_a_frame_without_contact_leaves_the_colours_of_a_film_alone():
+    """A soft pad is pressed with a thousandth of a MPa, and let go."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1)), "box", neo_hooke(mu=1e-3, K=5e-3)))
+    scene.fix("zmin")
+    lid = rigid_plane((0, 0, 1), normal=(0, 0, -1), name="lid")
+    scene.contact("zmax", lid, name="top")
+    film = Film("contact_pressure")
+    stages = [Stage("press", move={lid: (0, 0, -0.1)}, steps=2), Stage("lift", move={lid: (0, 0, 0.2)}, steps=2)]
+    result = solve(scene, stages=stages, progress=False, record={"frame": film}).require()
+    peak = result.column("top_peak_pressure_MPa").max()
+    if ROOT:
+        assert film.drawings[-1].colours.blank and len(film.drawings) == 4
+        low, high = common_limits(film.drawings)
+        assert low == 0.0 and 0.3 * peak < high < 3.0 * peak < 0.01
 
 
 def test_a_tool_at_rest_does_not_travel_in_a_film():

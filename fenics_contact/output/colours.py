@@ -22,13 +22,15 @@ LIGHT = np.array([0.3, 0.5, 0.8])  # direction to it, in the picture's right, up
 
 @dataclass(frozen=True)
 class Colours:
-    """Colours of one field: low and high are its limits; kind as in `Look`."""
+    """Colours of one field: low and high are its limits; kind as in `Look`; blank: it has no value, or zeros alone, and the
+    limits stand for none."""
 
     label: str
     kind: str
     on_contact: bool
     low: float
     high: float
+    blank: bool = False
 
     @property
     def scale(self) -> Any:
@@ -72,9 +74,10 @@ def colours(label: str, kind: str, on_contact: bool, values: Floats) -> Colours:
         low, high = -max(-low, high), max(-low, high)
     elif on_contact:
         low, high = min(low, 0.0), max(high, 0.0)
+    blank = low == high == 0.0
     if not high > low:
         low, high = (low, 1.0) if low == 0.0 else (low - 0.05 * abs(low), low + 0.05 * abs(low))
-    return Colours(label, kind, on_contact, low, high)
+    return Colours(label, kind, on_contact, low, high, blank)
 
 
 def shade(normal: Floats) -> Floats:

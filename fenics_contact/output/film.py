@@ -89,17 +89,23 @@ def animate(
 ) -> None:
     """Write drawings of one model as a GIF or MP4. The view is that of the drawing with the largest value."""
     writer = _writer(path, 1.0 / seconds)
-    best = max(drawings, key=lambda one: one.colours.high)
+    best = max(drawings, key=lambda one: (not one.colours.blank, one.colours.high))
     frames = [replace(one, view=best.view) for one in drawings]
     ends = np.array([one.extent() for one in frames])
     extent = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
-    limits = limits or (min(one.colours.low for one in frames), best.colours.high)
+    limits = limits or common_limits(drawings)
     figure: Figure = frames[0].figure(limits, extent=extent)
     writer.setup(figure, path, dpi=DOTS)
     for frame in frames:
         frame.fill(figure, limits, extent=extent)
         writer.grab_frame()
     writer.finish()
+
+
+def common_limits(drawings: Sequence[Drawing]) -> tuple[float, float]:
+    """Limits of the colours for all drawings; those without a value, of a step without contact, have no say."""
+    seen = [one.colours for one in drawings if not one.colours.blank] or [one.colours for one in drawings]
+    return min(tint.low for tint in seen), max(tint.high for tint in seen)
 
 
 def _writer(path: Path, per_second: float) -> PillowWriter | FFMpegWriter:
