@@ -59,6 +59,13 @@ def schedule(stage: Stage, tolerance: float | None, smallest_step: float | None)
         return arcs, shares
 
 
+def ends_early(stage: Stage, shares: Floats) -> list[str]:
+    """A note where a run without stages is to end before its paths do."""
+    if stage.name or shares[-1] > 1.0 - 1e-9:
+        return []
+    return [f"steps= end at t = {shares[-1]:g}, and paths that are numbers at t = 1: they are not gone to their end"]
+
+
 def plans_of(
     scene: Scene, built: Built, stated: Sequence[Stage], schedules: Sequence[tuple[ArcSteps | None, Floats]], linear: str,
     tolerance: float | None,

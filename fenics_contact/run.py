@@ -30,7 +30,7 @@ from fenics_contact.output.history import (
     stages_summary,
 )
 from fenics_contact.output.units import Units
-from fenics_contact.plans import Plan, carry, plans_of, schedule
+from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
@@ -127,7 +127,7 @@ def solve(
     kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), progress)
     setup = timers.table()["total"]
     verdict = kept.verdict
-    kept.remark([*scene.notes, *built.notes])
+    kept.remark([*scene.notes, *built.notes, *ends_early(stated[-1], plans[-1].shares)])
     _carried(scene, system, plans, kept, smallest_step)
     kept.bar.close()
     if verdict.converged:

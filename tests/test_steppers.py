@@ -137,3 +137,13 @@ if __name__ == "__main__":
     values = numbers()
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(values.tolist()))
+
+
+@pytest.mark.parallel
+def test_steps_that_end_before_the_paths_do_are_noted():
+    scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", rubber()))
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.1)
+    notes = [solve(scene, steps=steps, progress=False).require().verdict.notes for steps in ([0.5, 0.8], [0.5, 1.0], 2)]
+    assert len(notes[0]) == 1 and "steps= end at t = 0.8" in notes[0][0]
+    assert notes[1:] == [[], []]

@@ -357,7 +357,7 @@ class MortarPartner(OnFacets):
 
     def lean(self, feet: MortarFeet, trial: Trial, held: Bools) -> Floats:
         """Sums over this rank's samples: beside the slave's ends and creases of pressure times the difference of their
-        normals from the master's (3), and of all the pressure (1) [force]. held (ns,): nodes whose ends count as none.
+        normals from the master's, a vector, and last of all the pressure [force]. held (ns,): nodes whose ends are none.
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
