@@ -127,11 +127,12 @@ def solve(
     kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), progress)
     setup = timers.table()["total"]
     verdict = kept.verdict
-    kept.remark([*scene.notes, *built.notes, *ends_early(stated[-1], plans[-1].shares)])
+    kept.remark([*scene.notes, *built.notes])
     _carried(scene, system, plans, kept, smallest_step)
     kept.bar.close()
     if verdict.converged:
         kept.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
+        kept.remark(ends_early(stated[-1], plans[-1].shares))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error = penalty_error(system, plans[system.stages.index].solver) if verdict.converged else None

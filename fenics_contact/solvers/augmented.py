@@ -13,6 +13,9 @@ Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
 Report = TypeVar("Report", bound=StepReport)
 
 AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes tens
+# Augmentations in a row of which none has left less than this part of the error before: what slides on against springs, or
+# is held more often than it can follow, would take them all
+STALLED, GAIN = 25, 0.99
 
 # Out-of-balance share above which penetrations are no measure of pressure: a point that closed in a single solve, 2 % of a
 # cell deep, leaves 2 E times its area (100 E / h is the default penalty), the force of tens of points at a strain of a tenth
@@ -58,8 +61,8 @@ class Augmented(Generic[Goal, Report]):
             balanced = report.residuals[-1] <= BALANCED
             if balanced and (best is None or report.misfits[-1] < best.misfit):
                 best = _Place(system, report)
-            if report.augmentations == self.limit:
-                failure = _exhausted(report, self.limit)
+            if report.augmentations == self.limit or _stalled(report.misfits):
+                failure = _exhausted(report)
                 if best is None:
                     raise failure
                 return best.accept(system, report, failure)
@@ -121,9 +124,14 @@ class _Place:
         return report
 
 
-def _exhausted(report: StepReport, limit: int) -> StepFailed:
+def _stalled(misfits: list[float]) -> bool:
+    """Whether many augmentations in a row have not made the error smaller than any before."""
+    return len(misfits) > STALLED and min(misfits[-STALLED:]) > GAIN * min(misfits[:-STALLED])
+
+
+def _exhausted(report: StepReport) -> StepFailed:
     left, first = report.misfits[-1], report.misfits[0]
-    text = f"{limit} augmentations left {left:.3g} times the penetration allowed, of {first:.3g} at first"
+    text = f"{report.augmentations} augmentations left {left:.3g} times the penetration allowed, of {first:.3g} at first"
     remedy = "raise penalty= of the augmented contacts or leave it to the default, take fewer points= per facet"
     return StepFailed(text, TOO_SOFT, remedy=remedy)
 
