@@ -63,7 +63,7 @@ def ends_early(stage: Stage, shares: Floats) -> list[str]:
     """A note where a run without stages is to end before its paths do."""
     if stage.name or shares[-1] > 1.0 - 1e-9:
         return []
-    return [f"steps= end at t = {shares[-1]:g}, and paths that are numbers at t = 1: they are not gone to their end"]
+    return [f"steps= go to t = {shares[-1]:g}; what is stated as a number is reached at t = 1"]
 
 
 def plans_of(

@@ -665,6 +665,14 @@ def test_a_wrong_motion_is_refused(motion, words):
 
 
 @pytest.mark.parallel
+def test_a_target_that_a_tool_cannot_reach_is_refused():
+    shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
+    along = {"method": "arc_length", "until": Travel(shaft, "rz", 0.1), "progress": False}
+    move = {shaft: Motion(ry=0.8, force=(0, 0, -2.0))}
+    refused(lambda: solve(rubber(shaft, 0.1), move=move, **along), "'shaft' about z = 0.1", "neither moves nor is free")
+
+
+@pytest.mark.parallel
 def test_a_motion_is_stated_once():
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
     scene, motion = rubber(shaft, 0.3), Motion(z=-1.0)

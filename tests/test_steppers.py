@@ -145,5 +145,5 @@ def test_steps_that_end_before_the_paths_do_are_noted():
     scene.fix("zmin")
     scene.prescribe("zmax", "z", -0.1)
     notes = [solve(scene, steps=steps, progress=False).require().verdict.notes for steps in ([0.5, 0.8], [0.5, 1.0], 2)]
-    assert len(notes[0]) == 1 and "steps= end at t = 0.8" in notes[0][0]
+    assert len(notes[0]) == 1 and "steps= go to t = 0.8" in notes[0][0]
     assert notes[1:] == [[], []]

@@ -261,9 +261,12 @@ def _refuse_start(stage: Stage, name: str, first: Floats, reached: Floats, free:
     if (unknown := bool(np.isnan(reached[free]).any())) or np.any(
         np.abs(first - reached)[free] > STILL * np.abs(reached[free]).max(initial=0.0)
     ):
-        there = "in the stage before it was moved, or followed by arc length" if unknown else f"it ended at {reached}"
+        begun, ended = (
+            ", ".join(f"{'xyz'[i % 3]} {part[i]:.6g}" for i in np.flatnonzero(free)) for part in (first, reached)
+        )
+        there = "in the stage before it was moved, or followed by arc length" if unknown else f"it ended at {ended}"
         what = stage.says(f"push of '{name}'")
-        raise SceneError(f"{what} starts from {first}, but {there}; give the new force as numbers, or start from there")
+        raise SceneError(f"{what} starts from {begun}, but {there}; give the new force as numbers, or start from there")
 
 
 def _refuse_drives(tools: Sequence[Tool], stage: Stage) -> None:

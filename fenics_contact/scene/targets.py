@@ -73,6 +73,9 @@ class Travel:
             raise SceneError(f"{self}: that tool is in no contact or tie of the scene")
         i, component = scene.tools.index(self.tool), COMPONENTS.index(self.axis)
         unit = 1.0 if component < 3 else system.tools.lever
+        now, *later = (system.tools.prescribed(system.stages.time(share))[i, component] for share in (0.0, 0.5, 1.0))
+        if not system.tools.free[i, component] and all(then == now for then in later):
+            raise SceneError(f"{self}: that component neither moves nor is free; state it in move= or push=")
         return lambda: system.state.q[i, component] / unit - self.value
 
 
