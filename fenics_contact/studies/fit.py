@@ -65,7 +65,7 @@ class Fit:
             label = f"{name}, {100 * self.errors[name]:.2g} %"
             axes.plot(*table.T, MARKERS[i], color=COLOURS[i], markersize=4, label=label)
         for i, name in enumerate([*self.tests, *(mode for mode in TESTS if mode not in self.tests)]):
-            label = None if name in self.tests else f"{name}, not tested"
+            label = "_" if name in self.tests else f"{name}, not tested"
             at = _reach(self.tests)
             axes.plot(at, nominal_stress(self.material, name, at), "--", color=COLOURS[i], linewidth=0.9, label=label)
         seen = np.concatenate([table[:, 1] for table in self.tests.values()])
