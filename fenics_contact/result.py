@@ -96,10 +96,8 @@ class Result:
         pressure and friction on the current area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y",
         "z", or a function of the reference positions X (n, 3) -> (n,): the line starts at its end where that is least, and
         runs from facet to facet; cut: {axis: value}, the plane of the undeformed body that cuts the surface, e.g.
-        {"z": 0.0}; of a surface one facet wide, as a slice's, its lower side by default. KeyError lists the contacts;
-        SceneError without an accepted step.
+        {"z": 0.0}; of a surface one facet wide, as a slice's, its lower side by default. KeyError lists the contacts.
         """
-        self._refuse_empty("line()")
         return line(self._surface(contact), along, cut, self.scene.units)
 
     def widths(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Floats:
@@ -122,7 +120,6 @@ class Result:
         backend: str | None = None,
     ) -> Drawing | None:
         """What `plot` draws, for axes of one's own: `drawing.draw(axes)`. On rank 0; None on the others. Collective."""
-        self._refuse_empty("picture of the final state")
         refuse_backend(backend, self.system.comm)
         found = drawing(self.scene, self.system, field, mirror, view)
         if found is None:

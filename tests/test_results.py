@@ -576,17 +576,3 @@ def test_every_column_is_documented():
     table = text.split("| column | meaning |")[1].split("\n\n")[0]
     told = {name for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split("|")[1] if "|" in row else "")}
     assert told - {"damping=True"} == found
-
-
-def test_a_run_without_an_accepted_step_has_no_line_and_no_picture():
-    mesh = read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(1, 1, 1))
-    scene = Scene(Body(mesh, "box", RUBBER))
-    scene.fix("zmin")
-    scene.prescribe("zmax", "z", -3.0)  # past its own floor
-    scene.contact("xmax", rigid_plane((9.0, 0.0, 0.0), (-1.0, 0.0, 0.0)), name="top")
-    result = solve(scene, steps=1, smallest_step=1.0, progress=False)
-    assert not result.history
-    asked = [lambda: result.line("top", "y"), lambda: result.widths("top", "y"), lambda: result.plot_line("top", "y")]
-    for ask in (*asked, result.plot, result.drawing):
-        with pytest.raises(SceneError, match="no accepted step"):
-            ask()
