@@ -19,6 +19,13 @@ from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
 Taken = TypeVar("Taken")
 
 
+class Groups(dict[str, Ints64]):
+    """Nodes of groups by name (n, ...); printed as how many there are, for a group may hold all of a mesh."""
+
+    def __repr__(self) -> str:
+        return "{" + ", ".join(f"{name!r}: {len(nodes)} of them" for name, nodes in self.items()) + "}"
+
+
 @dataclass
 class NamedMesh:
     """A dolfinx mesh with gmsh's physical groups by name. A plane mesh has surfaces in the place of volumes, and curves in
@@ -130,7 +137,8 @@ def read_gmsh(
     domain.topology.create_connectivity(groups.dim - 1, groups.dim)
     domain.topology.create_connectivity(groups.dim, groups.dim - 1)
     return NamedMesh(
-        domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, groups.edges, groups.points, groups.doubled,
+        domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, Groups(groups.edges), Groups(groups.points),
+        groups.doubled,
         groups.touching,
     )  # fmt: skip
 

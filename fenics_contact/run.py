@@ -143,13 +143,13 @@ def solve(
     kept.remark(kept.results.notes())
     taken = len(kept.history)
     unknown = taken * TOLERANCE * system.scale * system.moved
-    kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown) if verdict.converged else [])
+    kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps) if verdict.converged else [])
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:
         kept.writer.finish(summary)
     if progress and system.comm.rank == 0:
         lines = penalty_lines(summary["penalty_error"], scene.units)
-        lines += [energy_line(kept.results.energies, scene.units), stages_line(summary["seconds"])]
+        lines += [energy_line(kept.results.energies, summary["energy"], scene.units), stages_line(summary["seconds"])]
         if verdict.residuals:
             falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
             lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")

@@ -70,6 +70,7 @@ def test_all_of_treloar_s_tests_at_once(tmp_path):
     assert max(fit(neo_hooke, TESTS, K=1000.0, mu=0.3).errors.values()) > 0.15
     figure = found.plot(tmp_path / "fit.png")
     assert (tmp_path / "fit.png").stat().st_size > 20_000
+    assert found.warning == "" and max(np.max(line.get_xdata()) for line in figure.axes[0].lines) > 1.4 * 7.61
     assert [text.get_text().split(",")[0] for text in figure.axes[0].get_legend().get_texts()] == list(TESTS)
 
 
@@ -120,3 +121,13 @@ def test_the_example_of_the_documents(tmp_path, monkeypatch):
     known = {}
     exec(text.split("body =")[0], known)
     assert max(known["found"].errors.values()) < 0.05 and (tmp_path / "fit.png").stat().st_size > 20_000
+
+
+def test_an_unstable_law_is_named(tmp_path):
+    """Uniaxial tests alone give Mooney-Rivlin's a2 < 0: tension is met, and the sheet drawn in two directions gives way."""
+    table = [[1.0, 0.0], [1.2, 0.18], [1.5, 0.36], [2.0, 0.57], [3.0, 1.0], [4.0, 1.5]]
+    with pytest.warns(UserWarning, match="unstable.*equibiaxial"):
+        found = fit(mooney_rivlin, {"uniaxial": table}, K=100.0, a1=0.2, a2=0.02)
+    assert found.parameters["a2"] < 0.0 and "equibiaxial" in found.unstable and "unstable" in found.warning
+    names = [text.get_text() for text in found.plot(tmp_path / "fit.png").axes[0].get_legend().get_texts()]
+    assert "equibiaxial, not tested" in names and "shear, not tested" in names

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from refusals import refused
 
 from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, rigid_surface, solve
+from fenics_contact.mesh_io import Groups
 from fenics_contact.meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -341,3 +342,10 @@ def test_a_body_inside_another_is_said():
     scene.prescribe("upper_top", "z", 0.01)
     (note,) = unmet(solve(scene, steps=1, progress=False))
     assert "body 'lower' touches or overlaps 'upper'" in note and "6 faces" in note
+
+
+def test_groups_of_nodes_are_printed_short():
+    """A file's node set may hold all nodes of its mesh."""
+    groups = Groups({"all": np.arange(5000, dtype=np.int64)[:, None], "tip": np.zeros((1, 1), dtype=np.int64)})
+    assert str(groups) == "{'all': 5000 of them, 'tip': 1 of them}" and len(groups["all"]) == 5000
+    assert isinstance(read_gmsh(overlapping).points, Groups)

@@ -96,14 +96,16 @@ def penalty_lines(summary: Summary, units: Units) -> list[str]:
     return lines
 
 
-def energy_line(energies: Energies, units: Units) -> str:
-    """Where the work of supports, loads and tools went, in one line."""
-    work = energies.external_work
+def energy_line(energies: Energies, summary: Summary, units: Units) -> str:
+    """Where the work of supports, loads and tools went, in one line: as shares of the work done, as in energy_summary."""
+    unit = f"{units.force} {units.length}"
+    if not summary:
+        return "no work done"
+    done = summary[f"work_done_{energy_unit(units)}"]
     went = {"bodies": energies.strain, "penalties": energies.penalty, "friction": sum(energies.friction.values())}
-    went |= {"damping": energies.damping, "not accounted for": energies.error}
-    whole = max(abs(work), *map(abs, went.values()), 1e-300)
-    shares = ", ".join(f"{name} {part / whole:.2%}" for name, part in went.items() if part)
-    return f"external work {work:.4g} {units.force} {units.length}: {shares}"
+    went |= {"damping": energies.damping, "missing": energies.error}
+    shares = ", ".join(f"{name} {part / done:.2%}" for name, part in went.items() if part)
+    return f"work done {done:.4g} {unit}, in the end {energies.external_work:.4g} went in; of the work done: {shares}"
 
 
 def energy_summary(rows: Sequence[HistoryRow], units: Units) -> Summary:
@@ -121,24 +123,33 @@ def energy_summary(rows: Sequence[HistoryRow], units: Units) -> Summary:
     }  # fmt: skip
 
 
-def energy_notes(summary: Summary, steps: int, units: Units, unknown: float = 0.0) -> list[str]:
+def energy_notes(
+    summary: Summary, steps: int, units: Units, unknown: float = 0.0, overlaps: Sequence[str] = ()
+) -> list[str]:
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
 
-    unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work.
+    unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work;
+    overlaps: names of the contacts that overlap at the start, whose energy the first step lets go.
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
     1 / steps^2 at most up to the cube.
     """
-    share = summary.get("error_share", 0.0)
-    if share <= max(COSTLY, 1.0 / steps**2) or abs(summary[f"error_{energy_unit(units)}"]) <= unknown:
+    share, unit = summary.get("error_share", 0.0), energy_unit(units)
+    if share <= max(COSTLY, 1.0 / steps**2) or abs(summary[f"error_{unit}"]) <= unknown:
         return []
-    done = f"{summary[f'work_done_{energy_unit(units)}']:.4g} {units.force} {units.length}"
-    worst, where = summary["worst_step_share"], f"step {summary['worst_step']} to t = {summary['worst_step_t']:.6g}"
+    missing, done = (f"{abs(summary[f'{name}_{unit}']):.4g}" for name in ("error", "work_done"))
+    text = f"energy: {missing} {units.force} {units.length} of the work done, {done}, are missing ({share:.1%})"
+    if overlaps and summary["worst_step"] == 1:
+        which = f"contact{'s' * (len(overlaps) > 1)} {', '.join(map(repr, overlaps))}"
+        return [
+            f"{text}, {summary['worst_step_share']:.0%} of that in step 1, which presses apart what overlaps at the start "
+            f"({which}): the energy of that is no work; start without overlap"
+        ]
     return [
-        f"energy: {share:.1%} of the work done, {done}, is not accounted for, more than {steps} steps leave on a smooth "
-        f"path, {worst:.0%} of it in {where}: take more steps there; what stays then went into a sudden motion within a "
-        "step (damping=True carries it) or into penetrations of contacts with friction, which multipliers take away, "
-        "penetration="
+        f"{text}, {summary['worst_step_share']:.0%} of that in step {summary['worst_step']} to "
+        f"t = {summary['worst_step_t']:.6g}: take more steps there; what stays then went into a sudden motion within a step "
+        "(damping=True carries it) or into friction: against round tools penetration= lessens that, between bodies some "
+        "percent of friction's work remain"
     ]
 
 

@@ -23,6 +23,7 @@ MANY = 10_000  # tiles of a tool from which on only the large ones are cut
 FINEST = 8  # times at most that facets are halved for it
 FACE = -1  # in the place of a facet's number: a plane cell itself
 LAYER = 1e-3  # of the bodies' size: how thick a plane mesh is drawn
+UNSTRESSED = 1e-8  # of the softest shear modulus: stresses that balance to 1e-8 of the forces may leave in an unloaded body
 FLAT = 1e-6  # of the bodies' size: what counts as no distance and no displacement
 
 Part = int | Callable[[Floats], Floats]  # of a Function's values at a node: a component, or what is made of all (n, width)
@@ -76,9 +77,15 @@ def look(fields: Fields, name: str) -> Look:
     if name == "J":
         return Look("volume ratio J", _per_cell(mesh, fields.J.x.array))
     stress = fields.cauchy_stress.x.array.reshape(-1, 3, 3)
+    least = UNSTRESSED * min(body.material.shear_modulus for body in fields.scene.bodies)
+    stress = np.where(np.abs(stress) > least, stress, 0.0)
     if name == "von_mises":
         return Look(f"von Mises stress [{units.pressure}]", _per_cell(mesh, _von_mises(stress)))
     if word == "stress" and len(axis) == 2 and set(axis) <= set(AXES):
+        if fields.scene.section is not None and axis.count("z") == 1:
+            raise SceneError(
+                f"field '{name}': a plane or axisymmetric scene has no shear along z; draw stress_xx, _yy, _zz, _xy"
+            )
         values = stress[:, AXES.index(axis[0]), AXES.index(axis[1])]
         return Look(f"Cauchy stress {axis} [{units.pressure}]", _per_cell(mesh, values), kind="signed")
     return _look_at_contact(fields, name)

@@ -70,7 +70,7 @@ Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and 
 @dataclass(frozen=True)
 class Built:
     """A System, what is to be said of its start, terms of its loads alone, fluids too; all loads by name as functions of t,
-    and the size of the displacement to begin with."""
+    and the size of the displacement to begin with; overlaps: names of the contacts that overlap at the start."""
 
     system: System
     notes: list[str]
@@ -78,6 +78,7 @@ class Built:
     fluids: list[Fluid]
     driven: list[tuple[str, Path]]
     start: list[float]
+    overlaps: list[str]
 
 
 def build(
@@ -141,28 +142,31 @@ def build(
         bulk_over_shear=max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies),
     )  # fmt: skip
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
-    notes = _start(scene, system, stated, driven, start)
+    notes, overlaps = _start(scene, system, stated, driven, start)
     refuse_hindered(state)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
-    return Built(system, notes, [*dead, *follower, *fluids, *fields.terms], fluids, driven, [_size(system)])
+    return Built(
+        system, notes, [*dead, *follower, *fluids, *fields.terms], fluids, driven, [_size(system)], [] if start else overlaps
+    )
 
 
 def _start(
     scene: "Scene", system: System, stated: Sequence[Stage], driven: list[tuple[str, Path]], start: Start | None
-) -> list[str]:
-    """Check how a run begins, and each of its stages; start: another run's state to take up. Returns what is to be said.
-    Collective."""
+) -> tuple[list[str], list[str]]:
+    """Check how a run begins, and each of its stages; start: another run's state to take up. Returns what is to be said, and
+    the contacts that overlap. Collective."""
     refuse_behind(system)
     refuse_held(scene, system)
-    notes = left_out_notes(scene) + unmet_notes(scene) + refuse_deep_start(scene, system)
+    deep, overlaps = refuse_deep_start(scene, system)
+    notes = left_out_notes(scene) + unmet_notes(scene) + deep
     if start:
         notes += begin(system, driven, start)
         turns = system.state.poses.turns
         refuse_turned_grain(scene.contacts, [name for name, turn in zip(system.tools.names, turns, strict=True)
                                              if not np.array_equal(turn, np.eye(3))])  # fmt: skip
     refuse_gaps(system, stated, driven, start is not None)
-    return notes
+    return notes, overlaps
 
 
 def _size(system: System) -> float:

@@ -33,6 +33,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # down by as much gives a force that is 0, 5, 6, 11 % too small, for friction has no history of the way; flat tools and two
 # bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing.
 REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
+OVERLAP = 1e-3  # of a cell's height: an overlap from which on it has an energy to speak of; round-off and facets stay below
 LEANING = 1e-9  # part along z of a normal that lies in the plane
 
 
@@ -340,12 +341,12 @@ def refuse_behind(system: System) -> None:
             )
 
 
-def refuse_deep_start(scene: "Scene", system: System) -> list[str]:
+def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[str]]:
     """Nothing may overlap by more than half a cell at the start, nor a tool reach nodes behind its slave surface.
 
-    Returns what is to be said of smaller overlaps. Collective.
+    Returns what is to be said of smaller overlaps, and the names of all contacts that overlap. Collective.
     """
-    X, remarks = scene.space.tabulate_dof_coordinates(), []
+    X, remarks, overlaps = scene.space.tabulate_dof_coordinates(), list[str](), list[str]()
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
         slave = np.zeros(len(X), dtype=bool)
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
@@ -357,7 +358,9 @@ def refuse_deep_start(scene: "Scene", system: System) -> list[str]:
             raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves")
         if at_surface > REMARKABLE * height:
             remarks.append(f"{where}: the first step presses it out, and friction misses the way; start it outside")
-    return remarks
+        if at_surface > OVERLAP * height:
+            overlaps.append(contact.name)
+    return remarks, overlaps
 
 
 def refuse_held(scene: "Scene", system: System) -> None:

@@ -1,5 +1,6 @@
 """Parameters of a law from tests of a rubber: least squares of the nominal stresses of an incompressible body."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,21 +24,39 @@ TESTS: dict[str, tuple[Callable[[float], tuple[float, float, float]], int]] = {
     "shear": (lambda s: (s, 1.0, 1.0 / s), 1),
 }
 STEP = 1e-3  # relative, of a stretch in differences of the energy, of fourth order: errors of 1e-11, and round-off of 1e-12
+BEYOND = 1.5  # times the largest stretch of a test, and as far into compression: how far curves are drawn and looked at
+POINTS = 200  # of a curve
 REFUSED = 1e3  # stands for parameters that a law refuses, in largest stresses of a test
 
 
 @dataclass(frozen=True)
 class Fit:
     """material: the law with the parameters found; parameters: those; errors: {test: root mean square of the nominal
-    stress's error over its largest value}; tests: {test: table (n, 2) of stretch and nominal stress [pressure]}."""
+    stress's error over its largest value}; tests: {test: table (n, 2) of stretch and nominal stress [pressure]}; unstable:
+    {mode: stretch nearest to 1 from which the nominal stress falls as the body is stretched}, of all modes of TESTS up to
+    BEYOND times what was tested, {} of a law that grows stiff everywhere."""
 
     material: Isotropic
     parameters: dict[str, float]
     errors: dict[str, float]
     tests: dict[str, Floats]
+    unstable: dict[str, float]
+
+    @property
+    def warning(self) -> str:
+        """What is to be said of a law that gives way, "" of one that does not."""
+        if not self.unstable:
+            return ""
+        ways = {mode: f"{'from' if at > 1.0 else 'below'} a stretch of {at:.3g}" for mode, at in self.unstable.items()}
+        where = ", ".join(f"{mode} {way}" for mode, way in ways.items())
+        return (
+            f"the law found is unstable: its nominal stress falls as the stretch grows in {where}; add tests of these "
+            "modes, take a law with fewer parameters, or keep the scene away from there"
+        )
 
     def plot(self, path: str | Path, pressure: str = "MPa") -> Figure:
-        """The tests' points and the law's curves, as a picture; pressure: the unit's name."""
+        """The tests' points and the law's curves, as a picture; dashed: beyond the tests, and in modes without one;
+        pressure: the unit's name."""
         figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
         axes = figure.subplots()
         for i, (name, table) in enumerate(self.tests.items()):
@@ -45,6 +64,14 @@ class Fit:
             axes.plot(at, nominal_stress(self.material, name, at), color=COLOURS[i])
             label = f"{name}, {100 * self.errors[name]:.2g} %"
             axes.plot(*table.T, MARKERS[i], color=COLOURS[i], markersize=4, label=label)
+        for i, name in enumerate([*self.tests, *(mode for mode in TESTS if mode not in self.tests)]):
+            label = "_" if name in self.tests else f"{name}, not tested"
+            at = _reach(self.tests)
+            axes.plot(at, nominal_stress(self.material, name, at), "--", color=COLOURS[i], linewidth=0.9, label=label)
+        seen = np.concatenate([table[:, 1] for table in self.tests.values()])
+        low, high = min(float(seen.min()), 0.0), max(float(seen.max()), 0.0)
+        axes.set_ylim(low - 0.6 * (high - low), high + 0.6 * (high - low))  # beyond the tests stresses may be any
+        axes.axhline(0.0, color="0.6", linewidth=0.6)
         axes.set_xlabel("stretch", fontsize=LETTERS), axes.set_ylabel(f"nominal stress [{pressure}]", fontsize=LETTERS)
         axes.tick_params(labelsize=LETTERS), axes.grid(alpha=0.3)
         axes.legend(fontsize=LETTERS, title="test, error of its largest stress", title_fontsize=LETTERS)
@@ -60,7 +87,7 @@ def fit(law: Callable[..., Isotropic], tests: Mapping[str, object], K: float, **
     law: `neo_hooke`, `yeoh`, ..., or a function of parameters and K that returns an isotropic material; tests: {"uniaxial",
     "equibiaxial" or "shear": table (n, 2) of stretch and nominal stress [pressure]}, shear being pure, of a wide sheet; K:
     bulk modulus that the law is to have [pressure]; start: {parameter: where the search begins}. StudyError for tables
-    that are none, and where no parameters are found.
+    that are none, and where no parameters are found; a warning where the law found is unstable, `Fit.warning`.
     """
     tables = {name: _table(name, table) for name, table in tests.items()}
     names, scale = list(start), {name: float(np.abs(table[:, 1]).max()) for name, table in tables.items()}
@@ -87,7 +114,28 @@ def fit(law: Callable[..., Isotropic], tests: Mapping[str, object], K: float, **
     material, errors = law(**parameters, K=K), residuals(found.x)
     ends = np.cumsum([len(table) for table in tables.values()])[:-1]
     each = {name: float(np.linalg.norm(part)) for name, part in zip(tables, np.split(errors, ends), strict=True)}
-    return Fit(material, parameters, each, tables)
+    fitted = Fit(material, parameters, each, tables, _unstable(material, tables))
+    if fitted.warning:
+        warnings.warn(f"fit: {fitted.warning}", stacklevel=2)
+    return fitted
+
+
+def _reach(tests: Mapping[str, Floats]) -> Floats:
+    """Stretches (n,) that all modes are looked at: those of the tests, and beyond."""
+    stretches = np.concatenate([table[:, 0] for table in tests.values()])
+    least, most = min(float(stretches.min()), 1.0), max(float(stretches.max()), 1.0)
+    return np.linspace(min(least / BEYOND, 1.0 / BEYOND), BEYOND * most, POINTS)
+
+
+def _unstable(material: Isotropic, tests: Mapping[str, Floats]) -> dict[str, float]:
+    """Fit.unstable: the stretch nearest to 1 where the force of the body, not its true stress, falls with the stretch."""
+    at, found = _reach(tests), dict[str, float]()
+    for name in TESTS:
+        falls = np.diff(nominal_stress(material, name, at)) < 0.0
+        if falls.any():
+            where = 0.5 * (at[1:] + at[:-1])[falls]
+            found[name] = float(where[np.argmin(np.abs(np.log(where)))])
+    return found
 
 
 def nominal_stress(material: Isotropic, test: str, stretches: Floats) -> Floats:
