@@ -11,13 +11,14 @@ from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
 
 MARKS = 40  # points of a curve up to which each is marked
+ENDS = "osD^v"  # marks of the steps with which stages end, one after the other
 AROUND = 0.25  # of the length from the first zone in contact to the last: what is shown beside them
 
 
 def words(column: str, units: Units) -> tuple[str, str]:
     """A column's name as a reader says it, and its unit, "" where the name has none."""
     L, F, p = units.length, units.force, units.pressure
-    known = (L, F, p, f"{F}{L}", f"{L}2", f"{F}_per_{L}", f"{p}_per_{L}")
+    known = (L, F, p, "rad", f"{F}{L}", f"{L}2", f"{F}_per_{L}", f"{p}_per_{L}")
     unit = next((u for u in sorted(known, key=len, reverse=True) if column.endswith(f"_{u}")), "")
     name = column.removesuffix(f"_{unit}") if unit else column
     return name.replace("_", " "), unit.replace("_per_", "/").replace(f"{L}2", f"{L}²")
@@ -36,7 +37,7 @@ def history_figure(
     table: Mapping[str, Array], units: Units, factors: tuple[float, float], ends: Mapping[str, int]
 ) -> Figure:
     """All columns but the first over the first, those of one unit on one pair of axes; table: {column name: (steps,)};
-    factors: of x and of all others; ends: {stage: row of its last step}, marked with the name."""
+    factors: of x and of all others; ends: {stage: row of its last step}, marked."""
     (x, places), *rest = table.items()
     of_x, of_y = factors
     by_unit: dict[str, list[str]] = {}
@@ -48,16 +49,23 @@ def history_figure(
         for column, name in names.items():
             axes.plot(of_x * places, of_y * table[column], marker="o" if len(places) <= MARKS else None, markersize=3,
                       linewidth=1.2, label=name)  # fmt: skip
-        for stage, row in ends.items():
-            place = of_x * places[row], of_y * table[columns[0]][row]
-            axes.annotate(stage, place, (4, 4), textcoords="offset points", fontsize=LETTERS)
+        marks = []
+        for i, (stage, row) in enumerate(ends.items()):
+            again, kind = divmod(i, len(ENDS))
+            look = {"markersize": 7 + 3 * again, "markerfacecolor": "none", "markeredgecolor": "k", "linestyle": "none"}
+            marks += axes.plot(of_x * places[row], of_y * table[columns[0]][row], ENDS[kind], label=stage, **look)
         name = names[columns[0]] if len(columns) == 1 else ""
         axes.set_ylabel(labelled(name, unit) if name else f"[{unit}]" if unit else "", fontsize=LETTERS)
         axes.set_xlabel(times(of_x) + labelled(*words(x, units)), fontsize=LETTERS)
         axes.tick_params(labelsize=LETTERS)
         axes.grid(linewidth=0.3)
-        if len(columns) > 1:
-            axes.legend(fontsize=LETTERS)
+        curves = axes.legend(handles=axes.lines[: len(columns)], fontsize=LETTERS) if len(columns) > 1 else None
+        if marks and axes is figure.axes[0]:  # above, where no curve runs through it
+            where = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.01), "borderaxespad": 0.0, "frameon": False}
+            style = {"title": "ends of stages", "ncol": min(len(marks), 5), "fontsize": LETTERS, "title_fontsize": LETTERS}
+            axes.legend(handles=marks, **where, **style)
+            if curves:
+                axes.add_artist(curves)
     return figure
 
 
