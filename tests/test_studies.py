@@ -138,6 +138,9 @@ def test_curves_of_a_sweep(folder, stiffs, panels, monkeypatch):
     assert len(axes) == 3 * panels and len(figure.axes) == len(axes) + (len(stiffs) > 4 and panels == 1)
     assert axes[0].get_ylabel() == "force [N]" and axes[-1].get_xlabel() == "depth [mm]"
     assert all(len(one.get_legend().get_texts()) <= 4 + 1 for one in axes)  # and "failed"
+    told = [[text.get_text() for text in one.get_legend().get_texts()] for one in axes if one.get_legend().get_visible()]
+    assert len(told) == len({tuple(names) for names in told}) >= panels  # what is the same is said once
+    assert len(stiffs) != 3 or "stiff 1 MPa" in told[0]
     first = axes[0].lines[2].get_ydata()
     np.testing.assert_allclose(first[:4], 3.0 * np.array([0.5, 1.0, 1.5, 2.0]) ** 1.5)
     assert np.isnan(first[4]) and any(patch.get_hatch() for patch in axes[0].patches)

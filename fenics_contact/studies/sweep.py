@@ -51,10 +51,14 @@ def curves(
         for i, value in enumerate(group):
             colour, marker = (scale.to_rgba(value), "o") if scale else (COLOURS[i], MARKERS[i])
             mine = [row for row in rows if by is None or row[by] == value]
-            label = None if by is None or scale else f"{words(by, units)[0]} {short(value)}"
+            name, unit = words(by, units) if by else ("", "")
+            label = None if by is None or scale else f"{name} {short(value)} {unit}".rstrip()
             _curve(axes, mine, x, output, color=colour, marker=marker, label=label)
         axes.set_ylabel("\n".join(textwrap.wrap(labelled(*words(output, units)), 24)), fontsize=LETTERS)
         _explain(axes, [row for row in rows if by is None or row[by] in group], x)
+    for axes, before in zip(found[1:], found, strict=False):  # what says the same as the one above it is said once
+        if (legend := axes.get_legend()) and _names(axes) == _names(before):
+            legend.set_visible(False)
     found[-1].set_xlabel(labelled(*words(x, units)), fontsize=LETTERS)
     if scale and by:
         bar = figure.colorbar(scale, ax=list(found), aspect=40)
@@ -108,6 +112,12 @@ def _curve(axes: Axes, rows: list[Row], x: str, output: str, **line: Any) -> Non
     good = {row[x]: row[output] for row in rows if row["converged"] is True}
     heights = [good.get(place, np.nan) for place in places]
     axes.plot(places, heights, markersize=4, linewidth=1.2, **line)
+
+
+def _names(axes: Axes) -> list[str]:
+    """What the legend of a panel says."""
+    legend = axes.get_legend()
+    return [text.get_text() for text in legend.get_texts()] if legend else []
 
 
 def _explain(axes: Axes, rows: list[Row], x: str) -> None:
