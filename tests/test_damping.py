@@ -152,7 +152,7 @@ def test_a_snap_within_a_step_is_said():
     (note,) = (note for note in result.verdict.notes if "passed through a snap" in note)
     assert "damping=True" in note and 0.1169 - 1 / 64 < float(note.split("near t = ")[1].split()[0]) < 0.1169
     moderate = solve(loaded_dome(), steps=[0.05, 0.1], progress=False).require()
-    assert not moderate.verdict.notes
+    assert [note for note in moderate.verdict.notes if "steps= go to t = 0.1" not in note] == []
 
 
 def test_wrong_methods_are_refused():
