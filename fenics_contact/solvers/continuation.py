@@ -210,12 +210,12 @@ class Path:
         while True:
             try:
                 return self._step(self.length, self._going)
-            except StepFailed:
+            except StepFailed as failure:
                 self._back()
                 if self.length / 2 < smallest:
                     raise
+                self.verdict.cut(failure, f"arc of {self.length:.3g}")
                 self.length /= 2
-                self.verdict.cuts += 1
 
     def _back(self) -> None:
         """To the accepted state, tangent included: a term may predict from its last tangent."""
