@@ -309,9 +309,10 @@ class Path:
             if arrival.fork:
                 report.notes.append(f"a bifurcation at t = {t:.6g}, from which the path goes on along another branch")
             else:
+                before = f"{self.negative:g}" if self.negative else "none"
                 report.notes.append(
-                    f"a bifurcation within this step, where other paths branch off: {report.negative:g} pivots of the "
-                    f"tangent are negative, before {self.negative:g}; follow a branch by ArcSteps(branch=Branch(...))"
+                    f"a bifurcation within this step, where other paths branch off: the tangent has {report.negative:g} "
+                    f"negative pivots, {before} in the step before; follow a branch by ArcSteps(branch=Branch(...))"
                 )
         self.negative, self.side = report.negative, arrival.rate.dt
 
