@@ -36,6 +36,7 @@ KNOWS = {
     "compat": "dolfinx' versions",
     "values": "checked input",
     "agreement": "errors on all ranks",
+    "uncaught": "how errors are printed",
     "timing": "seconds by stage",
     "types": "names of types",
     "packages": "what is missing",

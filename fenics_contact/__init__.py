@@ -36,7 +36,10 @@ from fenics_contact.solid.materials import (
     yeoh,
 )
 from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.uncaught import install as _install
 from fenics_contact.values import SceneError
+
+_install()  # of wrong statements that end a script only the message and the script's own lines are printed
 
 __version__ = "0.1.0"
 

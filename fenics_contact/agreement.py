@@ -64,7 +64,7 @@ def agreed(comm: MPI.Comm, what: str, kind: type[Exception]) -> Iterator[None]:
         ranks = [rank for rank, text in enumerate(texts) if text is not None]
         text, said = texts[ranks[0]]
         where = "" if said or len(ranks) == comm.size else f" on rank {ranks[0]}"
-        raise kind(text.replace("{where}", where)) from failure
+        raise kind(text.replace("{where}", where)) from (None if isinstance(failure, kind) else failure)
 
 
 def _words(failure: Exception, what: str, kind: type[Exception]) -> tuple[str, bool]:

@@ -35,7 +35,8 @@ STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_len
 @dataclass(frozen=True)
 class Plan:
     """How a stage is carried out: by a stepper to each of its shares s, or along a Path; solver: the stepper's; softened:
-    Newton's stepper with softer penalties where these help, None of other methods."""
+    Newton's stepper with softer penalties where these help, None of other methods; arcs: whether the scene may be followed
+    by arc length too."""
 
     stage: Stage
     shares: Floats
@@ -43,6 +44,7 @@ class Plan:
     stepper: Any
     path: Path | None
     softened: Softened | None
+    arcs: bool
 
 
 def schedule(stage: Stage, tolerance: float | None, smallest_step: float | None) -> tuple[ArcSteps | None, Floats]:
@@ -94,7 +96,7 @@ def plans_of(
                 path = Path(
                     system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system), _fork(arcs, scene)
                 )
-        plans.append(Plan(stage, shares, solver, stepper, path, softened))
+        plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built)))
     system.set_loads(0.0)
     return plans
 
@@ -112,7 +114,7 @@ def _fork(arcs: ArcSteps, scene: Scene) -> Fork | None:
 def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict, smallest: float | None) -> None:
     """Go through the stages that are left, until one fails; the verdict says so."""
     stages = system.stages
-    watches = {id(plan.solver): PivotWatch(system, plan.solver, verdict, kept) for plan in plans}
+    watches = {id(plan.solver): PivotWatch(system, plan.solver, verdict, kept, plan.arcs) for plan in plans}
     for plan in plans[stages.index :]:
         if plan.stage is not plans[stages.index].stage:
             system.next_stage()
@@ -135,6 +137,18 @@ def _refuse_nan(system: System, shares: Floats) -> None:
         system.tools.prescribed(t), system.tools.forces(t), system.set_loads(t), system.supports.values(t)
 
 
+def _steady_alone(built: Built) -> list[str]:
+    """What a scene asks for that needs steps which end in balance, of methods "newton" and "snes": why another one, {}, is
+    refused."""
+    steady = "steps that end in balance, method 'newton' or 'snes', not '{}'"
+    asked = {
+        f"stabilise= needs {steady}; leave it out, or choose one of these": built.system.stabilised,
+        f"damping= needs {steady}; leave it out, or choose one of these": built.system.damping,
+        f'pressure with where="open" needs {steady}; choose one of these, or leave where= out': built.fluids,
+    }
+    return [why for why, there in asked.items() if there]
+
+
 def _stepper(
     method: str, solver: LinearSolver, tolerance: float | None, built: Built
 ) -> tuple[ArcLength | Stepper, Softened | None, Any]:
@@ -143,20 +157,8 @@ def _stepper(
     options = {} if tolerance is None or method == "incremental" else {"tolerance": tolerance}
     plain = STEPPERS[method](solver, **options)
     steady = not isinstance(plain, ArcLength | Incremental)
-    if system.stabilised and not steady:
-        raise SceneError(
-            f"stabilise= needs steps that end in balance, method 'newton' or 'snes', not '{method}'; leave it out, or "
-            "choose one of these"
-        )
-    if system.damping and not steady:
-        raise SceneError(
-            f"damping= belongs to methods 'newton' and 'snes', not '{method}'; leave it out, or choose one of these"
-        )
-    if built.fluids and not steady:
-        raise SceneError(
-            f"pressure with where=\"open\" needs steps that end in balance, method 'newton' or 'snes', not '{method}'; "
-            "choose one of these, or leave where= out"
-        )
+    if (unfit := _steady_alone(built)) and not steady:
+        raise SceneError(unfit[0].format(method))
     softened = Softened(plain) if isinstance(plain, Newton) else None
     stepper = softened or plain
     stepper = Augmented(stepper) if system.augmented else stepper

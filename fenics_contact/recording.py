@@ -76,6 +76,7 @@ class Recorder:
             self.keeper.keep()
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
+        news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds))
             for film in self._films:
@@ -88,7 +89,8 @@ class Recorder:
                 self.writer.write_row(self.history[-1])
         t = self.system.state.t
         self.bar.set_postfix_str(self._words(report), refresh=self.arcs)
-        news, self._told = self.verdict.notes[self._told :], len(self.verdict.notes)
+        news += self.verdict.notes[self._told :]
+        self._told = len(self.verdict.notes)
         if not self.bar.disable and news:
             tqdm.write("\n".join(news), file=sys.stderr)
         if not self.arcs:
@@ -106,11 +108,11 @@ class Recorder:
 
     def remark(self, notes: list[str]) -> None:
         """Notes on the run as a whole, each said once."""
-        fresh = [note for note in notes if note not in self.verdict.notes]
-        self.verdict.notes += fresh
-        self._told = len(self.verdict.notes)
-        if fresh and not self.silent:
-            tqdm.write("\n".join(fresh), file=sys.stderr)
+        self.verdict.notes += [note for note in notes if note not in self.verdict.notes]
+        news = self.verdict.said + self.verdict.notes[self._told :]
+        self.verdict.said, self._told = [], len(self.verdict.notes)
+        if news and not self.silent:
+            tqdm.write("\n".join(news), file=sys.stderr)
 
     def _row(self, report: StepReport, seconds: float) -> HistoryRow:
         state, result = self.system.state, self.results.of_step(report.work)

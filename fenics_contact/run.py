@@ -130,6 +130,7 @@ def solve(
     kept.remark([*scene.notes, *built.notes])
     _carried(scene, system, plans, kept, smallest_step)
     kept.bar.close()
+    kept.remark(verdict.cut_notes())
     if verdict.converged:
         kept.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
         kept.remark(ends_early(stated[-1], plans[-1].shares))
@@ -191,6 +192,7 @@ def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdi
             "t": verdict.t,
             "remedy": verdict.remedy,
             "cut_backs": verdict.cuts,
+            "cut_back_causes": verdict.causes,
             "smallest_step": verdict.smallest,
             "notes": verdict.notes,
         },

@@ -1,6 +1,7 @@
 """Bifurcations: passed ones are said, critical loads and branches from closed forms, without a bias."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,9 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box
+from fenics_contact.solvers.pivots import PivotWatch
+from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.verdict import Verdict
 
 FOLLOW = {"method": "arc_length", "progress": False}
 
@@ -101,14 +105,38 @@ def test_a_bifurcation_that_is_passed_is_said():
     t, negative = result.column("t"), result.column("negative_pivots")
     assert np.all(negative[t < critical()] == 0) and np.all(negative[t > critical()] == 2)  # two motions, alike
     assert result.column("bifurcation").sum() == 1 and result.column("bifurcation")[np.argmax(t > critical())] == 1
-    assert sum("2 pivots of the tangent are negative, before 0" in note for note in result.verdict.notes) == 1
+    assert sum("the tangent has 2 negative pivots, none in the step before" in note for note in result.verdict.notes) == 1
 
 
 @pytest.mark.parallel
 def test_load_steps_that_pass_a_bifurcation_say_so_once():
     result = solve(cube(), steps=[1.0, 1.9, 2.05, 2.1], progress=False).require()
     (said,) = (note for note in result.verdict.notes if "pivots" in note)
-    assert said.startswith("step 3 to t = 2.05: 2 of the tangent's pivots are negative, before 0: a bifurcation")
+    assert said.startswith("step 3 to t = 2.05: the tangent has 2 negative pivots, none in the step before: a bifurcation")
+    assert 'follow the path by method="arc_length"' in said
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("held", [{"stabilise": True}, {"damping": True}])
+def test_what_cannot_be_followed_is_not_told_to_be(held):
+    """These words do not go with arc length."""
+    result = solve(cube(), steps=[1.0, 1.9, 2.05], progress=False, **held).require()
+    (said,) = (note for note in result.verdict.notes if "pivots" in note)
+    assert "a bifurcation has been passed" in said and 'method="arc_length"' not in said and "shorter steps" in said
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("arcs", [True, False])
+def test_an_unsymmetric_tangent_is_weak_evidence(arcs):
+    """With friction a determinant that changes its sign is no proof."""
+    system = SimpleNamespace(symmetric=False, force_scale=0.0, state=SimpleNamespace(t=0.5))
+    linear, verdict = SimpleNamespace(builds=0, negative=0), Verdict()
+    watch = PivotWatch(system, linear, verdict, lambda *_: None, arcs)
+    for negative in (0, 1):
+        linear.builds, linear.negative = linear.builds + 1, negative
+        watch(StepReport(residuals=[1e-5, 1e-9]), 0.0, True)
+    (said,) = verdict.notes
+    assert "may have been passed" in said and "let go" in said and ("arc_length" in said) == arcs
 
 
 # -- a column ---------------------------------------------------------------------------------------------------------

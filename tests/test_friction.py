@@ -7,6 +7,7 @@ import pytest
 from by_node import displacements, of_all
 
 from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.contact.findings import told_apart
 from fenics_contact.meshes import box
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import first_difference, statement
@@ -112,6 +113,12 @@ def test_a_pressure_beyond_the_law_ends_the_run(mesh):
     verdict = result.verdict
     assert verdict.kind == "outside a law" and "beyond the 15 up to which mu(p) is given" in verdict.reason
     assert "raise up_to=" in str(verdict) and result.history[-1]["t"] < PRESSED
+
+
+@pytest.mark.serial
+def test_a_pressure_just_beyond_the_law_is_told_apart():
+    assert told_apart(0.300004, 0.3) == ("0.300004", "0.3")
+    assert told_apart(16.23456, 15.0) == ("16.23", "15")
 
 
 @pytest.mark.parallel

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from fenics_contact import (
     Body,
     Scene,
+    Units,
     mooney_rivlin,
     read_gmsh,
     rigid_cylinder,
@@ -19,6 +20,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box, punch_plate, two_blocks
+from fenics_contact.output.history import penalty_lines
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
@@ -119,6 +121,18 @@ def test_a_ring_on_a_shaft_has_a_load_and_no_resultant():
     true = at_fifty["load_N"] / said["load_N"] - 1.0
     assert true > 0.02
     assert 0.5 < said["load_change_over_load"] / true < 2.0
+
+
+@pytest.mark.parametrize(
+    "peak, words", [(0.003, "its peak pressure, 2 MPa at (0, 1), by +0.30%"), (None, "more than a third")]
+)
+def test_the_line_says_of_what_its_shares_are(peak, words):
+    contact = {"load_N": 40.0, "force_change_over_load": 0.001, "load_change_over_load": 0.0017, "peak_pressure_MPa": 2.0}
+    contact |= {"peak_pressure_at_mm": [0.0, 1.0], "peak_pressure_change_share": peak}
+    (line,) = penalty_lines({"contacts": {"nip": contact}}, Units())
+    assert (
+        "a load of 40 N" in line and "its force by 0.10% of this load, the load itself by +0.17%" in line and words in line
+    )
 
 
 def test_a_cost_above_a_percent_is_noted(tmp_path, capsys):

@@ -458,10 +458,26 @@ def test_cycling_is_resolved_by_smaller_steps_and_said():
     result = solve(scene, steps=5, progress=False)
     assert result.converged
     assert any("cut back: the status of" in note for note in result.summary["verdict"]["notes"])
+    total = [note for note in result.verdict.notes if note.startswith(f"{result.verdict.cuts} cut-back")]
+    assert len(total) == 1 and "status cycling (" in total[0]
     # the size grew again after the cut-backs: far fewer steps than the smallest one would ask for
     sizes = np.diff(result.column("t"), prepend=0.0)
     smallest = int(sizes.argmin())
     assert sizes[smallest] < 0.06 and sizes[smallest:].max() > 3.0 * sizes[smallest]
+
+
+@pytest.mark.parallel
+def test_every_cut_back_has_its_reason(capsys):
+    """Each in the log, and all of them in one note and in the summary, of a run that goes through too."""
+    scene, options = tall_block(smallest=None)
+    result = solve(scene, **options)
+    verdict = result.verdict
+    assert verdict.converged and verdict.cuts > 1
+    causes = result.summary["verdict"]["cut_back_causes"]
+    assert sum(causes.values()) == verdict.cuts and not any("e-0" in cause for cause in causes)
+    (note,) = (note for note in verdict.notes if note.startswith(f"{verdict.cuts} cut-backs"))
+    assert all(f"{cause} ({count} of {verdict.cuts})" in note for cause, count in causes.items())
+    assert COMM.rank > 0 or capsys.readouterr().err.count(" cut back: ") == verdict.cuts
 
 
 @pytest.mark.parallel

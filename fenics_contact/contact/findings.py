@@ -195,8 +195,18 @@ def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
     largest, place = worst(contact, state.u.function_space.mesh.comm, pressure.ravel())
     if largest <= (known := np.exp(table[-1, 1])) * (1.0 + TINY):
         return None
-    text = f"a pressure of {largest:.4g} is beyond the {known:.4g} up to which mu(p) is given"
-    return Finding(NO_LAW, text, place, "raise up_to= of coulomb(...)")
+    needed, given = told_apart(largest, known)
+    text = f"a pressure of {needed} is beyond the {given} up to which mu(p) is given"
+    return Finding(NO_LAW, text, place, "raise up_to= of coulomb(...) to the largest pressure of the whole run, or more")
+
+
+def told_apart(a: float, b: float) -> tuple[str, str]:
+    """Two numbers as text, with four digits or as many as show that they differ."""
+    for digits in range(4, 18):
+        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if texts[0] != texts[1]:
+            break
+    return texts
 
 
 def objection(contact: Contact, state: State) -> Finding | None:

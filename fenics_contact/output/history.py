@@ -82,16 +82,15 @@ def penalty_lines(summary: Summary, units: Units) -> list[str]:
     lines = []
     for name, e in summary.get("contacts", {}).items():
         text = (
-            f"contact '{name}' carries {e[f'load_{units.force}']:.4g} {units.force}; endless penalties would change its "
-            f"force by {e['force_change_over_load']:.2%} and its load by {e['load_change_over_load']:+.2%} of that"
+            f"contact '{name}' carries a load of {e[f'load_{units.force}']:.4g} {units.force}; infinitely stiff penalties "
+            f"would change its force by {e['force_change_over_load']:.2%} of this load, the load itself by "
+            f"{e['load_change_over_load']:+.2%}"
         )
         peak, change = e[f"peak_pressure_{units.pressure}"], e["peak_pressure_change_share"]
         if peak > 0.0:
             where = ", ".join(f"{x:.4g}" for x in e[f"peak_pressure_at_{units.length}"])
-            how = (
-                f"by {change:+.2%} of itself" if change is not None else "by more than a third: this mesh does not settle it"
-            )
-            text += f", its peak pressure, {peak:.4g} {units.pressure} at ({where}), {how}"
+            how = f"{change:+.2%}" if change is not None else "more than a third, which only a finer mesh can settle"
+            text += f", and its peak pressure, {peak:.4g} {units.pressure} at ({where}), by {how}"
         lines.append(text)
     return lines
 

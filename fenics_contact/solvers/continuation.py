@@ -210,12 +210,12 @@ class Path:
         while True:
             try:
                 return self._step(self.length, self._going)
-            except StepFailed:
+            except StepFailed as failure:
                 self._back()
                 if self.length / 2 < smallest:
                     raise
+                self.verdict.cut(failure, f"arc of {self.length:.3g}")
                 self.length /= 2
-                self.verdict.cuts += 1
 
     def _back(self) -> None:
         """To the accepted state, tangent included: a term may predict from its last tangent."""
@@ -309,9 +309,10 @@ class Path:
             if arrival.fork:
                 report.notes.append(f"a bifurcation at t = {t:.6g}, from which the path goes on along another branch")
             else:
+                before = f"{self.negative:g}" if self.negative else "none"
                 report.notes.append(
-                    f"a bifurcation within this step, where other paths branch off: {report.negative:g} pivots of the "
-                    f"tangent are negative, before {self.negative:g}; follow a branch by ArcSteps(branch=Branch(...))"
+                    f"a bifurcation within this step, where other paths branch off: the tangent has {report.negative:g} "
+                    f"negative pivots, {before} in the step before; follow a branch by ArcSteps(branch=Branch(...))"
                 )
         self.negative, self.side = report.negative, arrival.rate.dt
 

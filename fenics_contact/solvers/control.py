@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
@@ -70,9 +70,7 @@ def run(
                     return verdict
                 if report is None:
                     system.rollback()
-                    verdict.cuts += 1
-                    if failure.finding.kind == CYCLING:
-                        verdict.notes.append(f"step to t = {goal:.6g} cut back: {failure}, {failure.finding.place}")
+                    verdict.cut(failure, f"step to t = {goal:.6g}")
                     verdict.size = size / 2
                     continue
             else:

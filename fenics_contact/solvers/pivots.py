@@ -11,10 +11,10 @@ NEAR = 1e-3  # of the force out of balance where the last tangent of a step was 
 
 class PivotWatch:
     """Looks at every accepted step before the hook `on_step`: whether pivots have changed their sign, which are all positive
-    on the stable path from rest."""
+    on the stable path from rest. arcs: whether arc length may follow the path, which not every run can have."""
 
-    def __init__(self, system: System, linear: LinearSolver, verdict: Verdict, on_step: OnStep) -> None:
-        self.system, self.linear, self.verdict, self.on_step = system, linear, verdict, on_step
+    def __init__(self, system: System, linear: LinearSolver, verdict: Verdict, on_step: OnStep, arcs: bool) -> None:
+        self.system, self.linear, self.verdict, self.on_step, self.arcs = system, linear, verdict, on_step, arcs
         self.negative = 0 if system.force_scale == 0.0 else None  # not known of a run that is resumed
         self._builds = linear.builds
 
@@ -31,10 +31,20 @@ class PivotWatch:
 
     def _look(self, now: int) -> None:
         if self.negative is not None and now > self.negative:
-            number = f"{now}" if self.system.symmetric else "an odd number"
-            self.verdict.notes.append(
-                f"step {len(self.verdict.residuals)} to t = {self.system.state.t:.6g}: {number} of the tangent's pivots are "
-                f"negative, before {self.negative}: a bifurcation has been passed, and this path may be unstable; follow "
-                'it by method="arc_length", and a branch by ArcSteps(branch=Branch(...))'
+            if self.system.symmetric:
+                found = f"the tangent has {now} negative pivots, {self.negative or 'none'} in the step before"
+                found += ": a bifurcation has been passed, and this path may be unstable"
+            else:  # with friction a determinant below zero is no proof of another path
+                found = (
+                    "the determinant of the tangent has become negative: a bifurcation may have been passed, or a body has "
+                )
+                found += "let go and moved far within this step; look at this step's motion"
+            remedy = (
+                'follow the path by method="arc_length", and a branch by ArcSteps(branch=Branch(...))'
+                if self.arcs
+                else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise=, "
+                'damping= and where="open")'
             )
+            step = f"step {len(self.verdict.residuals)} to t = {self.system.state.t:.6g}"
+            self.verdict.notes.append(f"{step}: {found}; {remedy}")
         self.negative = now

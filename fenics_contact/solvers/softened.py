@@ -45,7 +45,10 @@ class Softened:
         system.rollback()
         report = self._step(system, t, softer)
         self.helps = True
-        report.notes.append(f"solved with softer penalties first, as the steps after it ({tried})")
+        report.notes.append(
+            f"Newton's method failed ({tried}); it was then solved with softer penalties first, and from there with the "
+            "contact's own ones, to which the result belongs; later steps begin so too"
+        )
         return report
 
     def settle(self, system: System, t: float) -> StepReport:

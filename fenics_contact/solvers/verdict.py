@@ -1,11 +1,14 @@
 """How a run ended: converged, or what stopped it, where, and the change to try."""
 
 import math
+import re
 from dataclasses import dataclass, field
 
-from fenics_contact.assembly.finding import CONVERGED, UNKNOWN, Finding
+from fenics_contact.assembly.finding import CONVERGED, CYCLING, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
+
+LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
 
 class StepFailed(RuntimeError):
@@ -27,8 +30,9 @@ class Verdict:
     kind, reason, place, remedy: what stopped it, in words; t: load parameter reached; step: number of the step that failed,
     0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
-    notes: what was resolved on the way; remarked: kinds of what terms have said, by their names; smallest: step [t]
-    below which none is tried; size: largest step [t] to try next, endless while no step failed.
+    notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
+    not had yet; remarked: kinds of what terms have said, by their names; smallest: step [t] below which none is tried; size:
+    largest step [t] to try next, endless while no step failed.
     """
 
     converged: bool = True
@@ -44,9 +48,32 @@ class Verdict:
     augmentations: int = 0
     residuals: list[list[float]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    causes: dict[str, int] = field(default_factory=dict)
+    said: list[str] = field(default_factory=list)
     remarked: dict[str, list[str]] = field(default_factory=dict)
     smallest: float = 0.0
     size: float = math.inf
+
+    def cut(self, failure: StepFailed, what: str) -> None:
+        """A step or an arc, `what`, has failed and is tried shorter."""
+        kind, reason, place, _ = failure.finding
+        cause = LEFT.sub("part of the force", reason) if kind == UNKNOWN else kind
+        self.cuts += 1
+        self.causes[cause] = self.causes.get(cause, 0) + 1
+        line = f"{what} cut back: {reason}, {place}" if place else f"{what} cut back: {reason}"
+        if kind == CYCLING:
+            self.notes.append(line)
+        else:
+            self.said.append(line)
+
+    def cut_notes(self) -> list[str]:
+        """A note on why steps were cut back, if any were."""
+        if not self.causes:
+            return []
+        most = sorted(self.causes.items(), key=lambda cause: -cause[1])
+        times = "cut-back, which leaves" if self.cuts == 1 else "cut-backs, which leave"
+        why = ", ".join(f"{cause} ({count} of {self.cuts})" for cause, count in most)
+        return [f"{self.cuts} {times} nothing in the result: {why}"]
 
     def accept(self, report: StepReport, system: System) -> None:
         """A step has been accepted, which took what its report says; terms may remark on the state. Collective."""

@@ -1,0 +1,87 @@
+"""Of a wrong statement that ends a script its message and the script's own line are printed, once; of a bug all there is."""
+
+import subprocess
+import sys
+
+import pytest
+from test_restart import alone, mpirun
+
+pytestmark = pytest.mark.serial
+
+SCRIPT = """
+import sys
+from mpi4py import MPI
+import fenics_contact.run
+from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import box
+
+what, rank = sys.argv[1], MPI.COMM_WORLD.rank
+scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", neo_hooke(1.0, 5.0)))
+scene.fix("zmin")
+
+def mine(view):
+    if what == "everywhere" or rank == 1:
+        return {}["no such thing"]
+    return 1.0
+
+if what == "name":
+    scene.fix("botom")
+if what == "folder":
+    solve(scene, out="/proc/nothing", steps=1)
+if what == "tool":
+    rigid_plane((0, 0, 1), normal=(0, 0, 0))
+if what == "one rank":
+    rank == 1 and scene.fix("botom")
+    sys.exit()
+scene.prescribe("zmax", "z", 0.1)
+if what == "bug":
+    fenics_contact.run.penalty_error = lambda *a: [].index(1)
+    solve(scene, steps=1)
+if what in ("everywhere", "somewhere"):
+    solve(scene, steps=1, record={"mine": mine})
+"""
+
+
+def said(tmp_path, what, ranks=1):
+    """Exit code and stderr of the script, without what mpirun says itself."""
+    path = tmp_path / "scene.py"
+    path.write_text(SCRIPT)
+    command = [*(mpirun(ranks) if ranks > 1 else []), sys.executable, str(path), what]
+    done = subprocess.run(command, env=alone(), cwd=tmp_path, capture_output=True, text=True, timeout=200)
+    return done.returncode, done.stderr.split("-" * 60)[0]
+
+
+WRONG = [
+    ("name", 'scene.fix("botom")', "SceneError: there is no surface, edge or point group 'botom'"),
+    ("folder", 'solve(scene, out="/proc/nothing", steps=1)', "FolderError: output folder '/proc/nothing'"),
+    ("tool", "rigid_plane((0, 0, 1), normal=(0, 0, 0))", "ValueError: plane: normal must not be the zero vector"),
+]
+
+
+@pytest.mark.parametrize("what, line, message", WRONG)
+def test_a_wrong_statement_shows_its_line_and_message_alone(tmp_path, what, line, message):
+    code, text = said(tmp_path, what)
+    first, place, shown, last = text.strip().splitlines()
+    assert code == 1 and first.startswith("Traceback") and "scene.py" in place
+    assert shown.strip() == line and last.startswith(message)
+
+
+@pytest.mark.parametrize("what", ["name", "one rank"])
+def test_on_several_ranks_it_is_said_once(tmp_path, what):
+    """Also where the statement is wrong on another rank than the first."""
+    code, text = said(tmp_path, what, ranks=2)
+    assert code == 1 and len(text.strip().splitlines()) == 4 and text.count("'botom' in the mesh") == 1
+
+
+def test_a_bug_keeps_its_traceback(tmp_path):
+    """Though it is a ValueError, and the package has called what raised it."""
+    code, text = said(tmp_path, "bug")
+    assert code == 1 and "run.py" in text and "in solve" in text and "ValueError: 1 is not in list" in text
+
+
+@pytest.mark.parametrize("what, ranks", [("everywhere", 1), ("everywhere", 2), ("somewhere", 2)])
+def test_an_error_in_a_function_of_the_users_shows_where_it_is(tmp_path, what, ranks):
+    """Once, whichever rank it is on."""
+    code, text = said(tmp_path, what, ranks)
+    assert code == 1 and text.count('return {}["no such thing"]') == 1
+    assert "SceneError: record 'mine' failed" in text
