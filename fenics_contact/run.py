@@ -140,7 +140,8 @@ def solve(
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
-    summary["energy"] = energy_summary(kept.history, scene.units)
+    along_slave = [contact.name for contact in scene.contacts if contact.points != "nodes"]
+    summary["energy"] = energy_summary(kept.history, scene.units, along_slave)
     kept.remark(kept.results.notes())
     taken = len(kept.history)
     unknown = taken * TOLERANCE * system.scale * system.moved

@@ -54,7 +54,7 @@ def test_history_has_a_row_per_step_and_units_in_its_names(run):
         wanted |= {f"{name}_force_{a}_N" for a in "xyz"} | {f"{name}_moment_{a}_Nmm" for a in "xyz"}
         wanted |= {f"{name}_area_mm2", f"{name}_active_points", f"{name}_sticking_points", f"{name}_penetration_mm"}
         wanted |= {f"{name}_{what}_{a}_mm" for what in ("peak", "width", "point") for a in "xyz"}
-        wanted |= {f"{name}_load_N", f"{name}_peak_pressure_MPa"}
+        wanted |= {f"{name}_load_N", f"{name}_peak_pressure_MPa", f"{name}_normal_work_error_Nmm"}
     wanted |= {f"top_friction_{a}_N" for a in "xyz"} | {f"top_{s}_slip_mm" for s in ("greatest", "mean")}
     wanted |= {"top_friction_work_Nmm"}  # the floor has no friction
     for group in ("symmetry_x", "symmetry_y"):

@@ -13,7 +13,7 @@ from fenics_contact.assembly.system import ROUNDED
 from fenics_contact.assembly.term import State
 from fenics_contact.contact import findings
 from fenics_contact.contact.friction import allowed, stated
-from fenics_contact.contact.measures import contact_measures
+from fenics_contact.contact.measures import contact_measures, stored_energy
 from fenics_contact.contact.multipliers import Multipliers
 from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.penalties import LARGEST, Penalties, Penalty
@@ -251,6 +251,12 @@ class Contact:
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
         return allowed(self.trial.law.friction, *self.split_traction(state))
+
+    def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
+        """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""
+        alone = self.trial.with_friction(0.0)
+        self.add_residual(state, residual, tool_residual, alone)
+        return stored_energy(self, state, alone)
 
     def grip(self, state: State) -> tuple[float, float]:
         """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""

@@ -124,6 +124,7 @@ class Columns:
             row |= self._force(f"{name}_friction", c.friction)
             row |= {f"{name}_greatest_slip_{length}": c.slip, f"{name}_mean_slip_{length}": c.mean_slip}
             row[f"{name}_friction_work_{energy_unit(self.units)}"] = c.friction_work
+        row[f"{name}_normal_work_error_{energy_unit(self.units)}"] = c.normal_work_error
         row |= {f"{name}_active_points": c.active, f"{name}_sticking_points": c.sticking}
         row[f"{name}_penetration_{length}"] = c.penetration
         return row
@@ -143,10 +144,11 @@ class Columns:
             return None
         last, unit = rows[-1], energy_unit(self.units)
         friction = {name: last[f"{plain_name(name)}_friction_work_{unit}"] for name, rough in self.contacts.items() if rough}
+        pressures = {name: last[f"{plain_name(name)}_normal_work_error_{unit}"] for name in self.contacts}
         damping = sum(row.get(damping_column(self.units), 0.0) for row in rows)
         return Energies(
             last[f"external_work_{unit}"], last[f"strain_energy_{unit}"], last[f"penalty_energy_{unit}"], friction, damping,
-            last[f"balance_error_{self.units.force}"],
+            last[f"balance_error_{self.units.force}"], pressures,
         )  # fmt: skip
 
 

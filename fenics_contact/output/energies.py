@@ -16,8 +16,9 @@ from fenics_contact.types import Bools, Floats
 @dataclass(frozen=True)
 class Energies:
     """Since the start [force x length]: external_work of supports, loads, tools and swelling, and what it went into: strain,
-    in the bodies; penalty, what is stored in the penalties; friction, by contact; damping. balance: size of the sum of all
-    outer forces, zero in equilibrium [force]."""
+    in the bodies; penalty, what is stored in the penalties; friction, by contact; damping. pressures: by contact the part of
+    the error that its pressures leave, which act along the slave's normals. balance: size of the sum of all outer forces,
+    zero in equilibrium [force]."""
 
     external_work: float = 0.0
     strain: float = 0.0
@@ -25,6 +26,7 @@ class Energies:
     friction: Mapping[str, float] = field(default_factory=dict)
     damping: float = 0.0
     balance: float = 0.0
+    pressures: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def error(self) -> float:
@@ -59,10 +61,26 @@ class _Rubbing:
 
 
 @dataclass(frozen=True)
+class _Pressing:
+    """What a contact's pressures ask of this rank: forces on local dofs and wrenches on the tools (tools, 6) that hold
+    against them; stored: energy in their penalties."""
+
+    on_dofs: Floats
+    wrenches: Floats
+    stored: float
+
+    @classmethod
+    def of(cls, contact: ContactTerm, system: System) -> "_Pressing":
+        on_dofs, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
+        stored = contact.press(system.state, on_dofs, wrenches)
+        return cls(on_dofs, wrenches, stored)
+
+
+@dataclass(frozen=True)
 class _Forces:
     """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
     and wrenches on the tools; ratios by which bodies swell and the rates of this rank's energy with them; by contact its
-    Rubbing."""
+    Rubbing and Pressing."""
 
     u: Floats
     q: Floats
@@ -71,6 +89,7 @@ class _Forces:
     ratios: Floats
     on_ratios: Floats
     rubbing: dict[str, _Rubbing]
+    pressing: dict[str, _Pressing]
 
 
 class EnergyBalance:
@@ -90,7 +109,8 @@ class EnergyBalance:
         """What bodies and penalties hold already counts as work done on them."""
         rough = [contact.name for contact in self._system.contacts if contact.rough]
         strain, stored = self._system.strain_energy(), self._stored()
-        return Energies(strain + stored, strain, stored, dict.fromkeys(rough, 0.0))
+        pressures = {contact.name: 0.0 for contact in self._system.contacts}
+        return Energies(strain + stored, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures)
 
     def _stored(self) -> float:
         return float(sum(contact.measures(self._system.state)["stored"] for contact in self._system.contacts))
@@ -102,21 +122,37 @@ class EnergyBalance:
         work = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
         work += 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
         rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
-        sums = system.comm.allreduce(np.array([work, *rubbed.values(), *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
-        work = sums[0] + float(0.5 * ((self._on_tools(last) + self._on_tools(here)) * (here.q - last.q)).sum())
-        friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:-3], strict=True)}
+        pressed = [self._left_by_pressures(name, here) for name in here.pressing]
+        sums = system.comm.allreduce(np.array([work, *rubbed.values(), *pressed, *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
+        work = sums[0] + self._work_on_tools(last.wrenches, here.wrenches, here)
+        friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:], strict=False)}
+        left = sums[1 + len(rubbed) : -3]
+        pressures = {name: self.now.pressures[name] + more for name, more in zip(here.pressing, left, strict=True)}
         balance = float(np.linalg.norm((sums[-3:] + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
         self._last, self.now = here, Energies(
             self.now.external_work + work, system.strain_energy(), self._stored(), friction,
-            self.now.damping + damping, balance,
+            self.now.damping + damping, balance, pressures,
         )  # fmt: skip
         return self.now
 
-    def _on_tools(self, at: _Forces) -> Floats:
-        """Outer forces (tools, 6) whose products with the coordinates are work, as rotations are counted now, since the
-        beginning of a stage or the last step: of both ends of a step alike."""
-        poses, pairs = self._system.state.poses, zip(at.q, at.wrenches, strict=True)
-        rows = [poses.at(i, q).per_coordinate(wrench) for i, (q, wrench) in enumerate(pairs)]
+    def _left_by_pressures(self, name: str, here: _Forces) -> float:
+        """Of this rank, since the last state: work against a contact's pressures less what their penalties took of it."""
+        first, second = self._last.pressing[name], here.pressing[name]
+        work = 0.5 * (first.on_dofs + second.on_dofs) @ (here.u - self._last.u)
+        work += self._work_on_tools(first.wrenches, second.wrenches, here)
+        return float(work - (second.stored - first.stored))
+
+    def _work_on_tools(self, first: Floats, second: Floats, here: _Forces) -> float:
+        """Of wrenches (tools, 6) at the last state and here. Rotations are counted as they are now, since the beginning of a
+        stage or the last step: at both ends of a step alike."""
+        ends = ((self._last.q, first), (here.q, second))
+        forces = np.sum([self._per_coordinate(q, wrenches) for q, wrenches in ends], axis=0)
+        return float(0.5 * (forces * (here.q - self._last.q)).sum())
+
+    def _per_coordinate(self, q: Floats, wrenches: Floats) -> Floats:
+        """Forces (tools, 6) whose products with the coordinates q are the work of wrenches there."""
+        poses, pairs = self._system.state.poses, zip(q, wrenches, strict=True)
+        rows = [poses.at(i, own).per_coordinate(wrench) for i, (own, wrench) in enumerate(pairs)]
         return np.array(rows).reshape(-1, 6)
 
     def _forces(self) -> _Forces:
@@ -141,4 +177,5 @@ class EnergyBalance:
             wrenches,
             *system.terms[0].swelling(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
+            {contact.name: _Pressing.of(contact, system) for contact in system.contacts},
         )

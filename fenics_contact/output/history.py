@@ -14,12 +14,20 @@ import numpy as np
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.files import complete
-from fenics_contact.output.names import energy_unit
+from fenics_contact.output.names import energy_unit, plain_name
 from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
+
+# of what is not accounted for: what a contact's pressures leave of it to be its cause
+MOST = 0.5
+EDGE = (
+    "they act along the slave's normals, which are not the master's where a sharp edge digs in and slides; more steps, "
+    "finer cells and multipliers do not mend that: round the edge over some cells, or in space give the contact "
+    'points="nodes"'
+)
 
 Summary = dict[str, Any]  # what JSON can hold
 
@@ -107,18 +115,21 @@ def energy_line(energies: Energies, summary: Summary, units: Units) -> str:
     return f"work done {done:.4g} {unit}, in the end {energies.external_work:.4g} went in; of the work done: {shares}"
 
 
-def energy_summary(rows: Sequence[HistoryRow], units: Units) -> Summary:
-    """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, and the
-    step that left most of it; {} where no work was done."""
+def energy_summary(rows: Sequence[HistoryRow], units: Units, contacts: Sequence[str] = ()) -> Summary:
+    """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, the step
+    that left most of it, and by contact, of those named, whose pressures act along the slave's normals, the part of it that
+    they left; {} where no work was done."""
     unit = energy_unit(units)
     work, error = (np.array([0.0, *(row[f"{name}_{unit}"] for row in rows)]) for name in ("external_work", "energy_error"))
     done, left = float(np.abs(np.diff(work)).sum()), np.abs(np.diff(error))
     if not done > 0.0:
         return {}
     share, most = abs(error[-1]) / done, int(left.argmax())
+    pressures = {name: rows[-1][f"{plain_name(name)}_normal_work_error_{unit}"] for name in contacts}
     return {
         f"work_done_{unit}": done, f"error_{unit}": error[-1], "error_share": share,
         "worst_step": most + 1, "worst_step_t": rows[most]["t"], "worst_step_share": left[most] / max(left.sum(), 1e-300),
+        f"normal_work_error_{unit}": pressures,
     }  # fmt: skip
 
 
@@ -144,11 +155,14 @@ def energy_notes(
             f"{text}, {summary['worst_step_share']:.0%} of that in step 1, which presses apart what overlaps at the start "
             f"({which}): the energy of that is no work; start without overlap"
         ]
+    parts = {name: part / summary[f"error_{unit}"] for name, part in summary[f"normal_work_error_{unit}"].items()}
+    most = max(parts, key=lambda name: parts[name], default="")
+    if parts and parts[most] > MOST:
+        return [f"{text}, {parts[most]:.0%} of that left by the pressures of contact '{most}': {EDGE}"]
     return [
         f"{text}, {summary['worst_step_share']:.0%} of that in step {summary['worst_step']} to "
         f"t = {summary['worst_step_t']:.6g}: take more steps there; what stays then went into a sudden motion within a step "
-        "(damping=True carries it) or into friction: against round tools penetration= lessens that, between bodies some "
-        "percent of friction's work remain"
+        "(damping=True carries it) or into friction: against round tools penetration= lessens that"
     ]
 
 

@@ -20,8 +20,9 @@ class ContactResult:
     force (3,), its part from friction (3,), moment (3,) about point (3,): the tool's reference point, or the slave surface's
     present centroid; load: pressure integrated over the surface; peak_pressure of a node, at peak_at (3,), its present
     place; area: current one in contact; width (3,): its extents along x, y, z; slip, mean_slip: greatest way slid, and its
-    mean over what has been in contact; friction_work since the start; active, sticking: how many of the slave points;
-    penetration: of the deepest. [force, length, pressure and their products]
+    mean over what has been in contact; friction_work since the start; normal_work_error: part of the energies' error, work
+    against its pressures that their penalties do not store; active, sticking: how many of the slave points; penetration: of
+    the deepest. [force, length, pressure and their products]
     """
 
     force: Floats
@@ -36,6 +37,7 @@ class ContactResult:
     slip: float
     mean_slip: float
     friction_work: float
+    normal_work_error: float
     active: int
     sticking: int
     points: int
@@ -95,6 +97,7 @@ class Results:
     def _contact(self, surface: SlaveNodes, energies: Energies) -> ContactResult:
         m, zone = surface.contact.measures(self.system.state), surface.zone(surface.at_state())
         names = ("force", "friction", "moment", "point", "load", "active", "sticking", "points", "penetration")
-        (slip, mean_slip), work = m["slip"], energies.friction.get(surface.contact.name, 0.0)
+        (slip, mean_slip), contact = m["slip"], surface.contact.name
+        work, error = energies.friction.get(contact, 0.0), energies.pressures[contact]
         here = {name: m[name] for name in names} | vars(zone)
-        return ContactResult(**here, slip=slip, mean_slip=mean_slip, friction_work=work)
+        return ContactResult(**here, slip=slip, mean_slip=mean_slip, friction_work=work, normal_work_error=error)

@@ -111,8 +111,8 @@ class SlaveNodes:
             return None
         off = "larger" if worst > 0.0 else "smaller"
         return (
-            f"contact '{self.contact.name}': its law of friction is evaluated with pressures per area at the start. That area "
-            f"has changed by up to {worst:+.0%} in contact, so these are up to {abs(worst):.0%} {off} than the true "
+            f"contact '{self.contact.name}': its law of friction is evaluated with pressures per area at the start. That "
+            f"area has changed by up to {worst:+.0%} in contact, so these are up to {abs(worst):.0%} {off} than the true "
             "pressures. A second run, with the law stated for pressures off by so much, tells whether it matters"
         )
 
