@@ -1,7 +1,9 @@
 """Pictures by what they hold, not by their pixels: facets, tools, view, colours, letters; on any number of ranks."""
 
 import sys
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -33,6 +35,7 @@ from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
 from fenics_contact.output.colours import BODY, STATUS, colours
 from fenics_contact.output.curves import along_line, times, words
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.lines import line, zones
 from fenics_contact.output.pictures import LETTERS, WIDTH
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.render import pyvista_works
@@ -147,14 +150,20 @@ def test_what_only_round_off_presses_touches_nothing(away):
     assert result.column("top_load_N").size == 0
     with pytest.raises(KeyError, match="top_load_N"):
         result.column("typo")
-    for ask in (result.table, lambda: result.plot_history("t", "top_load_N")):
+    across: dict[str, Any] = {"along": "x", "cut": {"y": 2.0}}
+    asked = (result.line, result.widths, result.plot_line)
+    told = [result.table, lambda: result.plot_history("t", "top_load_N"), *(partial(ask, "top", **across) for ask in asked)]
+    for ask in told:
         refused("no accepted step", ask)
+    with pytest.raises(KeyError, match="no accepted step"):
+        result.column("t", "drag")
     surface = result.measured.surfaces[0]
     noise = surface.least_pressure()
     assert 0.0 < noise < 1e-9  # MPa
     result.u.x.array[2::3] += 8e-16 * (away == 0.0)  # two units in the last place of the lid's height
-    assert (result.line("top", "x", {"y": 2.0})["pressure_MPa"].max() > 0.0) == (away == 0.0)
-    assert len(result.widths("top", "x", {"y": 2.0})) == 0
+    table = line(surface, "x", {"y": 2.0}, result.scene.units)
+    assert (table["pressure_MPa"].max() > 0.0) == (away == 0.0)
+    assert len(zones(table, result.scene.units, noise)) == 0
     for name in ("contact_pressure", "status", "gap"):
         drawn = result.drawing(name)
         if ROOT:
@@ -269,6 +278,61 @@ def test_what_is_a_slice(size, cells, held, axis):
     drawn = solve(scene, steps=1, progress=False).drawing()
     if ROOT:
         assert drawn.view.axis == axis and drawn.is_slice is (axis is not None)
+
+
+def pad(tool, plane, **options):
+    """A plane pad under a tool that is pressed in."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, -1.0), (4.0, 1.0), (8, 2))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(mu=0.4, K=2.0)), plane=plane, **options)
+    scene.fix("pad_ymin")
+    scene.contact("pad_ymax", tool, name="dent")
+    return solve(scene, move={tool: (0, -0.2, 0)}, steps=1, progress=False).require()
+
+
+def walls(figure):
+    """Of each piece of a tool's wall in a slice the ends (2, 2) on the tool and those (2, 2) within it."""
+    (patch,) = (patch for patch in figure.axes[0].patches if isinstance(patch, PathPatch))
+    corners = patch.get_path().vertices.reshape(-1, 5, 2)
+    return corners[:, [0, 1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("plane", "radius", "centre"),
+    [("axisymmetric", 2.0, (0, 2, 0)), ("strain", 2.0, (2, 2, 0)), ("strain", -6.0, (2, -5.65, 0))],
+)
+def test_the_wall_of_a_round_tool_is_drawn_without_slits_to_the_pictures_edge(plane, radius, centre):
+    """Where the picture ends the arc does, too: all of its points lie on it; pieces of the wall share their ends."""
+    thick = {} if plane == "axisymmetric" else {"thickness": 1.0}
+    tool = rigid_sphere(2.0, centre, name="tool") if plane == "axisymmetric" else rigid_cylinder(
+        abs(radius), centre, (0, 0, 1), hollow=radius < 0.0, name="tool")  # fmt: skip
+    result = pad(tool, plane, **thick)
+    figure, drawn = result.plot(), result.drawing()
+    if not ROOT:
+        return
+    pieces, middle = walls(figure), np.array(centre[:2]) - [0.0, 0.2]
+    distance = np.linalg.norm(pieces.reshape(-1, 2) - middle, axis=1).reshape(-1, 4)
+    on_tool = np.sort(np.abs(distance - abs(radius)), axis=1)
+    assert on_tool[:, 1].max() < 0.01 * abs(radius)  # two of four
+    within = distance.max(axis=1) if radius < 0.0 else distance.min(axis=1)
+    np.testing.assert_allclose(within, within.mean(), rtol=2e-3)
+    corners = np.round(pieces.reshape(-1, 2), 6)
+    _, times = np.unique(corners, axis=0, return_counts=True)
+    assert np.count_nonzero(times == 1) <= 4  # those of the two ends alone
+    low, high = drawn.box
+    assert all((tiles >= low - 1e-12).all() and (tiles <= high + 1e-12).all() for tiles in drawn.tools)
+
+
+def test_a_plane_scene_has_the_components_of_a_plane():
+    """And says which: of an axisymmetric one zz is that around the axis; xz and yz there are none of."""
+    result = pad(rigid_sphere(2.0, (0, 2, 0), name="ball"), "axisymmetric")
+    for name in ("stress_xz", "stress_zy", "displacement_z"):
+        refused("displacement_x, _y, stress_xx, _yy, _zz, _xy", lambda name=name: result.plot(name))
+    labels = [result.drawing(f"stress_{which}") for which in ("zz", "xy")]
+    if ROOT:
+        assert [drawn.colours.label for drawn in labels] == [
+            "Cauchy stress zz, around the axis [MPa]",
+            "Cauchy stress xy [MPa]",
+        ]
 
 
 def test_a_status_map_has_a_legend_of_its_four_words(rolled, punched):

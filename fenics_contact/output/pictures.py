@@ -183,7 +183,7 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
     for tiles in drawing.tools:
         ends, normal = _section(tiles, drawing)
         flat, out = view.flat(ends), view.flat(normal)
-        inner = flat - BAND * size * out[:, None]
+        inner = flat - BAND * size * _normals_at_ends(flat, out)
         _fill(axes, np.concatenate([flat, inner[:, ::-1]], axis=1), (*TOOL, 0.6))
         axes.add_collection(LineCollection(flat, colors=[0.6 * TOOL], linewidths=1.2, capstyle="round"))
     ends, values, normal = _surface_lines(wall, near[~near.all(axis=1)])
