@@ -33,10 +33,10 @@ from fenics_contact import (
 )
 from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
 from fenics_contact.output.colours import BODY, STATUS, colours
-from fenics_contact.output.curves import along_line, times, words
+from fenics_contact.output.curves import along_line, history_figure, times, words
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.lines import line, zones
-from fenics_contact.output.pictures import LETTERS, WIDTH
+from fenics_contact.output.pictures import LETTERS, PIECES, WIDTH
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import normals, symmetry_planes
@@ -249,7 +249,10 @@ def test_a_slice_is_seen_along_its_thin_axis(rolled, tmp_path):
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
     side, band = (c for c in axes.collections if isinstance(c, PolyCollection))
-    assert len(side.get_paths()) == 20 * 5 and len(band.get_paths()) == 20  # pressure as a band on the 20 slave facets
+    assert len(side.get_paths()) == 20 * 5 and len(band.get_paths()) == 20 * PIECES  # a band on the slave facets
+    value = drawn.body.values[drawn.body.slave]
+    most = colours("", "amount", True, value).of(np.array([value.max()]))[0, :3]
+    assert np.abs(band.get_facecolors()[:, :3] - most).sum(axis=1).min() < 0.1  # the greatest pressure has its colour
     inside = np.concatenate([path.vertices for path in band.get_paths()])
     top = np.sort(drawn.body.x[..., 1].ravel())[-1]
     assert inside[:, 1].max() <= top + 1e-9 and inside[:, 1].min() < 4.0  # the band lies in the body
@@ -501,6 +504,21 @@ def test_limits_of_colours(kind, values, limits):
     found = colours("", kind, False, np.array(values))
     np.testing.assert_allclose((found.low, found.high), limits)
     assert (found.scale.get_cmap().name == "RdBu_r") is (limits[0] == -limits[1])  # pale in the middle: zero
+
+
+def test_stages_that_end_together_have_one_label_inside_the_axes():
+    """Forth, back and forth again; the other way where they end at the picture's edge."""
+    x = np.array([0.0, 0.5, 1.0, 0.5, 0.0, 0.5, 1.0])
+    table = {"face_angle_z_rad": x, "top_force_z_N": 2.0 * x}
+    figure = history_figure(table, Units(), (1.0, 1.0), {"there": 2, "back": 4, "and there again": 6})
+    (axes,) = figure.axes
+    assert axes.get_xlabel() == "face angle z [rad]"
+    FigureCanvasAgg(figure).draw()
+    assert [text.get_text() for text in axes.texts] == ["there, and there again", "back"]
+    for text in axes.texts:
+        box, room = text.get_window_extent(), axes.get_window_extent()
+        assert room.x0 < box.x0 and box.x1 < room.x1 and room.y0 < box.y0 and box.y1 < room.y1
+    holds(figure)
 
 
 def test_pressure_along_a_line_leaves_out_what_is_not_there():

@@ -11,13 +11,14 @@ from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
 
 MARKS = 40  # points of a curve up to which each is marked
+TOGETHER, EDGE = 0.05, 0.8  # of a curve's extent: ends of stages that share a label; beyond which labels go the other way
 AROUND = 0.25  # of the length from the first zone in contact to the last: what is shown beside them
 
 
 def words(column: str, units: Units) -> tuple[str, str]:
     """A column's name as a reader says it, and its unit, "" where the name has none."""
     L, F, p = units.length, units.force, units.pressure
-    known = (L, F, p, f"{F}{L}", f"{L}2", f"{F}_per_{L}", f"{p}_per_{L}")
+    known = ("rad", L, F, p, f"{F}{L}", f"{L}2", f"{F}_per_{L}", f"{p}_per_{L}")
     unit = next((u for u in sorted(known, key=len, reverse=True) if column.endswith(f"_{u}")), "")
     name = column.removesuffix(f"_{unit}") if unit else column
     return name.replace("_", " "), unit.replace("_per_", "/").replace(f"{L}2", f"{L}²")
@@ -48,9 +49,7 @@ def history_figure(
         for column, name in names.items():
             axes.plot(of_x * places, of_y * table[column], marker="o" if len(places) <= MARKS else None, markersize=3,
                       linewidth=1.2, label=name)  # fmt: skip
-        for stage, row in ends.items():
-            place = of_x * places[row], of_y * table[columns[0]][row]
-            axes.annotate(stage, place, (4, 4), textcoords="offset points", fontsize=LETTERS)
+        _mark(axes, of_x * places, of_y * table[columns[0]], ends)
         name = names[columns[0]] if len(columns) == 1 else ""
         axes.set_ylabel(labelled(name, unit) if name else f"[{unit}]" if unit else "", fontsize=LETTERS)
         axes.set_xlabel(times(of_x) + labelled(*words(x, units)), fontsize=LETTERS)
@@ -59,6 +58,22 @@ def history_figure(
         if len(columns) > 1:
             axes.legend(fontsize=LETTERS)
     return figure
+
+
+def _mark(axes: Any, x: Floats, y: Floats, ends: Mapping[str, int]) -> None:
+    """Names of stages where they end, rows of a curve x, y (n,): in one label where they end together, inwards where they
+    end at the picture's edge."""
+    shares = np.column_stack([(values - values.min()) / max(float(np.ptp(values)), 1e-300) for values in (x, y)])
+    labels: dict[int, list[str]] = {}
+    for stage, row in ends.items():
+        same = [other for other in labels if np.abs(shares[other] - shares[row]).max() < TOGETHER]
+        labels.setdefault(same[0] if same else row, []).append(stage)
+    for row, stages in labels.items():
+        right, top = shares[row] > EDGE
+        axes.annotate(
+            ", ".join(stages), (x[row], y[row]), (-4 if right else 4, -4 if top else 4), textcoords="offset points",
+            ha="right" if right else "left", va="top" if top else "bottom", fontsize=LETTERS,
+        )  # fmt: skip
 
 
 def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: bool = False) -> Figure:

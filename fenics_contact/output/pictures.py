@@ -23,6 +23,7 @@ TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
 BAND = 0.02  # of the picture's size: thickness of a tool's wall in a slice
 STRIPE = 0.008  # of the picture's size: thickness of the band of a contact field in a slice
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
+PIECES = 6  # of a line of a slice's slave surface: each has one colour
 MANY = 3000  # facets with a field beyond which each has one colour
 
 Box = tuple[Floats, Floats]  # least and largest places (2,)
@@ -201,6 +202,8 @@ def _paint_surface(axes: Any, ends: Floats, values: Floats, out: Floats, tint: C
     if tint.kind == "status":  # half a line has the status of its end
         ends, out = _halves(ends), _halves(out)
         values = np.repeat(np.concatenate([values[:, 0], values[:, 1]])[:, None], 2, axis=1)
+    else:  # the colour follows the value between the nodes
+        ends, out, values = (_pieces(part) for part in (ends, out, values))
     if not len(ends):
         return
     face = tint.of(values.mean(axis=1))
@@ -217,6 +220,12 @@ def _halves(ends: Floats) -> Floats:
     """Lines (n, 2, 2) cut in the middle (2 n, 2, 2): all first halves, then all second ones."""
     middle = ends.mean(axis=1, keepdims=True)
     return np.concatenate([np.concatenate([ends[:, :1], middle], axis=1), np.concatenate([middle, ends[:, 1:]], axis=1)])
+
+
+def _pieces(ends: Floats) -> Floats:
+    """What lines have at their ends (n, 2, ...), at the ends of PIECES parts of each (PIECES n, 2, ...)."""
+    at = [(1.0 - s) * ends[:, 0] + s * ends[:, 1] for s in np.linspace(0.0, 1.0, PIECES + 1)]
+    return np.concatenate([np.stack([at[i], at[i + 1]], axis=1) for i in range(PIECES)])
 
 
 def _normals_at_ends(ends: Floats, normal: Floats) -> Floats:
