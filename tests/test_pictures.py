@@ -31,7 +31,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
+from fenics_contact.meshes import box, disc, punch_plate, rectangles, two_blocks
 from fenics_contact.output.colours import BODY, STATUS, colours
 from fenics_contact.output.curves import along_line, history_figure, times, words
 from fenics_contact.output.fields import Fields
@@ -519,6 +519,22 @@ def test_stages_that_end_together_have_one_label_inside_the_axes():
         box, room = text.get_window_extent(), axes.get_window_extent()
         assert room.x0 < box.x0 and box.x1 < room.x1 and room.y0 < box.y0 and box.y1 < room.y1
     holds(figure)
+
+
+@pytest.mark.parametrize(("name", "mirror"), [("status", "xy"), ("contact_pressure", ""), ("contact_pressure", "y")])
+def test_nothing_is_cut_off_however_often_a_picture_is_drawn(name, mirror):
+    """A quarter of a cord under a lid, and its images: places of the same scale along both axes, a legend or bar beside."""
+    scene = Scene(
+        Body(read_gmsh(disc.build, radius=1.5, depth=None, cells=3), "disc", neo_hooke(mu=1.0, K=8.0)), plane="strain"
+    )
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    lid = rigid_plane((0, 1.5, 0), (0, -1, 0), name="lid")
+    scene.contact("rim", lid, 0.2, name="lid")
+    figure = solve(scene, move={lid: (0, -0.45, 0)}, steps=3, progress=False).require().plot(name, mirror=mirror)
+    if ROOT:
+        for _ in range(3):
+            holds(figure)
 
 
 def test_pressure_along_a_line_leaves_out_what_is_not_there():

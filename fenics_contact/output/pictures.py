@@ -94,7 +94,7 @@ class Drawing:
         room = WIDTH - ticks - (0.1 if below else 1.3 if self.colours.kind != "status" else 1.5)  # bar or legend beside it
         height = max(min(room * tall / across, TALLEST), FLATTEST)
         width = min(room, max(height * across / tall, 0.45 * WIDTH)) + WIDTH - room
-        figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="constrained")
+        figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="compressed")
         self.fill(figure, limits, title, extent)
         return figure
 
