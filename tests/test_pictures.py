@@ -283,9 +283,9 @@ def test_what_is_a_slice(size, cells, held, axis):
         assert drawn.view.axis == axis and drawn.is_slice is (axis is not None)
 
 
-def pad(tool, plane, **options):
-    """A plane pad under a tool that is pressed in."""
-    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, -1.0), (4.0, 1.0), (8, 2))})
+def pad(tool, plane, length=4.0, **options):
+    """A plane pad, 1 mm thick, under a tool that is pressed in."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, -1.0), (length, 1.0), (int(2 * length), 2))})
     scene = Scene(Body(mesh, "pad", neo_hooke(mu=0.4, K=2.0)), plane=plane, **options)
     scene.fix("pad_ymin")
     scene.contact("pad_ymax", tool, name="dent")
@@ -323,6 +323,15 @@ def test_the_wall_of_a_round_tool_is_drawn_without_slits_to_the_pictures_edge(pl
     assert np.count_nonzero(times == 1) <= 4  # those of the two ends alone
     low, high = drawn.box
     assert all((tiles >= low - 1e-12).all() and (tiles <= high + 1e-12).all() for tiles in drawn.tools)
+
+
+def test_the_band_of_a_field_stays_in_a_thin_body():
+    """Of a pad thirty times as long as thick."""
+    figure = pad(rigid_cylinder(2.0, (15, 2, 0), (0, 0, 1), name="roll"), "strain", length=30.0, thickness=1.0).plot()
+    if ROOT:
+        _, band = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+        places = np.concatenate([path.vertices for path in band.get_paths()])
+        assert -0.8 < places[:, 1].min() < -0.4
 
 
 def test_a_plane_scene_has_the_components_of_a_plane():
