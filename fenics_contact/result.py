@@ -76,7 +76,8 @@ class Result:
             raise KeyError(f"no column '{name}' in the history; it has: {', '.join(known)}")
         names = list(dict.fromkeys(row.get("stage") for row in self.history))
         if stage is not None and stage not in names:
-            raise KeyError(f"no stage '{stage}' in the history; it has: {', '.join(filter(None, names)) or 'none'}")
+            there = ", ".join(filter(None, names)) or ("none" if names else "no accepted step")
+            raise KeyError(f"no stage '{stage}' in the history; it has: {there}")
         return np.array([row[name] for row in self.history if stage is None or row["stage"] == stage])
 
     def table(self, stage: str | None = None) -> Table:
@@ -96,8 +97,10 @@ class Result:
         pressure and friction on the current area, gap, slip, status (0 open, 1 closed, 2 stick, 3 slip). along: "x", "y",
         "z", or a function of the reference positions X (n, 3) -> (n,): the line starts at its end where that is least, and
         runs from facet to facet; cut: {axis: value}, the plane of the undeformed body that cuts the surface, e.g.
-        {"z": 0.0}; of a surface one facet wide, as a slice's, its lower side by default. KeyError lists the contacts.
+        {"z": 0.0}; of a surface one facet wide, as a slice's, its lower side by default. KeyError lists the contacts;
+        SceneError without an accepted step.
         """
+        self._refuse_empty(f"line() of contact '{contact}'")
         return line(self._surface(contact), along, cut, self.scene.units)
 
     def widths(self, contact: str, along: Along, cut: Mapping[str, float] | None = None) -> Floats:
@@ -141,12 +144,12 @@ class Result:
 
         field: "contact_pressure" (where the scene has contacts the default), "friction_traction", "gap" or "status" on the
         slave surfaces, "top_contact_pressure" of the contact "top" alone; "displacement" (its size, the default elsewhere),
-        "displacement_x", "_y", "_z", "von_mises", "stress_xx", "stress_xy", ..., "J". path: file to write, by its ending
-        .png, .pdf or .svg; mirror: axes of symmetry planes behind which the model is drawn too, "x" or "xy"; view: "x",
-        "y", "z" (along that axis) or (elevation, azimuth) in degrees, by default along the thin axis of a plane-strain
-        slice, else from where most of the field is seen; limits: of the colours, in the field's unit; title: by default t;
-        backend: "pyvista" or "matplotlib" paints models in space, by default the first where it is installed and draws
-        without a screen.
+        "displacement_x", "_y", "_z", "von_mises", "stress_xx", "stress_xy", ..., "J", in a plane scene without what its
+        plane does not have, "displacement_z", "stress_xz" and "_yz". path: file to write, by its ending .png, .pdf or .svg;
+        mirror: axes of symmetry planes behind which the model is drawn too, "x" or "xy"; view: "x", "y", "z" (along that
+        axis) or (elevation, azimuth) in degrees, by default along the thin axis of a plane-strain slice, else from where
+        most of the field is seen; limits: of the colours, in the field's unit; title: by default t; backend: "pyvista" or
+        "matplotlib" paints models in space, by default the first where it is installed and draws without a screen.
 
         A Matplotlib Figure on rank 0, None on the others. Collective. SceneError, on all ranks, for a field that the scene
         does not have, a mirror without a plane of symmetry, limits that do not rise, an ending that is none and a backend

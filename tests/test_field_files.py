@@ -1,5 +1,7 @@
 """Fields and tools in files: what the Functions are, in one order on any number of ranks, and readable elsewhere."""
 
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -7,7 +9,7 @@ from scipy.spatial import cKDTree
 from test_elements import draw_tetrahedra
 from vtu_files import read_pvd, read_vtu
 
-from fenics_contact import Body, Scene, Units, compat, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact import Body, Scene, Units, compat, neo_hooke, read_gmsh, rigid_hub, rigid_plane, rigid_sphere, solve
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.meshes import box, two_blocks
 from fenics_contact.output.fields import Fields, surfaces_of
@@ -218,6 +220,8 @@ def test_a_run_writes_its_fields(folder, kind, degree, element):
     fields.update()
     assert {f.name for f in fields.all} | {"body"} == {*grid["PointData"], *grid["CellData"]}
     assert {"displacement_m", "contact_pressure_kPa", "friction_traction_kPa", "gap_m"} < set(grid["PointData"])
+    named = ET.parse(folder / "run" / "steps" / "000001.vtu").getroot().iterfind(".//*[@Name='cauchy_stress_kPa']")
+    assert [[one.get(f"ComponentName{i}") for i in (0, 5, 8)] for one in named] == [["XX", "YZ", "ZZ"]]  # for ParaView
     assert {"cauchy_stress_kPa", "J"} < set(grid["CellData"]) and grid["CellData"]["cauchy_stress_kPa"].shape[1] == 9
     nodes = cKDTree(grid["Points"]["Points"]).query(scene.space.tabulate_dof_coordinates())[1]
     np.testing.assert_allclose(grid["PointData"]["displacement_m"][nodes].ravel(), result.u.x.array, atol=1e-14)
@@ -240,6 +244,21 @@ def test_a_run_writes_its_fields(folder, kind, degree, element):
     assert not np.isnan(pressure[top]).any() and np.isnan(pressure[~top]).all() and np.nanmax(pressure) > 0.0
     for values, of_nodes in ((pressure, ball.pressure), (status, ball.status), (gap, ball.gap)):
         np.testing.assert_array_equal(values[nodes[corner & ball.on]], of_nodes[corner & ball.on])
+
+
+@pytest.mark.parallel
+def test_a_hub_is_a_point_that_is_drawn(folder):
+    """One cell, for a grid without cells is nothing on a screen."""
+    mesh = read_gmsh(box.build, size=(1.0, 1.0, 1.0), cells=(1, 1, 1))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.fix("zmin")
+    hub = rigid_hub("hub", (0.5, 0.5, 1.0))
+    scene.tie("zmax", hub)
+    solve(scene, move={hub: (0.1, 0, 0)}, steps=1, out=folder / "hub", progress=False).require()
+    COMM.Barrier()
+    grid = read_vtu(read_pvd(folder / "hub" / "tools" / "hub.pvd")[-1][1])
+    np.testing.assert_allclose(grid["Points"]["Points"], [[0.6, 0.5, 1.0]])
+    assert grid["Cells"]["types"].tolist() == [1] and grid["Cells"]["connectivity"].tolist() == [0]
 
 
 @pytest.mark.serial

@@ -162,6 +162,28 @@ def test_the_moments_of_a_contact_and_of_supports_balance(partner, points):
         assert np.linalg.norm(about) < 1e-9 * np.linalg.norm(size), (about, whole)
 
 
+def test_a_master_body_lacks_the_couple_of_gaps_and_friction():
+    """Forces on it are opposite, a penetration away: its moments balance to that depth times the friction."""
+    scene, _, _ = joint("body", "averages")
+    left = []
+    for contact in ({}, {"penetration": 1e-5}):
+        scene.contacts.clear()
+        scene.contact("upper_bottom", "lower_top", 0.5, name="j", **contact)
+        row = solve(scene, steps=4, tolerance=1e-12, progress=False).require().history[-1]
+
+        def vector(name, unit, row=row):
+            return np.array([row[f"{name}_{axis}_{unit}"] for axis in "xyz"])
+
+        force, support = vector("j_force", "N"), vector("lower_bottom_reaction", "N")
+        couple = vector("lower_bottom_reaction_moment", "Nmm") - vector("j_moment", "Nmm")
+        couple += np.cross(vector("lower_bottom_reaction_point", "mm"), support) - np.cross(vector("j_point", "mm"), force)
+        np.testing.assert_allclose(support, force, rtol=1e-7)
+        most = row["j_penetration_mm"] * np.linalg.norm(vector("j_friction", "N"))
+        assert 0.2 * most < np.linalg.norm(couple) < most
+        left.append(np.linalg.norm(couple))
+    assert left[1] < 0.05 * left[0]
+
+
 # -- energies ---------------------------------------------------------------------------------------------------------
 def loaded(steps, **options):
     scene = cube(**options)

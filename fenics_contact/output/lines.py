@@ -72,7 +72,7 @@ def _plane(surface: SlaveNodes, cut: Mapping[str, float] | None) -> tuple[int, f
     wide |= high - low <= ON_PLANE * size
     if wide.all():
         letter = AXES[int(np.argmin(np.where(high - low > ON_PLANE * size, high - low, np.inf)))]
-        middle = 0.5 * (low + high)
+        middle = np.where(np.abs(low + high) > ON_PLANE * size, 0.5 * (low + high), 0.0)
         raise SceneError(
             f"contact '{surface.contact.name}': its slave surface is more than one facet wide, no line; give the plane that "
             f'cuts it, cut={{"{letter}": {middle[AXES.index(letter)]:.6g}}} for instance'

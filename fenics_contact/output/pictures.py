@@ -23,6 +23,8 @@ TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
 BAND = 0.02  # of the picture's size: thickness of a tool's wall in a slice
 STRIPE = 0.008  # of the picture's size: thickness of the band of a contact field in a slice
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
+DEEPEST = 0.4  # of the bodies' thickness: that height at most
+PIECES = 6  # of a line of a slice's slave surface: each has one colour
 MANY = 3000  # facets with a field beyond which each has one colour
 
 Box = tuple[Floats, Floats]  # least and largest places (2,)
@@ -93,7 +95,7 @@ class Drawing:
         room = WIDTH - ticks - (0.1 if below else 1.3 if self.colours.kind != "status" else 1.5)  # bar or legend beside it
         height = max(min(room * tall / across, TALLEST), FLATTEST)
         width = min(room, max(height * across / tall, 0.45 * WIDTH)) + WIDTH - room
-        figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="constrained")
+        figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="compressed")
         self.fill(figure, limits, title, extent)
         return figure
 
@@ -183,7 +185,7 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
     for tiles in drawing.tools:
         ends, normal = _section(tiles, drawing)
         flat, out = view.flat(ends), view.flat(normal)
-        inner = flat - BAND * size * out[:, None]
+        inner = flat - BAND * size * _normals_at_ends(flat, out)
         _fill(axes, np.concatenate([flat, inner[:, ::-1]], axis=1), (*TOOL, 0.6))
         axes.add_collection(LineCollection(flat, colors=[0.6 * TOOL], linewidths=1.2, capstyle="round"))
     ends, values, normal = _surface_lines(wall, near[~near.all(axis=1)])
@@ -192,22 +194,28 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
     if tint.on_contact:
         there = np.isfinite(values).all(axis=1)
         out = _normals_at_ends(flat[there], view.flat(normal[there]))
-        _paint_surface(axes, flat[there], values[there], out, tint, size)
+        thin = float(np.ptp(view.flat(side.x.reshape(-1, 3)), axis=0).min())
+        _paint_surface(axes, flat[there], values[there], out, tint, (STRIPE * size, min(SPIKE * size, DEEPEST * thin)))
 
 
-def _paint_surface(axes: Any, ends: Floats, values: Floats, out: Floats, tint: Colours, size: float) -> None:
+def _paint_surface(
+    axes: Any, ends: Floats, values: Floats, out: Floats, tint: Colours, heights: tuple[float, float]
+) -> None:
     """A contact field on lines (n, 2, 2) with normals there: a band inside the body in its colours, of amounts as high as
-    the value."""
+    the value; heights: the least, that there is a field shows without a value too, and that of the largest value."""
+    least, highest = heights
     if tint.kind == "status":  # half a line has the status of its end
         ends, out = _halves(ends), _halves(out)
         values = np.repeat(np.concatenate([values[:, 0], values[:, 1]])[:, None], 2, axis=1)
+    else:  # the colour follows the value between the nodes
+        ends, out, values = (_pieces(part) for part in (ends, out, values))
     if not len(ends):
         return
     face = tint.of(values.mean(axis=1))
-    height = np.full(values.shape, STRIPE)  # that there is a field shows without a value too
+    height = np.full(values.shape, least)
     if tint.kind == "amount":
-        height = np.maximum(SPIKE * np.clip(values / tint.high, 0.0, 1.0), STRIPE)
-    band = np.concatenate([ends, (ends - size * height[..., None] * out)[:, ::-1]], axis=1)
+        height = np.maximum(highest * np.clip(values / tint.high, 0.0, 1.0), least)
+    band = np.concatenate([ends, (ends - height[..., None] * out)[:, ::-1]], axis=1)
     axes.add_collection(PolyCollection(band, facecolors=face, edgecolors=face, linewidths=0.3, zorder=3))
     axes.add_collection(LineCollection(band[:, 2:], colors="0.15", linewidths=0.5, zorder=3))
     axes.add_collection(LineCollection(ends, colors="0.15", linewidths=0.6, capstyle="round", zorder=4))
@@ -217,6 +225,12 @@ def _halves(ends: Floats) -> Floats:
     """Lines (n, 2, 2) cut in the middle (2 n, 2, 2): all first halves, then all second ones."""
     middle = ends.mean(axis=1, keepdims=True)
     return np.concatenate([np.concatenate([ends[:, :1], middle], axis=1), np.concatenate([middle, ends[:, 1:]], axis=1)])
+
+
+def _pieces(ends: Floats) -> Floats:
+    """What lines have at their ends (n, 2, ...), at the ends of PIECES parts of each (PIECES n, 2, ...)."""
+    at = [(1.0 - s) * ends[:, 0] + s * ends[:, 1] for s in np.linspace(0.0, 1.0, PIECES + 1)]
+    return np.concatenate([np.stack([at[i], at[i + 1]], axis=1) for i in range(PIECES)])
 
 
 def _normals_at_ends(ends: Floats, normal: Floats) -> Floats:

@@ -17,6 +17,7 @@ from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64, M
 from fenics_contact.values import SceneError
 
 AXES = "xyz"
+IN_PLANE = ("xx", "yy", "zz", "xy", "yx")  # stresses that a plane scene has
 TILES = 24  # tiles of a tool along the bodies' largest length: its facets are cut to about this size
 SAG = 1e-4  # of twice the picture's diagonal: how far facets cut below round tools, a thin line at a page's width
 MANY = 10_000  # tiles of a tool from which on only the large ones are cut
@@ -70,7 +71,8 @@ def look(fields: Fields, name: str) -> Look:
     word, _, axis = name.rpartition("_")
     if name == "displacement":
         return Look(f"displacement [{units.length}]", _nodal(fields.displacement, _size))
-    if word == "displacement" and axis in AXES:
+    section = fields.scene.section
+    if word == "displacement" and axis in (AXES if section is None else AXES[:2]):
         return Look(
             f"displacement along {axis} [{units.length}]", _nodal(fields.displacement, AXES.index(axis)), kind="signed"
         )
@@ -81,13 +83,10 @@ def look(fields: Fields, name: str) -> Look:
     stress = np.where(np.abs(stress) > least, stress, 0.0)
     if name == "von_mises":
         return Look(f"von Mises stress [{units.pressure}]", _per_cell(mesh, _von_mises(stress)))
-    if word == "stress" and len(axis) == 2 and set(axis) <= set(AXES):
-        if fields.scene.section is not None and axis.count("z") == 1:
-            raise SceneError(
-                f"field '{name}': a plane or axisymmetric scene has no shear along z; draw stress_xx, _yy, _zz, _xy"
-            )
+    if word == "stress" and len(axis) == 2 and (set(axis) <= set(AXES) if section is None else axis in IN_PLANE):
         values = stress[:, AXES.index(axis[0]), AXES.index(axis[1])]
-        return Look(f"Cauchy stress {axis} [{units.pressure}]", _per_cell(mesh, values), kind="signed")
+        around = ", around the axis" if section is not None and section.axisymmetric and axis == "zz" else ""
+        return Look(f"Cauchy stress {axis}{around} [{units.pressure}]", _per_cell(mesh, values), kind="signed")
     return _look_at_contact(fields, name)
 
 
@@ -104,9 +103,11 @@ def _look_at_contact(fields: Fields, name: str) -> Look:
         "status": ("contact status", of.status, 0, "status"),
     }
     if word not in known or name == "pressure":
+        plane = fields.scene.section is not None
+        parts = "displacement_x, _y, stress_xx, _yy, _zz, _xy" if plane else "displacement_x, _y, _z, stress_xx, _xy, ..."
         raise SceneError(
-            f"no field '{name}' to draw; there are displacement, displacement_x, _y, _z, J, von_mises, stress_xx, _xy, ..., "
-            "and on the slave surfaces contact_pressure, friction_traction, gap, status, of one contact with its name "
+            f"no field '{name}' to draw; there are displacement, J, von_mises, {parts}, and on the slave surfaces "
+            "contact_pressure, friction_traction, gap, status, of one contact with its name "
             f"before: {', '.join(f'{contact}_gap' for contact in contacts) or 'there are none'}"
         )
     if not contacts:
@@ -220,8 +221,30 @@ def tool_tiles(scene: Solved, poses: Sequence[Pose], low: Floats, high: Floats) 
             tiles = np.concatenate([tiles[~large], quarters(tiles[large])])
         edge = FLAT * np.max(high - low)  # tiles that only touch the box from outside stay there
         inside = ((tiles > low + edge) & (tiles < high - edge)).all(axis=2).any(axis=1)
-        found.append(np.clip(tiles[inside], low, high))
+        found.append(_cut(tiles[inside], low, high))
     return found
+
+
+def _cut(tiles: Floats, low: Floats, high: Floats) -> Floats:
+    """What of plane tiles (n, 4, 3) lies in a box: tiles, which keep their direction."""
+    for axis, place, sign in [(i, *end) for i in range(3) for end in ((low[i], -1.0), (high[i], 1.0))]:
+        beyond = sign * (tiles[..., axis] - place)
+        out = beyond > 0.0
+        crossed = out.any(axis=1) & ~out.all(axis=1)
+        three = tiles[crossed][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+        three = three[(three[:, 1] != three[:, 2]).any(axis=1)]  # of a triangle the second half is none
+        far = sign * (three[..., axis] - place)
+        alone = (far > 0.0) == (np.count_nonzero(far > 0.0, axis=1) == 1)[:, None]  # the corner on its own side
+        cut = np.flatnonzero((far > 0.0).any(axis=1) & (far < 0.0).any(axis=1))
+        turn = (np.argmax(alone[cut], axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(three[cut[:, None], turn], 1, 0)
+        of_a, of_b, of_c = far[cut[:, None], turn].T[..., None]
+        to_b, to_c = a + of_a / (of_a - of_b) * (b - a), a + of_a / (of_a - of_c) * (c - a)
+        to_b[:, axis] = to_c[:, axis] = place
+        kept = np.where(of_a[..., None] < 0.0, np.stack([a, to_b, to_c, to_c], axis=1), np.stack([to_b, b, c, to_c], axis=1))
+        whole = three[(far <= 0.0).all(axis=1) & (far < 0.0).any(axis=1)]
+        tiles = np.concatenate([tiles[~out.any(axis=1)], kept, whole[:, [0, 1, 2, 2]]])
+    return tiles
 
 
 def _meets(tiles: Floats, low: Floats, high: Floats) -> Bools:

@@ -15,8 +15,9 @@ from fenics_contact.types import Array, Floats, Ints64
 
 TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 # VTK's codes
-TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON = 5, 9, 10, 12
+VERTEX, TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON = 1, 5, 9, 10, 12
 TRIANGLE_6, TETRAHEDRON_10, QUADRILATERAL_9, HEXAHEDRON_27 = 22, 24, 28, 29
+TENSOR = [first + second for first in "XYZ" for second in "XYZ"]  # components of (rows, 9), by rows
 LEVEL = 1  # of zlib: 6 takes three to four times as long for a tenth less
 ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -47,7 +48,10 @@ class GridFile:
 
 
 def facets_file(points: Floats, facets: Ints64) -> GridFile:
-    """Quadrilaterals (m, 4) and triangles, which repeat their third point, as a grid."""
+    """Quadrilaterals (m, 4) and triangles, which repeat their third point, as a grid; of points alone each a cell."""
+    if not len(facets):
+        numbers = np.arange(len(points))
+        return GridFile(points, numbers, numbers + 1, np.full(len(points), VERTEX))
     used = np.ones(facets.shape, dtype=bool)
     used[:, 3] = facets[:, 2] != facets[:, 3]
     types = np.where(used[:, 3], QUADRILATERAL, TRIANGLE)
@@ -67,6 +71,8 @@ def _array(name: str, values: Array, counted: bool) -> str:
     text = (base64.b64encode(head) + base64.b64encode(block)).decode("ascii")
     tuples = f' NumberOfTuples="{len(values)}"' if counted else ""
     parts = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
+    if values.ndim == 2 and values.shape[1] == len(TENSOR):
+        parts += "".join(f' ComponentName{i}="{axes}"' for i, axes in enumerate(TENSOR))
     name = quoteattr(UNPRINTED.sub(" ", name))
     return f'<DataArray type="{TYPES[values.dtype.str[1:]]}" Name={name}{parts}{tuples} format="binary">{text}</DataArray>\n'
 
