@@ -12,11 +12,11 @@ from types import FrameType, TracebackType
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.agreement import Lost
+from fenics_contact.agreement import PATIENCE, Lost
 from fenics_contact.types import Ints64
 
-PATIENCE = 5.0  # seconds that the other ranks give rank 0 to say what they would say too
-TAG = 31_007  # of the messages by which it does; far from small numbers, which a script may use
+ECHO = 5.0  # seconds that the other ranks give rank 0 to say what they would say too
+TAG = 31_007  # of the messages between ranks that have failed; far from small numbers, which a script may use
 PACKAGE = str(Path(__file__).parent)
 OF_USERS = tuple(f"{PACKAGE}/{folder}/" for folder in ("demos", "meshes"))
 INNER = tuple(
@@ -72,37 +72,52 @@ def _is_users(frame: FrameType) -> bool:
 
 
 def _tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """The hook. Ranks do not wait for each other in it by a collective call, for some may be elsewhere: rank 0 sends what it
-    has printed, and the others print what it has not."""
+    """The hook. Of several ranks the others print what rank 0 has not printed. Ranks without an error may wait for this one,
+    and nothing can tell them: a rank that has failed alone ends them all."""
     text = words(error) if is_refusal(error) else f"{error}\n" if isinstance(error, Lost) else None
-    comm = MPI.COMM_WORLD if MPI.Is_initialized() and not MPI.Is_finalized() else None
-    if comm is None or comm.size == 1 or not isinstance(error, Exception):
-        comm = None
-    if text is not None and (comm is None or comm.rank == 0 or not _said(comm, text)):
-        sys.stderr.write(text)
-        sys.stderr.flush()
-    elif text is None:
+    comm, heard, start = _ranks(error), dict[int, int](), time.monotonic()
+    mark = zlib.crc32((text or "").encode())
+    if comm is not None:
+        _announce(comm, mark)
+        if text is not None and comm.rank > 0:
+            _hear(comm, heard, [0], start + ECHO)
+    if text is None:
         _told(kind, error, trace)
-    if comm is not None and comm.rank == 0:
-        mark = _mark(text or "")
-        _sent.extend((mark, comm.Isend(mark, dest=rank, tag=TAG)) for rank in range(1, comm.size))
+    elif heard.get(0) != mark:
+        sys.stderr.write(text)
+    sys.stderr.flush()
+    if comm is not None:
+        _hear(comm, heard, [rank for rank in range(comm.size) if rank != comm.rank], start + PATIENCE)
+        if len(heard) < comm.size - 1:
+            sys.stderr.write(f"rank {comm.rank} has failed, and others have not in {PATIENCE:g} s: all are ended\n")
+            sys.stderr.flush()
+            comm.Abort(1)
+
+
+def _ranks(error: BaseException) -> MPI.Comm | None:
+    """Where there are other ranks to hear of an error."""
+    there = MPI.Is_initialized() and not MPI.Is_finalized() and isinstance(error, Exception)
+    return MPI.COMM_WORLD if there and MPI.COMM_WORLD.size > 1 else None
 
 
 _sent: list[tuple[Ints64, MPI.Request]] = []  # alive until the program ends
 
 
-def _mark(text: str) -> Ints64:
-    """A number (1,) that stands for a text."""
-    return np.array([zlib.crc32(text.encode())], dtype=np.int64)
+def _announce(comm: MPI.Comm, mark: int) -> None:
+    """Let all other ranks know that this one has failed, and by a number with what words. Not collective: they may be
+    elsewhere."""
+    message = np.array([mark], dtype=np.int64)
+    _sent.extend((message, comm.Isend(message, dest=rank, tag=TAG)) for rank in range(comm.size) if rank != comm.rank)
 
 
-def _said(comm: MPI.Comm, text: str) -> bool:
-    """Whether rank 0 has printed just this text, as far as it says so in time."""
-    end = time.monotonic() + PATIENCE
-    while not comm.Iprobe(source=0, tag=TAG):
+def _hear(comm: MPI.Comm, heard: dict[int, int], ranks: list[int], end: float) -> None:
+    """Add what these ranks have announced, as far as they do so until `end`."""
+    message = np.empty(1, dtype=np.int64)
+    while waiting := [rank for rank in ranks if rank not in heard]:
+        for rank in waiting:
+            if comm.Iprobe(source=rank, tag=TAG):
+                comm.Recv(message, source=rank, tag=TAG)
+                heard[rank] = int(message[0])
         if time.monotonic() > end:
-            return False
+            return
         time.sleep(0.01)
-    mark = np.empty(1, dtype=np.int64)
-    comm.Recv(mark, source=0, tag=TAG)
-    return bool(mark[0] == _mark(text)[0])

@@ -30,15 +30,15 @@ if what == "folder":
     solve(scene, out="/proc/nothing", steps=1)
 if what == "tool":
     rigid_plane((0, 0, 1), normal=(0, 0, 0))
-if what == "one rank":
-    rank == 1 and scene.fix("botom")
-    sys.exit()
+if what in ("one rank", "a bug on one rank") and rank == 1:
+    scene.fix("botom" if what == "one rank" else [].index(1))
 scene.prescribe("zmax", "z", 0.1)
 if what == "bug":
     fenics_contact.run.penalty_error = lambda *a: [].index(1)
     solve(scene, steps=1)
 if what in ("everywhere", "somewhere"):
     solve(scene, steps=1, record={"mine": mine})
+solve(scene, steps=1)
 """
 
 
@@ -66,11 +66,16 @@ def test_a_wrong_statement_shows_its_line_and_message_alone(tmp_path, what, line
     assert shown.strip() == line and last.startswith(message)
 
 
-@pytest.mark.parametrize("what", ["name", "one rank"])
-def test_on_several_ranks_it_is_said_once(tmp_path, what):
-    """Also where the statement is wrong on another rank than the first."""
-    code, text = said(tmp_path, what, ranks=2)
+def test_on_several_ranks_it_is_said_once(tmp_path):
+    code, text = said(tmp_path, "name", ranks=2)
     assert code == 1 and len(text.strip().splitlines()) == 4 and text.count("'botom' in the mesh") == 1
+
+
+@pytest.mark.parametrize("what, message", [("one rank", "'botom' in the mesh"), ("a bug on one rank", "is not in list")])
+def test_what_fails_on_one_rank_alone_ends_all(tmp_path, what, message):
+    """The others wait for it, and nothing can tell them."""
+    code, text = said(tmp_path, what, ranks=2)
+    assert code == 1 and text.count(message) == 1 and "rank 1 has failed" in text
 
 
 def test_a_bug_keeps_its_traceback(tmp_path):
