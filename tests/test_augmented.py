@@ -281,7 +281,7 @@ def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
     report = Augmented(Newton(LinearSolver(system)), limit=8).step(system, 1.0)
     left = system.misfit() * 1e-9
     assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
-    (note,) = report.notes
+    (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
     assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
     system.commit()
@@ -299,7 +299,7 @@ def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     report = reports[-1]
     left = max(COMM.allgather(contact.multipliers.misfit(system.state))) * 1e-9
     assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
-    (note,) = report.notes
+    (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
     assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
 
@@ -331,6 +331,24 @@ def test_an_augmentation_that_cannot_be_solved_is_taken_in_part():
     np.testing.assert_allclose(*forces, rtol=1e-5)
 
 
+def test_friction_near_its_limit_is_taken_over_in_part():
+    """Uzawa's step gives a sticking point the friction it has once more, with which it would slip, and the tool with all."""
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(3, 3, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK)))
+    scene.fix("zmin")
+    lid = rigid_plane((0, 0, 1.0), (0, 0, -1), name="lid")
+    scene.contact("zmax", lid, 0.5, points=1, penetration=1e-4, name="c")
+    forces = [(2.0, -0.0), (2.0, 0.9)]  # pressed, and then aside by that share of the limit
+
+    def push(t):
+        pressed, aside = (np.interp(t, [0.0, 0.5, 1.0], [0.0, *both]) for both in zip(*forces, strict=True))
+        return 0.5 * aside * pressed, 0.0, -pressed
+
+    result = solve(scene, push={lid: push}, steps=4, progress=False).require()
+    assert not [note for note in result.verdict.notes if "penetration= is not kept" in note]
+    np.testing.assert_allclose(result.history[-1]["c_friction_x_N"], 0.9, rtol=1e-6)
+
+
 def test_where_no_part_of_it_can_be_solved_the_penalty_has_the_say():
     """After smaller steps have been tried, as a failure asks for."""
     scene, _ = sphere(penalty=20.0, penetration=1e-6)
@@ -341,7 +359,7 @@ def test_where_no_part_of_it_can_be_solved_the_penalty_has_the_say():
             stepper.step(system, t)
         system.rollback()
     report = stepper.step(system, 0.25)
-    (note,) = report.notes
+    (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and "stumbled" in note
     assert f"off by {report.misfits[-1] * 1e-6:.3g}" in note
     scene, _ = sphere(penalty=20.0)

@@ -229,10 +229,10 @@ class System:
         """Largest error of the augmented terms over their tolerances. Collective."""
         return max(self.comm.allgather(max(contact.multipliers.misfit(self.state) for contact in self.augmented)))
 
-    def augment(self, share: float = 1.0) -> None:
-        """Let the augmented terms' multipliers take over what penalties carry, until the next rollback or commit."""
+    def augment(self, pressure: float = 1.0, friction: float = 1.0) -> None:
+        """Let multipliers take over shares of what penalties carry, until the next rollback or commit."""
         for contact in self.augmented:
-            contact.take(contact.multipliers.augmented(self.state, share))
+            contact.take(contact.multipliers.augmented(self.state, pressure, friction))
 
     @property
     def committed(self) -> tuple[Floats, Floats]:

@@ -291,17 +291,17 @@ class FacetPartner(OnFacets):
         """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
         return self._committed(feet, trial, None)
 
-    def _augmented(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        nodes, weights, slips = augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(trial))
-        return (nodes, weights), slips.reshape(self.surface.area.shape)
+    def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
+        *new, slips = augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(trial), share)
+        return tuple(new), slips.reshape(self.surface.area.shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
         """What the penalty gave way in stick (ne, nq) [length]."""
         return self._augmented(feet, trial)[1]
 
-    def augmented(self, feet: FacetFeet, trial: Trial, status: Ints) -> Anchors:
-        """Uzawa's update of friction: anchors that give sticking points a traction greater by eps_T times their slip."""
-        return self._augmented(feet, trial)[0]
+    def augmented(self, feet: FacetFeet, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
+        return self._augmented(feet, trial, share)[0]
 
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""

@@ -296,9 +296,11 @@ class MortarPartner(OnFacets):
         grown, slips, pulled = self._grown(feet, trial)
         return np.where((status.ravel() == STICK) & grown, np.linalg.norm(slips - pulled, axis=1), 0.0)[:, None]
 
-    def augmented(self, feet: MortarFeet, trial: Trial, status: Ints) -> Anchors:
-        """Uzawa's update of friction: anchors that give sticking nodes a traction greater by eps_T times their slip."""
-        grown, slips, _ = self._grown(feet, trial)
+    def augmented(self, feet: MortarFeet, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking nodes a traction greater by a share of eps_T times slip."""
+        grown, slips, pulled = self._grown(feet, trial)
+        if share != 1.0:
+            slips = pulled + share * (slips - pulled)
         return self._behind(feet, trial.history.anchors, grown, slips)
 
     def _grown(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats]:

@@ -38,11 +38,13 @@ class Multipliers:
         response, shift = self._contact.response(state), self._contact.trial.history.shift
         return np.where(self._contact.led(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
 
-    def augmented(self, state: State, share: float = 1.0) -> Trial:
-        """Multipliers have taken over what the penalty carries, or a share of its pressure and none of its friction."""
+    def augmented(self, state: State, pressure: float = 1.0, friction: float = 1.0) -> Trial:
+        """Multipliers have taken over shares of the pressure and of the friction that the penalty carries."""
         contact, trial = self._contact, self._contact.trial
         grown, shift = self._grown(state), trial.history.shift
-        if share != 1.0:
-            return trial.remembering(shift=shift + share * (grown - shift))
+        if pressure != 1.0:
+            grown = shift + pressure * (grown - shift)
+        if friction == 0.0:
+            return trial.remembering(shift=grown)
         feet, status = contact.partner.feet(state), contact.response(state).status
-        return trial.remembering(shift=grown, anchors=contact.partner.augmented(feet, trial, status))
+        return trial.remembering(shift=grown, anchors=contact.partner.augmented(feet, trial, status, friction))

@@ -174,9 +174,9 @@ class QuadraticPartner(FacetPartner):
         images = _images(nodes[at], len(coords) + np.arange(len(at)))
         return touching, (np.concatenate([coords, places]), *others), images
 
-    def _augmented(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
+    def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
         touching, pairs, rested = self._from_rest(feet, trial, trial.history.rests)
-        nodes, weights, slipped = flat.augmented_anchors(*pairs, rested, self._law_at(trial, touching.at))
+        nodes, weights, slipped = flat.augmented_anchors(*pairs, rested, self._law_at(trial, touching.at), share)
         slips = np.zeros(self.surface.area.size)
         slips[touching.at] = slipped
         return self._kept(touching, own(trial.history.anchors), (nodes, weights)), slips.reshape(self.surface.area.shape)

@@ -162,9 +162,9 @@ class RigidPartner:
         along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
         return np.where(np.broadcast_to(which, moved.shape[:2])[..., None], moved - along, 0.0)
 
-    def augmented(self, feet: RigidFeet, trial: Trial, status: Ints) -> Anchors:
-        """Uzawa's update of friction: anchors that give sticking points a traction greater by eps_T times their slip."""
-        return (trial.history.anchors[0] - self._slip(feet, trial, trial.history.rests, status == STICK),)
+    def augmented(self, feet: RigidFeet, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
+        return (trial.history.anchors[0] - share * self._slip(feet, trial, trial.history.rests, status == STICK),)
 
     def stiffened(self, feet: RigidFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""

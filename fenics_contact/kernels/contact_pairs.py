@@ -170,8 +170,9 @@ def augmented_anchors(
     anchors: Anchors,
     rests: Anchors,
     law: PointLaws,
+    share: float,
 ) -> tuple[Ints64, Floats, Floats]:
-    """Uzawa's update of friction: the anchors that give sticking points a traction greater by eps_T times their slip.
+    """Uzawa's update of friction: the anchors that give sticking points a traction greater by a share of eps_T times slip.
 
     rests: like anchors, where the points last came to rest.  Returns nodes and weights of new anchors, and slips (np,) =
     |P(n) (x_M - x_rest)| of sticking points, what the penalty gave way [length], else 0.  They lie on the points'
@@ -190,7 +191,7 @@ def augmented_anchors(
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
-        slide_anchor(q, pair, plus(found.trial, times(eps_t[q], slip)), eps_t[q], weights)
+        slide_anchor(q, pair, plus(found.trial, times(share * eps_t[q], slip)), eps_t[q], weights)
     return nodes, weights, slips
 
 

@@ -12,6 +12,8 @@ from fenics_contact.solvers.verdict import StepFailed
 Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
 Report = TypeVar("Report", bound=StepReport)
 
+Shares = tuple[tuple[float, float], ...]  # of pressure and friction
+
 AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes tens
 # Augmentations in a row of which none has left less than this part of the error before: what slides on against springs, or
 # is held more often than it can follow, would take them all
@@ -23,8 +25,10 @@ BALANCED = 1e-2
 
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with multipliers
-# Shares of an augmentation that are tried one after the other where Newton does not get along with it
-SHARES = (1.0, 0.5, 0.25, 0.125)
+BRIEF = 3  # the same where multipliers have come to that in the step before
+# Shares of pressure and friction that multipliers take over, tried one after the other where Newton does not get along: at
+# the state at hand a point's friction grows by its share, and where that exceeds the limit the point slips at first
+SHARES: Shares = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25), (0.125, 0.125), (0.5, 0.0), (0.125, 0.0))
 PATIENCE = 3  # attempts at a step, cut back in between, after which it is taken with what multipliers have reached
 
 
@@ -43,6 +47,7 @@ class Augmented(Generic[Goal, Report]):
     def __init__(self, stepper: StepperTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
         self.stepper, self.limit = stepper, limit
         self._failed = 0.0, 0  # t that attempts have started from, and their number
+        self._spent = -1.0, -1.0  # t from and to which a step has been that multipliers do no more for
 
     def step(self, system: System, goal: Goal) -> Report:
         """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
@@ -53,22 +58,28 @@ class Augmented(Generic[Goal, Report]):
         return self._augment(system, goal, self.stepper.settle(system, goal))
 
     def _augment(self, system: System, goal: Goal, report: Report) -> Report:
-        best = None
+        best, tries = None, SHARES
+        step = system.committed_t, system.state.t
+        patience = BRIEF if step == self._spent else STALLED
         while True:
             report.misfits.append(system.misfit())
             if report.misfits[-1] <= 1.0:
+                report.unkept |= {term.name: "" for term in system.augmented}
                 return report
             balanced = report.residuals[-1] <= BALANCED
             if balanced and (best is None or report.misfits[-1] < best.misfit):
                 best = _Place(system, report)
-            if report.augmentations == self.limit or _stalled(report.misfits):
-                failure = _exhausted(report)
+            if report.augmentations == self.limit or _stalled(report.misfits, patience):
+                failure, self._spent = _exhausted(report), step
                 if best is None:
                     raise failure
                 return best.accept(system, report, failure)
             report.augmentations += 1
             try:
-                report.add(self._advance(system, goal, report) if balanced else self.stepper.settle(system, goal))
+                if balanced:
+                    tries = self._advance(system, goal, report, tries)
+                else:
+                    report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
                 start, count = self._failed
                 self._failed = system.committed_t, count + 1 if start == system.committed_t else 1
@@ -76,15 +87,17 @@ class Augmented(Generic[Goal, Report]):
                     raise
                 return best.accept(system, report, failure)
 
-    def _advance(self, system: System, goal: Goal, report: Report) -> Report:
-        """Augment and solve again; in part, from the same place, where that fails. Returns the report of the solve."""
+    def _advance(self, system: System, goal: Goal, report: Report, tries: Shares) -> Shares:
+        """Augment and solve again; in part, from the same place, where that fails. Returns the shares to try next time: what
+        has failed once is not tried again, some friction always is."""
         place = _Place(system, report)
-        for share in SHARES:
-            system.augment(share)
+        for i, shares in enumerate(tries):
+            system.augment(*shares)
             try:
-                return self.stepper.settle(system, goal)
+                report.add(self.stepper.settle(system, goal))
+                return tries[i:] if shares[1] else tries
             except StepFailed as failure:
-                if share == SHARES[-1] or failure.finding.kind in NO_HELP:
+                if shares == tries[-1] or failure.finding.kind in NO_HELP:
                     raise
                 place.take(system)
         raise ValueError("no share of the multipliers is to be tried")
@@ -118,15 +131,15 @@ class _Place:
                     f"off by {misfit * term.tolerance:.3g}, in depth or by slip in stick, and may be by {term.tolerance:.3g}"
                 )
                 remedy = "take fewer points= per facet, raise its penalty=, or allow more"
-                report.notes.append(
-                    f"contact '{term.name}': penetration= is not kept, a point is {left} ({failure}); {remedy}"
-                )
+                report.unkept[term.name] = f"penetration= is not kept, a point is {left} ({failure}); {remedy}"
+            else:
+                report.unkept[term.name] = ""
         return report
 
 
-def _stalled(misfits: list[float]) -> bool:
-    """Whether many augmentations in a row have not made the error smaller than any before."""
-    return len(misfits) > STALLED and min(misfits[-STALLED:]) > GAIN * min(misfits[:-STALLED])
+def _stalled(misfits: list[float], patience: int) -> bool:
+    """Whether so many augmentations in a row have not made the error smaller than any before."""
+    return len(misfits) > patience and min(misfits[-patience:]) > GAIN * min(misfits[:-patience])
 
 
 def _exhausted(report: StepReport) -> StepFailed:

@@ -11,7 +11,8 @@ class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
-    often the step was solved again with other penalties; work: taken by damping in a jump [force length]."""
+    often the step was solved again with other penalties; work: taken by damping in a jump [force length]; unkept: what
+    is left of augmented contacts' errors, by name, "" where nothing is that matters."""
 
     iterations: int = 0
     residuals: list[float] = field(default_factory=list)
@@ -21,11 +22,18 @@ class StepReport:
     misfits: list[float] = field(default_factory=list)
     raises: int = 0
     work: float = 0.0
+    unkept: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def said(self) -> list[str]:
+        """The notes, those on what is left of errors last."""
+        return self.notes + [f"contact '{name}': {left}" for name, left in self.unkept.items() if left]
 
     def add(self, more: "StepReport") -> None:
         """What solving the step once more took."""
         for name in ("iterations", "residuals", "corrections", "notes", "augmentations", "misfits", "raises"):
             setattr(self, name, getattr(self, name) + getattr(more, name))
+        self.unkept |= more.unkept
 
 
 GoalOf = TypeVar("GoalOf", contravariant=True)

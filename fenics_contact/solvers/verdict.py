@@ -82,7 +82,7 @@ class Verdict:
         self.corrections += report.corrections
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
-        notes = list(report.notes)
+        notes = report.said
         for term in system.terms:
             said = self.remarked.setdefault(term.name, [])
             remarks = term.remarks(system.state, said)
