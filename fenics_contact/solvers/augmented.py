@@ -18,6 +18,7 @@ AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes 
 # Augmentations in a row of which none has left less than this part of the error before: what slides on against springs, or
 # is held more often than it can follow, would take them all
 STALLED, GAIN = 25, 0.99
+BRIEF = 3  # so many where multipliers have come to that earlier in the same step
 
 # Out-of-balance share above which penetrations are no measure of pressure: a point that closed in a single solve, 2 % of a
 # cell deep, leaves 2 E times its area (100 E / h is the default penalty), the force of tens of points at a strain of a tenth
@@ -25,7 +26,6 @@ BALANCED = 1e-2
 
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with multipliers
-BRIEF = 3  # the same where multipliers have come to that in the step before
 # Shares of pressure and friction that multipliers take over, tried one after the other where Newton does not get along: at
 # the state at hand a point's friction grows by its share, and where that exceeds the limit the point slips at first
 SHARES: Shares = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25), (0.125, 0.125), (0.5, 0.0), (0.125, 0.0))
