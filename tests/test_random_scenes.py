@@ -55,6 +55,15 @@ def test_springs_do_not_hide_a_fold():
     assert run.verdict.kind == "limit point" and "instead of pushing" in run.verdict.remedy, run.verdict.reason
 
 
+@pytest.mark.slow
+@pytest.mark.serial
+def test_a_ball_that_slides_out_of_its_dent_is_said_to():
+    """Friction gives most of what holds it, the dent's slope the rest, and that comes to its end on the way to the rim."""
+    found = judge(7061, thorough=False)
+    assert found["class"] == "cured" and found["kind"] == "friction used up", found["says"]
+    assert "friction gives all but" in found["says"]
+
+
 @pytest.mark.parallel
 def test_the_judge_sees_what_is_wrong():
     run = Run(replace(draw(36), steps=3))

@@ -14,7 +14,7 @@ from fenics_contact.assembly.finding import (
     Finding,
 )
 from fenics_contact.assembly.system import TOLERANCE, System
-from fenics_contact.solvers.holding import closed, contacts_of, rigid_motion, sliding, turns_freely
+from fenics_contact.solvers.holding import MOSTLY, closed, contacts_of, rigid_motion, sliding, turns_freely
 from fenics_contact.solvers.softness import damping, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -56,7 +56,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if found is None and inverted and _inverts_ahead(system, goal):
         return inverted
     if found is None and known.kind == UNKNOWN:
-        return _restless(system, goal) or _letting_go(system) or _unexplained(system, known, inverted, goal)
+        found = _restless(system, goal) or _letting_go(system) or sliding(system, MOSTLY)
+        return found or _unexplained(system, known, inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
         ways = [known.remedy, *damping(system)]
         short = goal is not None and goal - system.committed_t <= LONG  # more steps would not be shorter ones

@@ -19,6 +19,7 @@ from fenics_contact.types import Floats, Mat, Vec
 FREE = 1e-12
 # Of what it resists where all points stick: a motion that keeps less without some friction is held by that alone.
 HELD = 0.1
+MOSTLY = 0.25  # the same where nothing else explains a failure: held by little else, a ball in its dent or on a slope
 # Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
 # cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
 USED_UP = 0.99
@@ -152,8 +153,11 @@ def _lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
 
 
 # -- friction used up -------------------------------------------------------------------------------------------------
-def sliding(system: System) -> Finding | None:
-    """A finding if bodies or pushed tools are held along some way by friction alone, and no more of it can be had."""
+def sliding(system: System, rest: float = HELD) -> Finding | None:
+    """A finding if bodies or pushed tools are held along some way by friction, and no more of it can be had.
+
+    rest: share of what resists that way with endless friction, of which less must be left without any.
+    """
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     if not rough:
         return None
@@ -165,7 +169,7 @@ def sliding(system: System) -> Finding | None:
     motions = rigid_motions(system)
     smooth, stuck = (_energies(system, rough, motions, {contact: 0.0 for contact in some}) for some in (used, []))
     values, vectors = _lowest(smooth, stuck)
-    held = vectors[:, np.abs(values) < HELD]
+    held = vectors[:, np.abs(values) < rest]
     if not held.size:
         return None
     parts = _parts(motions, held)
@@ -173,12 +177,14 @@ def sliding(system: System) -> Finding | None:
     taken, most = np.sum([grips[contact] for contact in contacts], axis=0)
     names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
-    text = f"friction alone holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
+    alone = "alone" if rest == HELD else f"gives all but {np.abs(values).min():.0%} of what"
+    text = f"friction {alone} holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
         ways = damping(system)
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, ways[0]) if ways else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
-    return Finding(SLIDES, f"{text}; a greater push has no balance", where, remedy)
+    end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
+    return Finding(SLIDES, f"{text}; {end}", where, remedy)
 
 
 def _pushed(system: System, motions: Motions, held: Floats) -> bool:
