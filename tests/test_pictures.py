@@ -27,8 +27,10 @@ from fenics_contact import (
     neo_hooke,
     read_gmsh,
     rigid_cylinder,
+    rigid_extrusion,
     rigid_plane,
     rigid_punch,
+    rigid_revolution,
     rigid_sphere,
     solve,
 )
@@ -326,6 +328,39 @@ def test_the_wall_of_a_round_tool_is_drawn_without_slits_to_the_pictures_edge(pl
     assert np.count_nonzero(times == 1) <= 4  # those of the two ends alone
     low, high = drawn.box
     assert all((tiles >= low - 1e-12).all() and (tiles <= high + 1e-12).all() for tiles in drawn.tools)
+
+
+@pytest.mark.parametrize("plane", ["strain", "axisymmetric"])
+def test_a_picture_goes_as_far_as_the_walls_that_the_bodies_face(plane):
+    """A pad 4 mm long has walls on both sides, 2 and 7 mm away, and in an axisymmetric scene one: all are in the picture.
+    What lies behind a side without a contact is not, nor is a plane 40 mm above, and the title names it. A ball that no side
+    faces is, where it is nearest."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, -1.0), (4.0, 1.0), (4, 2))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(mu=0.4, K=2.0)), plane=plane)
+    scene.fix("pad_ymin", "x")
+    scene.prescribe("pad_ymin", "y", 0.1)
+    bore = rigid_revolution([(11, -6), (11, 6)], axis=(0, 1, 0), name="groove")
+    corners = [(-2, 6), (-2, -4, 0.5), (11, -4, 0.5), (11, 6)]
+    walled = {"strain": rigid_extrusion(corners, along=(0, 0, -1), up=(0, 1, 0), name="groove"), "axisymmetric": bore}
+    scene.contact(("pad_xmin", "pad_xmax") if plane == "strain" else "pad_xmax", walled[plane], name="wall")
+    scene.contact("pad_ymax", rigid_plane((0, 40, 0), (0, -1, 0), name="sky"), name="above")
+    if plane == "strain":
+        scene.contact("pad_ymax", rigid_cylinder(1.0, (7, 3, 0), (0, 0, 1), name="roll"), name="roll")
+    result = solve(scene, steps=1, progress=False)
+    drawn, figure = result.drawing(), result.plot("contact_pressure")
+    if ROOT:
+        assert "nothing touches, beyond the picture: sky" in drawn.title
+        reach = {"axisymmetric": (11.0, 11.0), "strain": (-2.0, 11.0)}[plane]
+        groove = drawn.tools[0][np.abs(drawn.tools[0][..., 2]).min(axis=1) < 1.0]
+        ends = groove[..., 0][groove[..., 0] > 0.0] if plane == "axisymmetric" else groove[..., 0]
+        np.testing.assert_allclose((ends.min(), ends.max()), reach, atol=0.05)
+        low, high = figure.axes[0].get_xlim()
+        assert (plane == "axisymmetric" or low < -2.0) and 11.0 < high < 13.0
+        if plane == "strain":
+            assert groove[..., 1].min() > -2.5  # its floor is
+            assert len(drawn.tools[2]) and np.hypot(drawn.tools[2][..., 0] - 7, drawn.tools[2][..., 1] - 3).max() < 1.01
+        assert not len(drawn.tools[1])
+        holds(figure)
 
 
 def test_the_band_of_a_field_stays_in_a_thin_body():
