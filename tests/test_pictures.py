@@ -584,6 +584,8 @@ def test_curves_have_names_and_units(punched):
         ("signed", [-0.01, 3.0], (-0.01, 3.0)),  # one side is all there is
         ("amount", [np.nan], (0.0, 1.0)),
         ("amount", [2.0, 2.0], (1.9, 2.1)),
+        ("amount", [2.0, 2.0 + 3e-15], (1.9, 2.1)),  # equal up to round-off: one colour
+        ("signed", [-2.0, -2.0 + 3e-15], (-2.1, -1.9)),
     ],
 )
 def test_limits_of_colours(kind, values, limits):
