@@ -37,5 +37,5 @@ def rasterised(layers: Sequence[Layer], view: View, low: Floats, high: Floats, p
         order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
         for half in ([0, 1, 2], [0, 2, 3]):
             paint(image, depth, corners[order][:, half], colours[order][:, half], kind == "glass")
-    fine = image.reshape(rows, SMOOTH, columns, SMOOTH, 3).mean(axis=(1, 3))
-    return np.rint(255 * fine).astype(np.uint8)
+    total = sum((image[i::SMOOTH, j::SMOOTH] for i in range(SMOOTH) for j in range(SMOOTH)), np.zeros((rows, columns, 3)))
+    return np.rint(255 / SMOOTH**2 * total).astype(np.uint8)
