@@ -38,6 +38,12 @@ def pyvista_works() -> bool:
 def rendered(layers: Sequence[Layer], view: View, low: Floats, high: Floats, pixels: int) -> Array:
     """Image (rows, columns, 3) of layers between places low, high (2,), `pixels` along its longer side."""
     pyvista: Any = importlib.import_module("pyvista")
+    with pyvista.vtk_verbosity("error"):  # without a screen VTK warns that there is none, and draws
+        return _rendered(pyvista, layers, view, (low, high), pixels)
+
+
+def _rendered(pyvista: Any, layers: Sequence[Layer], view: View, places: tuple[Floats, Floats], pixels: int) -> Array:
+    low, high = places
     size = float(np.max(high - low))
     window = np.maximum(1, np.rint(pixels * (high - low) / size)).astype(int).tolist()
     plotter = pyvista.Plotter(off_screen=True, window_size=window, lighting="none")
