@@ -348,8 +348,10 @@ def test_a_picture_goes_as_far_as_the_walls_that_the_bodies_face(plane):
     if plane == "strain":
         scene.contact("pad_ymax", rigid_cylinder(1.0, (7, 3, 0), (0, 0, 1), name="roll"), name="roll")
     result = solve(scene, steps=1, progress=False)
-    drawn, figure = result.drawing(), result.plot("contact_pressure")
+    drawn, figure, above = result.drawing(), result.plot("contact_pressure"), result.drawing("above_gap")
     if ROOT:
+        assert not any(len(tiles) for tiles in above.tools)  # the others are no matter of this contact
+        assert above.title.endswith("beyond the picture: sky")
         assert "nothing touches, beyond the picture: sky" in drawn.title
         reach = {"axisymmetric": (11.0, 11.0), "strain": (-2.0, 11.0)}[plane]
         groove = drawn.tools[0][np.abs(drawn.tools[0][..., 2]).min(axis=1) < 1.0]

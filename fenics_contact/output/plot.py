@@ -7,7 +7,6 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.system import System
-from fenics_contact.contact.tools import Hub
 from fenics_contact.output.colours import colours
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.layers import unit
@@ -61,7 +60,9 @@ def drawing(
     points, across = body.x.reshape(-1, 3), slice_axis(body)
     low, high = _neighbourhood(points, planes, across)
     reach = FAR * float(np.max(np.ptp(points, axis=0)))
+    met = [contact.master for contact in scene.contacts if seen.contact in ("", contact.name)]
     about = tool_tiles(scene, system.state.tools, low - reach, high + reach)
+    about = [tiles for tool, tiles in zip(scene.tools, about, strict=True) if any(tool is master for master in met)]
     ends = [end for end in _open_ends(points, planes) if end[0] != across]
     low, high = _up_to_walls(body, about, (low, high), ends)
     if box is not None:
@@ -75,7 +76,8 @@ def drawing(
     title = f"{system.stages.name}, " if system.stages.name else ""
     title += f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
     title += ", nothing touches" if seen.on_contact and not touches else ""
-    far = [tool.name for tool, one in zip(scene.tools, tiles, strict=True) if not len(one) and not isinstance(tool, Hub)]
+    absent = [tool for tool, one in zip(scene.tools, tiles, strict=True) if not len(one)]
+    far = [tool.name for tool in absent if any(tool is master for master in met)]
     title += f", beyond the picture: {', '.join(far)}" if far else ""
     return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
 
