@@ -79,8 +79,9 @@ def draw_gallery(names):
             print(f"{name}: {resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before:.0f} s of CPU")
 
 
-# kind of verdict: a scene of tests/test_verdicts.py that ends so, and where it is seen from
+# kind of verdict: a scene of tests/test_verdicts.py that ends so, where it is seen from, and what is drawn
 FAILURES = {
+    "element inverted": ("pad", None, "J"),
     "limit point": ("blade", (-15, -60)),
     "rigid-body motion": ("drawn off", None),
     "friction used up": ("too great a push", None),
@@ -95,11 +96,11 @@ def draw_failures():
     """The last accepted states of scenes that fail, for when_a_run_fails.md."""
     sys.path.insert(0, str(DOCS.parent / "tests"))
     catalogue = importlib.import_module("test_verdicts")
-    for kind, (scene, view) in FAILURES.items():
+    for kind, (scene, view, *field) in FAILURES.items():
         with tempfile.TemporaryDirectory() as folder:
             result = catalogue.failed(scene)
             assert result.verdict.kind == kind, result.verdict.reason
-            result.plot("contact_pressure", Path(folder) / "picture.png", view=view)
+            result.plot(*(field or ["contact_pressure"]), Path(folder) / "picture.png", view=view)
             print(f"{kind}: {result.verdict.reason}")
             keep(Path(folder) / "picture.png", f"fails_{kind.replace(' ', '_').replace('-', '_')}.png", 560)
 

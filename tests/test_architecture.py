@@ -73,7 +73,7 @@ ONLY = {
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"exchange", "facet_points", "numbering", "pose", "section", "supports", "system", "term"},
     ("output", "contact"): {"tools"},  # their shapes, to draw them
-    ("output", "kernels"): {"rigid_profiles", "rigid_shapes", "status"},
+    ("output", "kernels"): {"pixels", "rigid_profiles", "rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"sets", "scatter"},
     ("restart", "scene"): {"fingerprint", "start"},

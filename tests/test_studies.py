@@ -144,6 +144,8 @@ def test_curves_of_a_sweep(folder, stiffs, panels, monkeypatch):
     first = axes[0].lines[2].get_ydata()
     np.testing.assert_allclose(first[:4], 3.0 * np.array([0.5, 1.0, 1.5, 2.0]) ** 1.5)
     assert np.isnan(first[4]) and any(patch.get_hatch() for patch in axes[0].patches)
+    bands = [patch.get_window_extent().width for one in axes for patch in one.patches]
+    assert np.ptp(bands) < 0.01 * max(bands)  # as wide in each panel
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]

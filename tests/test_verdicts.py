@@ -60,6 +60,16 @@ def squeezed_through():
     return scene, {}
 
 
+def squeezed_pad():
+    """Between plates that hold it a pad loses three quarters of its height: cells at its corners are crushed."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (20.0, 10.0), (16, 8))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 10.0)), plane="strain")
+    scene.fix("pad_ymin")
+    scene.fix("pad_ymax", "x")
+    scene.prescribe("pad_ymax", "y", -9.0)
+    return scene, {"steps": 9}
+
+
 def hanging():
     """A block pulled down by a force, 1 mm above the rough floor that is to hold it."""
     scene = cube(origin=(0.0, 0.0, 1.0))
@@ -293,6 +303,7 @@ def snapping():
 CATALOGUE = {
     "limit point": (crushed, "limit point", "body 'box'", "arc length"),
     "inverted": (squeezed_through, "element inverted", "body 'box' at (", "mesh the place more finely"),
+    "pad": (squeezed_pad, "element inverted", "body 'pad' at (", "end the path before"),
     "gap": (hanging, "rigid-body motion", "body 'box'", "close the gap of contact 'zmin on plane', which is open"),
     "pair": (holding_each_other, "rigid-body motion", "body 'lower, upper'", "contact 'lower_bottom on plane'"),
     "ice": (on_ice, "rigid-body motion", "body 'box'", "stabilise=True"),

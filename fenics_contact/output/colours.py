@@ -17,6 +17,7 @@ TOOL = np.array([0.42, 0.47, 0.53])
 # Okabe & Ito's, told apart with any colour vision: open, closed, stick, slip
 STATUS = ("#FFFFFF", "#56B4E9", "#0072B2", "#D55E00")
 ONE_SIDED = 0.05  # of the larger: below this the smaller side of zero does not take half of the colours
+ROUND_OFF = 1e-9  # of the largest value: differences that computing leaves
 LIGHT = np.array([0.3, 0.5, 0.8])  # direction to it, in the picture's right, up, towards
 
 
@@ -75,7 +76,7 @@ def colours(label: str, kind: str, on_contact: bool, values: Floats) -> Colours:
     elif on_contact:
         low, high = min(low, 0.0), max(high, 0.0)
     blank = low == high == 0.0
-    if not high > low:
+    if not high - low > ROUND_OFF * max(-low, high):  # one value, whatever its last places
         low, high = (low, 1.0) if low == 0.0 else (low - 0.05 * abs(low), low + 0.05 * abs(low))
     return Colours(label, kind, on_contact, low, high, blank)
 

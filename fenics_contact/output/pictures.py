@@ -11,7 +11,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from fenics_contact.output.colours import TOOL, Colours
-from fenics_contact.output.layers import cut_facets, facets, mean, seen_through, sharp_edges, unit
+from fenics_contact.output.layers import layers, mean, unit
+from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works, rendered
 from fenics_contact.output.skin import AXES, FLAT, Skin, normals
 from fenics_contact.output.views import View, slice_axis
@@ -25,7 +26,7 @@ STRIPE = 0.008  # of the picture's size: thickness of the band of a contact fiel
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
 DEEPEST = 0.4  # of the bodies' thickness: that height at most
 PIECES = 6  # of a line of a slice's slave surface: each has one colour
-MANY = 3000  # facets with a field beyond which each has one colour
+PIXELS = 1600  # along the longer side of an image in space: 300 to the inch at a page's width
 
 Box = tuple[Floats, Floats]  # least and largest places (2,)
 Neighbourhood = tuple[Floats, Floats]  # least and largest places (3,)
@@ -136,23 +137,14 @@ def save(figure: Figure, path: str | Path, kind: str = "png") -> None:
 
 # -- in space -------------------------------------------------------------------------------------------------------------
 def _paint_space(axes: Any, drawing: Drawing, tint: Colours, low: Floats, high: Floats) -> None:
-    """Of bodies that are not seen through the facets that face the eye, and what is seen through: by Matplotlib all in one
-    collection, the farthest first; by pyvista as an image of the places from low to high (2,)."""
+    """An image of the places from low to high (2,): of bodies that are not seen through the facets that face the eye, and
+    what is seen through."""
     view, hidden = drawing.view, drawing.hidden[drawing.body.body]
     body = drawing.body.part(~hidden & (normals(drawing.body.x) @ view.towards > 0.0))
-    glass = [*drawing.tools, drawing.body.part(hidden).x]
-    if drawing.backend == "pyvista" or (drawing.backend is None and pyvista_works()):
-        axes.imshow(rendered(body, glass, view, tint, low, high), extent=np.column_stack([low, high]).ravel())
-        return
-    coloured = np.isfinite(body.values).any(axis=1)
-    fine = coloured & (tint.kind == "status" or np.count_nonzero(coloured) < MANY)
-    layers = [facets(body.part(~fine), view, tint), cut_facets(body.part(fine), view, tint)]
-    layers += [part for tiles in glass for part in (seen_through(tiles, view), sharp_edges(tiles, view))]
-    corners, face, edge, place = (np.concatenate(column) for column in zip(*layers, strict=True))
-    order = np.argsort(place, kind="stable")
-    widths = np.where(face[:, 3] == 0.0, 0.5, 0.25)
-    axes.add_collection(PolyCollection(view.flat(corners[order]), facecolors=face[order], edgecolors=edge[order],
-                                       linewidths=widths[order]))  # fmt: skip
+    parts = layers(body, [*drawing.tools, drawing.body.part(hidden).x], view, tint, float(np.max(high - low)))
+    by_pyvista = drawing.backend == "pyvista" or (drawing.backend is None and pyvista_works())
+    image = (rendered if by_pyvista else rasterised)(parts, view, low, high, PIXELS)
+    axes.imshow(image, extent=np.column_stack([low, high]).ravel())
 
 
 def _triad(axes: Any, view: View, low: Floats, high: Floats, unit: str) -> float:

@@ -9,9 +9,10 @@ from mpi4py import MPI
 from fenics_contact.assembly.system import System
 from fenics_contact.output.colours import colours
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.layers import unit
 from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.render import pyvista_works
-from fenics_contact.output.skin import AXES, look, mirrored, skin, symmetry_planes, tool_tiles
+from fenics_contact.output.skin import AXES, Skin, look, mirrored, normals, skin, symmetry_planes, tool_tiles
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles, choose, slice_axis
 from fenics_contact.types import Bools, Floats
@@ -19,6 +20,8 @@ from fenics_contact.values import SceneError, finite, shown
 
 FROM_BELOW = 0.1  # sine of the angle below the x-y plane from which on the picture says so
 AROUND = 0.15  # of the bodies' largest length: how far about them tools are drawn
+FAR = 2.5  # of it: how far from them a wall may be that they face, for the picture to go as far
+FACING = 0.5  # cosine of the angle between an axis and the normals of surface and wall from which on they face each other
 
 
 def default_field(scene: Solved) -> str:
@@ -54,7 +57,14 @@ def drawing(
     if seen.on_contact and seen.kind == "amount":  # what presses by round-off touches as little
         body = replace(body, values=np.where(body.values <= least, 0.0, body.values))
     tint = colours(seen.label, seen.kind, seen.on_contact, body.values)
-    low, high = _neighbourhood(body.x.reshape(-1, 3), planes, slice_axis(body))
+    points, across = body.x.reshape(-1, 3), slice_axis(body)
+    low, high = _neighbourhood(points, planes, across)
+    reach = FAR * float(np.max(np.ptp(points, axis=0)))
+    met = [contact.master for contact in scene.contacts if seen.contact in ("", contact.name)]
+    about = tool_tiles(scene, system.state.tools, low - reach, high + reach)
+    about = [tiles for tool, tiles in zip(scene.tools, about, strict=True) if any(tool is master for master in met)]
+    ends = [end for end in _open_ends(points, planes) if end[0] != across]
+    low, high = _up_to_walls(body, about, (low, high), ends)
     if box is not None:
         low, high = np.minimum(low, box[0]), np.maximum(high, box[1])
     tiles = tool_tiles(scene, system.state.tools, low, high)
@@ -66,6 +76,9 @@ def drawing(
     title = f"{system.stages.name}, " if system.stages.name else ""
     title += f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
     title += ", nothing touches" if seen.on_contact and not touches else ""
+    absent = [tool for tool, one in zip(scene.tools, tiles, strict=True) if not len(one)]
+    far = [tool.name for tool in absent if any(tool is master for master in met)]
+    title += f", beyond the picture: {', '.join(far)}" if far else ""
     return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
 
 
@@ -80,17 +93,52 @@ def refuse_limits(limits: Sequence[float] | None) -> None:
         raise SceneError(f"limits = {shown(limits)} of the colours must rise: (least, largest)")
 
 
+def _open_ends(points: Floats, planes: dict[int, float]) -> list[tuple[int, int]]:
+    """(axis, -1 or 1) of the ends of the bodies that do not lie in a plane of symmetry."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    at_plane = {axis: -1 if abs(low[axis] - place) < abs(high[axis] - place) else 1 for axis, place in planes.items()}
+    return [(axis, sign) for axis in range(3) for sign in (-1, 1) if at_plane.get(axis) != sign]
+
+
 def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None) -> Neighbourhood:
     """Box about the bodies in which tools are drawn: up to planes of symmetry; all that crosses a slice."""
     low, high = points.min(axis=0), points.max(axis=0)
-    size = float(np.max(high - low))
-    near_low, near_high = np.full(3, AROUND * size), np.full(3, AROUND * size)
-    for axis, place in planes.items():
-        ends = near_low if abs(low[axis] - place) < abs(high[axis] - place) else near_high
-        ends[axis] = 0.0
+    size, is_open = float(np.max(high - low)), _open_ends(points, planes)
+    near = np.array([[AROUND * size if (axis, sign) in is_open else 0.0 for axis in range(3)] for sign in (-1, 1)])
     if across is not None:
-        near_low[across] = near_high[across] = size
-    return low - near_low, high + near_high
+        near[:, across] = size
+    return low - near[0], high + near[1]
+
+
+def _up_to_walls(body: Skin, tools: list[Floats], box: Neighbourhood, ends: list[tuple[int, int]]) -> Neighbourhood:
+    """A box (3,), (3,) about the bodies, extended up to the nearest wall of each tool that a slave surface faces along an
+    axis, either way, and to the nearest place of a tool of which they face none.
+
+    tools: tiles (n, 4, 3) of each, as far as they count; ends: (axis, -1 or 1) at which the box may be extended.
+    """
+    (low, high), points, out = box, body.x.reshape(-1, 3), unit(normals(body.x[body.slave]))
+    least, most = points.min(axis=0), points.max(axis=0)
+    margin = AROUND * float(np.max(most - least))
+    wide_low, wide_high = low.copy(), high.copy()
+    looking = [(axis, sign) for axis, sign in ends if (sign * out[:, axis] > FACING).any()]
+    for tiles in tools:
+        middle, normal = tiles.mean(axis=1), unit(normals(tiles))
+        beside = (tiles.max(axis=1) >= least) & (tiles.min(axis=1) <= most)  # (n, 3): overlaps the bodies along the axis
+        off = np.maximum(np.maximum(least - middle, middle - most), 0.0)
+        places = []
+        for axis, sign in looking:
+            faced = beside[:, np.arange(3) != axis].all(axis=1) & (sign * normal[:, axis] < -FACING)
+            there = np.flatnonzero(faced & (sign * (middle - (most if sign > 0 else least))[:, axis] > 0.0))
+            places += [middle[there[np.argmin(off[there, axis])]]] if len(there) else []
+        if len(tiles) and not places and not beside.all(axis=1).any():
+            places += [middle[np.argmin(np.linalg.norm(off, axis=1))]]
+        for place in places:
+            for axis, sign in ends:
+                if sign < 0 and place[axis] < low[axis]:
+                    wide_low[axis] = min(wide_low[axis], place[axis] - margin)
+                elif sign > 0 and place[axis] > high[axis]:
+                    wide_high[axis] = max(wide_high[axis], place[axis] + margin)
+    return wide_low, wide_high
 
 
 def _refuse(mirror: str, view: str | Angles | None, planes: dict[int, float]) -> None:

@@ -17,6 +17,9 @@ class Touching(Protocol):
     @property
     def slave(self) -> tuple[str, ...]: ...
 
+    @property
+    def master(self) -> Tool | tuple[str, ...]: ...
+
 
 class Held(Protocol):
     @property

@@ -126,7 +126,8 @@ def _explain(axes: Axes, rows: list[Row], x: str) -> None:
     axes.grid(linewidth=0.3)
     places = [row[x] for row in rows if row["converged"] is not True]
     handles, labels = axes.get_legend_handles_labels()
-    half = BAND * float(np.ptp(axes.get_xlim()))
+    wide = float(np.ptp([row[x] for row in rows]))  # of all panels, where one's own curves may end before a failure
+    half = BAND * (wide or float(np.ptp(axes.get_xlim())))
     for place in dict.fromkeys(places):
         axes.axvspan(place - half, place + half, facecolor="white", edgecolor="0.6", hatch="////", linewidth=0.0, zorder=0)
     if places:
