@@ -235,6 +235,8 @@ class MortarPartner(OnFacets):
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
         found = np.column_stack([np.minimum(averaged[0], self.search) + trial.history.shift.ravel(), averaged[1]])
         share = np.minimum(kernel.WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
+        turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0
+        share[turned, 1:] = 0.0  # it has slid against what rubs it: it sticks before it slides that way
         return (foreseen + share * (found - foreseen)).ravel()
 
     # -- anchors --------------------------------------------------------------------------------------------------
