@@ -353,7 +353,9 @@ CUBE = element("C3D8", HEXAHEDRON)
             element("C3D8", HEXAHEDRON) + "*ELEMENT, TYPE=C3D4, ELSET=one\n2, 1, 2, 4, 5\n",
             ("mixes", "Hexahedron 8", "Tetrahedron 4"),
         ),
-        (CUBE.replace("1, 1, 2", "1, 99, 2"), ("1 nodes", "not in the file")),
+        (CUBE.replace("1, 1, 2", "1, 99, 2"), ("1 nodes", "not in the file", "node 99 of element 1")),
+        (CUBE.replace("1, 0, 0, 0", "1, nan, 0, 0"), ("*NODE", "node 1 ", "no finite number")),
+        ("*ELEMENT, TYPE=C3D4, ELSET=one\n1, 1, 2, 3, 4\n", ("no *NODE",)),
         (CUBE + "*NODE\n1, 0, 0, 0\n", ("*NODE", "twice")),
         (CUBE.replace(", ELSET=one", ""), ("1 cells", "no body", "SOLID SECTION")),
         (CUBE + "*ELSET, ELSET=other\n1\n", ("element 1", "'one'", "'other'", "bodies=")),
@@ -368,6 +370,9 @@ CUBE = element("C3D8", HEXAHEDRON)
         (CUBE.replace("*NODE", "*NODE, SYSTEM=C"), ("*NODE", "Cartesian")),
         (CUBE.replace("TYPE=C3D8, ", ""), ("*ELEMENT", "'TYPE'")),
         (CUBE + "*INCLUDE, INPUT=missing.txt\n", ("missing.txt",)),
+        (CUBE + "*INCLUDE, INPUT=bad.inp\n", ("*INCLUDE", "bad.inp includes itself")),
+        (CUBE + "*NSET, NSET=a, GENERATE\n1, 4, 0\n", ("*NSET", "'a'", "from 1 to 4 by 0")),
+        (CUBE + "*NSET, NSET=a, GENERATE\n4, 1, 1\n", ("*NSET", "'a'", "from 4 to 1 by 1")),
         (CUBE.replace("1, 0, 0, 0", "1, 0, zero, 0"), ("*NODE", "ZERO")),
     ],
 )
@@ -401,6 +406,23 @@ def test_other_files_that_are_refused(folder):
     refused(lambda: read_mesh(written(folder / "turned.bdf", turned)), "GRID", "basic coordinate system", "not in 2")
     more = tetrahedron.replace("ENDDATA", "CTRIAX,2,8,1,2,3\nENDDATA")
     refused(lambda: read_mesh(written(folder / "more.bdf", more)), "1 of its 2 elements")
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("suffix", [".msh", ".inp", ".bdf", ".vtu", ".geo"])
+def test_an_empty_file_is_refused(folder, suffix):
+    refused(lambda: read_mesh(written(folder / f"none{suffix}", "")), f"none{suffix}", "the file is empty")
+
+
+@pytest.mark.parallel
+def test_a_broken_vtu_file_is_refused(folder):
+    meshio()
+    refused(lambda: read_mesh(written(folder / "bad.vtu", "<VTKFile>junk")), "bad.vtu", "meshio cannot read it")
+
+
+@pytest.mark.serial
+def test_a_byte_order_mark_is_passed_over(folder):
+    assert set(read_mesh(written(folder / "mark.inp", "\ufeff" + CUBE)).volumes) == {"one"}
 
 
 @pytest.mark.parallel

@@ -15,7 +15,11 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None) -> None:
     model = keywords.read(Path(path))
     if not model.elements:
         raise ValueError("it has no *ELEMENT with a mesh")
-    number = np.concatenate(model.number)
+    number = np.concatenate([np.empty(0, dtype=np.int64), *model.number])
+    if not len(number):
+        raise ValueError("it has no *NODE; have the nodes written")
+    if not (finite := np.isfinite(np.concatenate(model.places)).all(axis=1)).all():
+        raise ValueError(f"*NODE: node {number[~finite][0]} has a coordinate that is no finite number; write it again")
     for what, numbers in (("*NODE", number), ("*ELEMENT", np.concatenate([one.number for one in model.elements]))):
         if len(np.unique(numbers)) < len(numbers):
             raise ValueError(f"{what}: there are numbers that are given twice")
@@ -41,8 +45,12 @@ def _block(elements: keywords.Elements, number: Ints64) -> Block:
         )
     order = np.argsort(number)
     at = order[np.minimum(np.searchsorted(number, elements.nodes, sorter=order), len(number) - 1)]
-    if missing := int((number[at] != elements.nodes).sum()):
-        raise ValueError(f"*ELEMENT: {missing} nodes of elements of type {elements.kind} are not in the file")
+    if (absent := number[at] != elements.nodes).any():
+        row, column = np.argwhere(absent)[0]
+        raise ValueError(
+            f"*ELEMENT: {absent.sum()} nodes of elements of type {elements.kind} are not in the file, the first is node "
+            f"{elements.nodes[row, column]} of element {elements.number[row]}; have all nodes written"
+        )
     return Block(kind, elements.number, at)
 
 

@@ -87,16 +87,18 @@ def read(path: Path) -> Model:
     return model
 
 
-def _lines(path: Path) -> Iterator[str]:
-    """Lines without comments and blank ones; another file's in the place where that is included."""
-    for line in (raw.strip() for raw in path.read_text(errors="replace").splitlines()):
+def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[str]:
+    """Lines without comments and blank ones; another file's in the place where that is included, by the files `within`."""
+    if path.resolve() in within:
+        raise ValueError(f"*INCLUDE: {path.name} includes itself; take that line out")
+    for line in (raw.strip() for raw in path.read_text("utf-8-sig", errors="replace").splitlines()):
         if line.startswith("**") or not line:
             continue
         other = re.search(r",\s*INPUT\s*=\s*\"?([^,\"]+)", line, re.IGNORECASE) if line.startswith("*") else None
         if not (other and line.upper().startswith("*INCLUDE")):
             yield line
         if other:
-            yield from _lines(path.parent / other[1].strip())
+            yield from _lines(path.parent / other[1].strip(), (*within, path.resolve()))
 
 
 def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
@@ -193,7 +195,10 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[str]
     found: list[Ints64] = [np.empty(0, dtype=np.int64)]
     if "GENERATE" in parameters:
         for first, last, *step in rows:
-            found.append(np.arange(int(first), int(last) + 1, int(step[0]) if step else 1))
+            by = int(step[0]) if step else 1
+            if by < 1 or int(last) < int(first):
+                raise ValueError(f"'{name}': GENERATE from {first} to {last} by {by} is no range; it rises, by 1 or more")
+            found.append(np.arange(int(first), int(last) + 1, by))
     else:
         parts = [part for row in rows for part in row]
         found.append(np.array([part for part in parts if part.isdigit()], dtype=np.int64))

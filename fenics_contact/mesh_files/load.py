@@ -39,4 +39,6 @@ def load(path: str, size: float | None = None, bodies: str | Sequence[str] | Non
             raise ValueError(f"{name}= is for files that end with {', '.join(TAKES[name])}; leave it out")
     if size is not None and not size > 0.0:
         raise ValueError(f"size = {size} is no length of a cell's edges")
+    if not Path(path).stat().st_size:
+        raise ValueError("the file is empty; write it again")
     READERS[suffix](path, **stated)

@@ -10,7 +10,13 @@ _DIMENSION = {"tetra": 3, "hexahedron": 3, "tetra10": 3, "triangle": 2, "quad": 
 
 def read_vtu(path: str, bodies: str | None = None) -> None:
     """bodies: the cell data's name, by default the only whole-numbered ones; value 3 of `part` is called part_3."""
-    mesh = packages.module("meshio").read(path)
+    meshio = packages.module("meshio")
+    try:
+        mesh = meshio.read(path)
+    except SystemExit as error:  # meshio's way to say that it cannot read a file
+        raise ValueError(
+            "meshio cannot read it as a .vtu file; is it complete? Write it again, as an unstructured grid"
+        ) from error
     known = [name for name, data in mesh.cell_data.items() if all(one.dtype.kind in "iu" and one.ndim == 1 for one in data)]
     if bodies not in known and (bodies is not None or len(known) != 1):
         raise ValueError(
