@@ -277,6 +277,48 @@ def test_a_roller_on_a_block():
     assert line["pressure_MPa"].max() == pytest.approx(3585.36 * share, rel=5e-3)
 
 
+def test_friction_under_a_rounded_punch():
+    """NAFEMS CGS 2, steel on aluminium, on a fine mesh: nodes around the middle all turned about, from one limit of friction
+    to the other, in each solve. Friction makes it stiffer by what NAFEMS' codes say, -0.12858 mm for -0.13073."""
+    sunk = []
+    for friction in (0.0, 0.1):
+        mesh = read_gmsh(rounded_punch, size=1.0, coarse=4.0)
+        bodies = Body(mesh, "base", from_elastic(70e3, 0.3)), Body(mesh, "punch", from_elastic(210e3, 0.3))
+        scene = Scene(*bodies, plane="axisymmetric", degree=2)
+        scene.fix("base_bottom")
+        scene.contact("punch_face", "base_top", friction, name="face")
+        scene.pressure("punch_top", 100.0)
+        result = solve(scene, steps=4, progress=False, record={"middle": lambda view: view.at((0, 0, 0)).displacement[1]})
+        sunk.append(result.require().history[-1]["middle"])
+        assert result.verdict.cuts == 0
+    assert sunk[1] / sunk[0] == pytest.approx(0.12858 / 0.13073, rel=2e-3)
+    assert sunk[0] == pytest.approx(-0.13073, rel=0.03)  # 2.4 % more than NAFEMS' codes, on finer meshes too
+
+
+def rounded_punch(size, coarse):
+    """Of radius 50 and height 100 with a fillet of 10, on a block of radius 100 and height 200 [mm]."""
+    import gmsh
+
+    occ, mesh = gmsh.model.occ, gmsh.model.mesh
+    base = occ.addRectangle(0, -200, 0, 100, 200)
+    corners = [occ.addPoint(x, y, 0) for x, y in ((0, 0), (40, 0), (50, 10), (50, 100), (0, 100))]
+    sides = [occ.addLine(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    sides[1] = occ.addCircleArc(corners[1], occ.addPoint(40, 10, 0), corners[2])
+    punch = occ.addPlaneSurface([occ.addCurveLoop(sides)])
+    occ.synchronize()
+    lines = {occ.getCenterOfMass(1, line)[1]: line for _, line in gmsh.model.getBoundary([(2, base)], oriented=False)}
+    groups = {"base": (2, [base]), "punch": (2, [punch]), "base_top": (1, [lines[0.0]]), "base_bottom": (1, [lines[-200.0]])}
+    for name, (dim, parts) in (groups | {"punch_face": (1, sides[:2]), "punch_top": (1, [sides[3]])}).items():
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, parts), name)
+    field = mesh.field.add("Ball")
+    for name, value in {"XCenter": 41, "Radius": 6, "VIn": size, "VOut": coarse, "Thickness": 40}.items():
+        mesh.field.setNumber(field, name, value)
+    mesh.field.setAsBackgroundMesh(field)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    mesh.generate(2)
+    mesh.setOrder(2)
+
+
 @pytest.mark.parametrize("height, kappa", [(1 / 0.2, 1.2806), (1 / 0.6, 2.2129), (1.0, 3.6187)])
 def test_a_flat_punch_on_a_bonded_layer(height, kappa):
     """Incompressible, of infinite width: F = 2 E* a d kappa, right to a cell at the sharp edge (first order)."""

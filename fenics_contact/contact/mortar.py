@@ -235,8 +235,8 @@ class MortarPartner(OnFacets):
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
         found = np.column_stack([np.minimum(averaged[0], self.search) + trial.history.shift.ravel(), averaged[1]])
         share = np.minimum(kernel.WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
-        turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0
-        share[turned, 1:] = 0.0  # it has slid against what rubs it: it sticks before it slides that way
+        turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0  # it has slid against what rubs it:
+        share[turned, 1:] = 0.0  # it sticks before it slides that way
         return (foreseen + share * (found - foreseen)).ravel()
 
     # -- anchors --------------------------------------------------------------------------------------------------
@@ -301,9 +301,7 @@ class MortarPartner(OnFacets):
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking nodes a traction greater by a share of eps_T times slip."""
         grown, slips, pulled = self._grown(feet, trial)
-        if share != 1.0:
-            slips = pulled + share * (slips - pulled)
-        return self._behind(feet, trial.history.anchors, grown, slips)
+        return self._behind(feet, trial.history.anchors, grown, pulled + share * (slips - pulled))
 
     def _grown(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats]:
         """Which nodes stick since they came to rest, and slips (ns, 3) [length] of their tractions after Uzawa's update and
