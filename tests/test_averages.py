@@ -177,6 +177,15 @@ def test_ironing_takes_few_solves_and_twice_the_steps_give_the_same():
     assert np.abs(finer / force - 1).max() < 2e-3  # slip in part: the step's own error
 
 
+@pytest.mark.parallel
+def test_a_foot_that_comes_and_goes_beside_a_crease_of_the_master():
+    """A slave node at the indenter's corner: with its flank in sight of a sample or not the node's mean gap jumps, and no
+    state was in balance under what that state saw."""
+    result, force = ironed(10, 10, friction=0.3)
+    assert result.verdict.cuts == 0
+    np.testing.assert_allclose(force, ironed(10, 8, friction=0.3)[1], rtol=1e-4)  # whose steps pass over that place
+
+
 @pytest.mark.serial
 def test_solves_do_not_grow_with_the_penalty():
     counts = [ironed(10, 4, friction=0.3, penalty=Penalty(factor=f))[0].verdict for f in (100.0, 10000.0)]

@@ -96,7 +96,7 @@ def rolled(steps, **options):
     return solve(scene, move={ball: path}, steps=steps, progress=False, **options)
 
 
-@pytest.mark.parametrize("steps", [10, pytest.param(30, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("steps", [20, pytest.param(30, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.slow)])
 def test_a_body_that_has_lost_its_contact_stays(steps):
     """In short first steps nothing presses the upper block: any place is in balance, and Newton's method would throw it
     away. The answer is the one of long steps, to what a step more or less changes of the friction's path (0.1 % from 8 to

@@ -199,6 +199,10 @@ class System:
         for contact in self.contacts:
             contact.release()
 
+    def hold_sights(self) -> bool:
+        """Hold what facets the contacts see until a commit or rollback; False where that changes nothing. Collective."""
+        return sum(contact.hold_sights(self.state) for contact in self.contacts) > 0  # of each, and not up to the first
+
     @property
     def stages(self) -> Stages:
         """The stages of the run, of which one is on."""

@@ -113,7 +113,7 @@ class FacetPartner(OnFacets):
     are summed over its nodes. Anchors: (nodes (np, m), weights (np, m)). Methods that take a state are collective.
     """
 
-    settles = False
+    settles, sights = False, None
 
     def __init__(
         self,

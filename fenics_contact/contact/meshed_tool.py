@@ -10,7 +10,8 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FacetFeet, FacetPartner, unit
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
-from fenics_contact.contact.mortar import MortarFeet, MortarPartner
+from fenics_contact.contact.meeting import MortarFeet
+from fenics_contact.contact.mortar import MortarPartner
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.surface import SlaveSurface

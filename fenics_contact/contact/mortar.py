@@ -1,17 +1,16 @@
 """Another body's facets as a contact's master, met with one pressure per slave node: means over the samples around it."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, OnFacets, deepest_lost, own, unit
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.meeting import Linearised, MortarFeet, Sights
 from fenics_contact.contact.node_pattern import NodePattern
-from fenics_contact.contact.pairing import Pairing, Watch, seek_along
+from fenics_contact.contact.pairing import Watch
 from fenics_contact.contact.samples import CREASE, Samples, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
@@ -28,31 +27,6 @@ from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 FLAT = 1e-12  # of the tangential directions: what normals may differ by and count as one
-
-
-class MortarFeet(NamedTuple):
-    """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
-    their mean normals and turns (ns, 3, 3) of kernels/normals.py; what these normals meet; pose: of a tool."""
-
-    coords: Floats
-    points: Floats
-    lengths: Floats
-    turns: Floats
-    met: kernel.Met
-    pose: Pose | None
-
-    @property
-    def projection(self) -> Projection:
-        return self.met[:6]
-
-
-class Linearised(NamedTuple):
-    """What a tangent knew: where the samples were, tractions N (ns,), T_T (ns, 3) of the nodes, and their rates."""
-
-    feet: MortarFeet
-    N: Floats
-    T: Floats
-    rates: Floats
 
 
 class MortarPartner(OnFacets):
@@ -84,7 +58,7 @@ class MortarPartner(OnFacets):
         self._ends: Ends = starts, edges + self._first, sides
         watched = np.unique(np.concatenate([skin.owned, master.owned]))  # what positions rest on
         self._watch = Watch(self._comm, watched)
-        self._pairing = Pairing(self._facets, seek_along, self.search, MARGIN * master.edge)
+        self.sights = Sights(self._facets, self._corners, self.search, MARGIN * master.edge)
         self._feet: MortarFeet | None = None
         self._last: tuple[MortarFeet, Anchors, kernel.Averaged] | None = None  # feet, anchors and averages asked for last
 
@@ -109,7 +83,8 @@ class MortarPartner(OnFacets):
         cover = np.empty(n), np.empty((n, 4), dtype=np.int64), np.empty((n, 5, 3))
         N = np.empty((n, 3, self._facets[0].shape[1]))
         foot_shapes(np.arange(n), self._facets, projection, N)
-        coverage(coords, s.corners, s.rim, points, self._corners, self._ends, projection, cover)
+        sight = self.sights.held or (projection[5], coords)
+        coverage(coords, s.corners, s.rim, points, self._corners, self._ends, sight, projection, cover)
         return *projection, *cover, N
 
     def feet(self, state: State) -> MortarFeet:
@@ -118,18 +93,18 @@ class MortarPartner(OnFacets):
         if moved or feet is None:
             with self.timers("projection"):
                 feet = self._feet = self._feet_at(
-                    state, lambda x, n, coords: self._pairing.project(x, n, coords, self.timers)
+                    state, lambda x, n, coords: self.sights.pairing.project(x, n, coords, self.timers)
                 )
         return feet
 
     def first_feet(self, state: State) -> MortarFeet:
         """The places of the first search, which looks farther. Collective."""
         search = FIRST_SEARCH * self.search
-        return self._feet_at(state, lambda x, n, coords: self._pairing.far(x, n, coords, search))
+        return self._feet_at(state, lambda x, n, coords: self.sights.pairing.far(x, n, coords, search))
 
     def far(self, feet: MortarFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""
-        found = self._pairing.far(feet.points, -feet.projection[5], feet.coords, search)
+        found = self.sights.pairing.far(feet.points, -feet.projection[5], feet.coords, search)
         return self._covered(feet.points, feet.coords, found)[:6]
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
@@ -218,7 +193,7 @@ class MortarPartner(OnFacets):
         if self._pattern.suffices(closed, facet, anchor_nodes, ends):
             return None
         with self.timers("search"):
-            near = self._pairing.within(feet.points, feet.coords, MARGIN * self.master.edge)
+            near = self.sights.pairing.within(feet.points, feet.coords, MARGIN * self.master.edge)
         self._pattern.provide(*near, closed, facet, anchor_nodes, ends)
         return self._pattern.keys
 

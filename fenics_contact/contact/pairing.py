@@ -103,6 +103,19 @@ def seek_along(
     rays(points, -normals, coords, facets, lists, (search, FAR_BEYOND, coverage.FACING), out)
 
 
+def seek_in_sight(sight: coverage.Sight, corners: Surface) -> Seek:
+    """Seeker along given unit normals among the facets (their corners) that looked towards the points in a `sight`."""
+
+    def seek(
+        points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+    ) -> None:
+        rays = slave_rays if facets[0].shape[1] == MAX_NODES else quadratic_rays
+        seen = coverage.in_sight(lists, sight, corners)
+        rays(points, -normals, coords, facets, seen, (search, FAR_BEYOND, FACING), out)
+
+    return seek
+
+
 def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
     """Seeker for points of facets: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k); corners:
     points may lie on the border of their surface."""

@@ -4,6 +4,7 @@ from typing import Any, Protocol
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
@@ -32,6 +33,11 @@ class Partner(Protocol):
     reach: float
     search: float
     slid_off: str
+
+    @property
+    def sights(self) -> Sights | None:
+        """Which facets look towards the samples of averages, where it has such."""
+        ...
 
     def point(self, state: State) -> Floats | None:
         """Where moments are taken about (3,) [length]: the tool's reference point; None: there is no tool."""

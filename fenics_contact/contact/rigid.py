@@ -41,7 +41,7 @@ class RigidPartner:
 
     grounded = True
     foresees = False
-    settles = False
+    settles, sights = False, None
     search = np.inf  # gaps from this on are not told apart [length]
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 

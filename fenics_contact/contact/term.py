@@ -160,6 +160,8 @@ class Contact:
     def commit(self, state: State) -> None:
         """Accept the state: the only place where history changes for good."""
         self.release()
+        if self.partner.sights:
+            self.partner.sights.free()
         partner, trial, response = self.partner, self.trial, self.response(state)
         feet, h = partner.feet(state), trial.history
         rests = h.rests
@@ -177,8 +179,19 @@ class Contact:
         """Go on with other penalties or multipliers, until the next rollback or commit."""
         self.trial = trial
 
+    def hold_sights(self, state: State) -> bool:
+        """Hold what looks towards the samples of averages until a commit or rollback; False where there are none, or it is
+        held."""
+        sights = self.partner.sights
+        if sights is None or sights.held is not None:
+            return False
+        sights.hold(self.partner.feet(state))
+        return True
+
     def rollback(self) -> None:
         """Back to the law and history of the last accepted step."""
+        if self.partner.sights:
+            self.partner.sights.free()
         self.trial = self.accepted
 
     def history(self) -> dict[str, Array]:

@@ -16,13 +16,14 @@ import math
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.closest_point import NONE, Lists, Projection
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, plus, put, row, times
 from fenics_contact.types import Floats, Ints64
 
 Ends = tuple[Ints64, Ints64, Ints64]
 Cover = tuple[Floats, Ints64, Floats]
+Sight = tuple[Floats, Floats]  # normals (np, 3) of the samples, into the slave, and places (nx, 3) of all nodes
 
 # Cosine of the angle between a sample's normal and that of a facet that it can meet: surfaces that touch are nearly
 # parallel, and along steeper ones (beside a crease) gaps grow so fast that a mean over them jumps
@@ -41,15 +42,30 @@ def faces(f: int, n: Vector, coords: Floats, surface: Surface) -> bool:
     return dot(area, n) > FACING * norm(area)
 
 
+@njit(cache=True)
+def in_sight(lists: Lists, sight: Sight, surface: Surface) -> Lists:
+    """Of the facets listed for each sample those that look towards it."""
+    offsets, listed = lists
+    starts, kept, count = np.zeros_like(offsets), np.empty_like(listed), 0
+    for q in range(len(offsets) - 1):
+        for f in listed[offsets[q] : offsets[q + 1]]:
+            if faces(f, row(sight[0], q), sight[1], surface):
+                kept[count] = f
+                count += 1
+        starts[q + 1] = count
+    return starts, kept[:count]
+
+
 @njit(cache=True, error_model="numpy")
 def _nearest_end(
-    x: Vector, n: Vector, g: float, f: int, coords: Floats, surface: Surface, ends: Ends
+    x: Vector, n: Vector, g: float, f: int, coords: Floats, surface: Surface, ends: Ends, seen: tuple[Vector, Floats]
 ) -> tuple[int, float, Vector]:
-    """(Edge or -1, d, nu) of the end of the master that lies nearest around facet f, seen along n."""
-    starts, edges, sides = ends
+    """(Edge or -1, d, nu) of the end of the master that lies nearest around facet f, seen along n; what looks towards the
+    sample is judged by `seen`, its normal and the places (nx, 3) then."""
+    (starts, edges, sides), (m, then) = ends, seen
     best, least, distance, out = -1, math.inf, 0.0, n
     for e in range(starts[f], starts[f + 1]):
-        if not faces(sides[e, 0], n, coords, surface) or (sides[e, 1] >= 0 and faces(sides[e, 1], n, coords, surface)):
+        if not faces(sides[e, 0], m, then, surface) or (sides[e, 1] >= 0 and faces(sides[e, 1], m, then, surface)):
             continue
         a = row(coords, edges[e, 0])
         along = minus(row(coords, edges[e, 1]), a)
@@ -78,13 +94,14 @@ def coverage(
     points: Floats,
     surface: Surface,
     ends: Ends,
+    sight: Sight,
     projection: Projection,
     cover: Cover,
 ) -> None:
     """Fill cover; samples of which nothing lies over the master lose their foot in the projection.
 
     corners (nf, m): of the slave's facets, which have equally many samples; rim: w over what a facet measures; points (np,
-    3): the samples; surface, ends: of the master.
+    3): the samples; surface, ends: of the master; sight: by which it is judged what looks towards them.
     """
     shares, around, slopes = cover
     facet, kind, _, _, gap, normal = projection
@@ -95,7 +112,7 @@ def coverage(
         if kind[q] == NONE:
             continue
         x, n, shares[q] = row(points, q), row(normal, q), 1.0
-        e, d, nu = _nearest_end(x, n, gap[q], facet[q], coords, surface, ends)
+        e, d, nu = _nearest_end(x, n, gap[q], facet[q], coords, surface, ends, (row(sight[0], q), sight[1]))
         if e < 0:
             continue
         far = near = corners[q // count, 0]

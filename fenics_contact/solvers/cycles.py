@@ -29,9 +29,13 @@ class StatusWatch:
         """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on."""
         period = self._period()
         if period and residuals[-1] > 0.5 * residuals[-1 - TURNS * period]:
+            if self.system.hold_sights():
+                self._seen.clear()
+                return
             self.blame()
             self._finding = self._cycle(period)
-            self.notes.append(f"{self._finding.reason} ({self._finding.place}): increments shortened")
+            shortened = "" if self.system.settles else ": increments shortened"
+            self.notes.append(f"{self._finding.reason} ({self._finding.place}){shortened}")
             self._seen.clear()
 
     def blame(self) -> None:

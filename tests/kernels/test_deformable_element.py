@@ -273,13 +273,14 @@ def test_taylor_with_a_multiplier(name):
     assert np.log2(remainders[:-1] / remainders[1:]).min() > 1.9
 
 
+@pytest.mark.parametrize("share", [1.0, 0.25])
 @pytest.mark.parametrize("name", [n for n in TOUCHING if STATES[n][1] == STICK and STATES[n][2] == INTERIOR])
-def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
-    """Uzawa: T_T' = T_T + eps_T P(n) (x_M - x_rest), whatever facet the new anchor lies on."""
+def test_augmented_friction_adds_the_slip_to_the_elastic_one(name, share):
+    """Uzawa: T_T' = T_T + eps_T P(n) (x_M - x_rest), or a share of that, whatever facet the new anchor lies on."""
     pair, r = build(name)
     rest = (np.array([[0, 1, 2, 3]]), np.array([[0.3, 0.3, 0.2, 0.2]]))
     pairs = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords), pair.anchors)
-    *new, slips = element.augmented_anchors(*pairs, rest, pair.law)
+    *new, slips = element.augmented_anchors(*pairs, rest, pair.law, share)
     point = pair.slaves[1][0] @ pair.coords[pair.slaves[0][0]]
     foot = point - r["gap"] * r["normal"]
     moved = foot - rest[1][0] @ pair.coords[rest[0][0]]
@@ -292,7 +293,7 @@ def test_augmented_friction_adds_the_slip_to_the_elastic_one(name):
     )  # a cone that holds the greater traction too
     after = pair.evaluate(want_tangent=False)
     assert after["status"] == STICK
-    np.testing.assert_allclose(after["T"], r["T"] + EPS_T * slip, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
+    np.testing.assert_allclose(after["T"], r["T"] + share * EPS_T * slip, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
 
 
 @pytest.mark.parametrize("name", [n for n in ALL if STATES[n][1] == SLIP and "tension" not in n])

@@ -1,0 +1,58 @@
+"""Where the samples of averaged contacts meet another body, and what a tangent there knew."""
+
+from typing import NamedTuple
+
+from fenics_contact.assembly.pose import Pose
+from fenics_contact.contact.pairing import Pairing, seek_along, seek_in_sight
+from fenics_contact.kernels import mortar as kernel
+from fenics_contact.kernels.closest_point import Projection
+from fenics_contact.kernels.coverage import Sight
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.types import Floats
+
+
+class MortarFeet(NamedTuple):
+    """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
+    their mean normals and turns (ns, 3, 3) of kernels/normals.py; what these normals meet; pose: of a tool."""
+
+    coords: Floats
+    points: Floats
+    lengths: Floats
+    turns: Floats
+    met: kernel.Met
+    pose: Pose | None
+
+    @property
+    def projection(self) -> Projection:
+        return self.met[:6]
+
+
+class Linearised(NamedTuple):
+    """What a tangent knew: where the samples were, tractions N (ns,), T_T (ns, 3) of the nodes, and their rates."""
+
+    feet: MortarFeet
+    N: Floats
+    T: Floats
+    rates: Floats
+
+
+class Sights:
+    """Which facets of the master look towards the samples: judged wherever these are, or held as it was at some feet.
+
+    Beside a crease of the master a foot on its far side comes and goes with that, and the mean of a node jumps. facets,
+    corners: the master's; pairing: what finds feet among those in sight; held: None, or by what it is judged.
+    """
+
+    def __init__(self, facets: Surface, corners: Surface, search: float, margin: float) -> None:
+        self._facets, self._corners, self._limits = facets, corners, (search, margin)
+        self._free = self.pairing = Pairing(facets, seek_along, search, margin)
+        self.held: Sight | None = None
+
+    def hold(self, feet: MortarFeet) -> None:
+        """From the next change of the state on, until `free`."""
+        self.held = feet.projection[5], feet.coords
+        self.pairing = Pairing(self._facets, seek_in_sight(self.held, self._corners), *self._limits)
+
+    def free(self) -> None:
+        """From the next change of the state on."""
+        self.held, self.pairing = None, self._free
