@@ -84,7 +84,7 @@ class MortarPartner(OnFacets):
         N = np.empty((n, 3, self._facets[0].shape[1]))
         foot_shapes(np.arange(n), self._facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, s.corners, s.rim, points, self._corners, self._ends, sight, projection, cover)
+        coverage(coords, s.corners, s.rim, points, (self._corners, self._ends), sight, projection, cover)
         return *projection, *cover, N
 
     def feet(self, state: State) -> MortarFeet:

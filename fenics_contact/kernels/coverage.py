@@ -58,11 +58,11 @@ def in_sight(lists: Lists, sight: Sight, surface: Surface) -> Lists:
 
 @njit(cache=True, error_model="numpy")
 def _nearest_end(
-    x: Vector, n: Vector, g: float, f: int, coords: Floats, surface: Surface, ends: Ends, seen: tuple[Vector, Floats]
+    x: Vector, n: Vector, g: float, f: int, coords: Floats, surface: Surface, ends: Ends, by: tuple[Vector, Floats]
 ) -> tuple[int, float, Vector]:
     """(Edge or -1, d, nu) of the end of the master that lies nearest around facet f, seen along n; what looks towards the
-    sample is judged by `seen`, its normal and the places (nx, 3) then."""
-    (starts, edges, sides), (m, then) = ends, seen
+    sample is judged `by` its normal and the places (nx, 3) then."""
+    (starts, edges, sides), (m, then) = ends, by
     best, least, distance, out = -1, math.inf, 0.0, n
     for e in range(starts[f], starts[f + 1]):
         if not faces(sides[e, 0], m, then, surface) or (sides[e, 1] >= 0 and faces(sides[e, 1], m, then, surface)):
@@ -92,8 +92,7 @@ def coverage(
     corners: Ints64,
     rim: float,
     points: Floats,
-    surface: Surface,
-    ends: Ends,
+    master: tuple[Surface, Ends],
     sight: Sight,
     projection: Projection,
     cover: Cover,
@@ -101,9 +100,9 @@ def coverage(
     """Fill cover; samples of which nothing lies over the master lose their foot in the projection.
 
     corners (nf, m): of the slave's facets, which have equally many samples; rim: w over what a facet measures; points (np,
-    3): the samples; surface, ends: of the master; sight: by which it is judged what looks towards them.
+    3): the samples; master: its surface and ends; sight: by which it is judged what looks towards them.
     """
-    shares, around, slopes = cover
+    (surface, ends), (shares, around, slopes) = master, cover
     facet, kind, _, _, gap, normal = projection
     around[:], slopes[:] = -1, 0.0
     count = len(points) // max(len(corners), 1)

@@ -43,7 +43,7 @@ def covered(corners, x, surface, m=4):
     out = np.empty(n), np.empty((n, 4), np.int64), np.empty((n, 5, 3))
     aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
     every = np.concatenate([x, corners])
-    coverage(every, len(x) + np.arange(m)[None, :], 1.8 * aside.min(), points, surface, ends, ray, out)
+    coverage(every, len(x) + np.arange(m)[None, :], 1.8 * aside.min(), points, (surface, ends), (ray[5], every), ray, out)
     return out[0], weights / weights.sum(), ray
 
 
