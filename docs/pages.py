@@ -21,7 +21,7 @@ from PIL import Image
 
 DOCS = Path(__file__).parent
 PICTURES = DOCS / "pictures"
-WIDTH, COLOURS, LARGEST = 850, 160, 100_000  # of committed pictures: pixels, colours of their palette, bytes
+WIDTH, COLOURS, LARGEST = 850, 256, 100_000  # of committed pictures: pixels, colours of their palette, bytes
 
 
 def script(page):
@@ -56,7 +56,9 @@ def keep(source, name, width=WIDTH):
         flat.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
     while True:
         flat.thumbnail((width, 2 * width), Image.LANCZOS)
-        flat.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
+        flat.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE).save(
+            PICTURES / name, optimize=True
+        )
         if (PICTURES / name).stat().st_size < LARGEST:
             return
         width = int(0.9 * width)

@@ -372,6 +372,7 @@ CUBE = element("C3D8", HEXAHEDRON)
         (CUBE + "*INCLUDE, INPUT=missing.txt\n", ("missing.txt",)),
         (CUBE + "*INCLUDE, INPUT=bad.inp\n", ("*INCLUDE", "bad.inp includes itself")),
         (CUBE + "*NSET, NSET=a, GENERATE\n1, 4, 0\n", ("*NSET", "'a'", "from 1 to 4 by 0")),
+        (CUBE + "*NSET, NSET=a\n1, 2, 99\n", ("*NSET 'a'", "1 of its nodes", "node 99")),
         (CUBE + "*NSET, NSET=a, GENERATE\n4, 1, 1\n", ("*NSET", "'a'", "from 4 to 1 by 1")),
         (CUBE.replace("1, 0, 0, 0", "1, 0, zero, 0"), ("*NODE", "ZERO")),
     ],
@@ -423,6 +424,17 @@ def test_a_broken_vtu_file_is_refused(folder):
 @pytest.mark.serial
 def test_a_byte_order_mark_is_passed_over(folder):
     assert set(read_mesh(written(folder / "mark.inp", "\ufeff" + CUBE)).volumes) == {"one"}
+
+
+@pytest.mark.parallel
+def test_names_of_sets_in_another_encoding(folder):
+    for encoding in ("latin-1", "utf-8"):
+        text = CUBE + "*SURFACE, NAME=Fläche\none, S2\n"
+        if COMM.rank == 0:
+            (folder / "cube.inp").write_bytes(text.encode(encoding))
+        COMM.barrier()
+        assert list(read_mesh(folder / "cube.inp").surfaces) == ["Fläche"]
+        COMM.barrier()
 
 
 @pytest.mark.parallel

@@ -99,6 +99,11 @@ def _add_node_sets(parts: Parts, model: keywords.Model, cells: list[Block], numb
     curved = any(block.kind in CURVED for block in cells)
     spelled = {name.upper(): name for name in parts.sides}
     for name, numbers in model.nsets.found.items():
+        if len(lost := np.setdiff1d(model.nsets.named.get(name, number), number)):
+            raise ValueError(
+                f"*NSET '{name}': {len(lost)} of its nodes are not in the file, the first is node {lost[0]}; have all nodes "
+                "written, or take these out of the set"
+            )
         nodes = np.intersect1d(np.flatnonzero(np.isin(number, numbers)), of_cells)
         covered = [face.only(face.number[np.isin(face.nodes, nodes).all(axis=1)]) for face in faces]
         if twin := spelled.get(name.upper()):

@@ -40,6 +40,7 @@ class Sets:
     what: str
     found: dict[str, Ints64] = field(default_factory=dict)
     internal: set[str] = field(default_factory=set)  # written by Abaqus/CAE for itself
+    named: dict[str, Ints64] = field(default_factory=dict)  # of each set the numbers that stand in the file one by one
 
     def spelled(self, name: str) -> str:
         """The name as it was first written."""
@@ -91,7 +92,12 @@ def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[str]:
     """Lines without comments and blank ones; another file's in the place where that is included, by the files `within`."""
     if path.resolve() in within:
         raise ValueError(f"*INCLUDE: {path.name} includes itself; take that line out")
-    for line in (raw.strip() for raw in path.read_text("utf-8-sig", errors="replace").splitlines()):
+    written = path.read_bytes()
+    try:
+        text = written.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = written.decode("latin-1")  # of older programs: names of sets with letters beyond ASCII
+    for line in (raw.strip() for raw in text.splitlines()):
         if line.startswith("**") or not line:
             continue
         other = re.search(r",\s*INPUT\s*=\s*\"?([^,\"]+)", line, re.IGNORECASE) if line.startswith("*") else None
@@ -202,6 +208,7 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[str]
     else:
         parts = [part for row in rows for part in row]
         found.append(np.array([part for part in parts if part.isdigit()], dtype=np.int64))
+        sets.named[sets.spelled(name)] = np.union1d(found[-1], sets.named.get(sets.spelled(name), found[-1]))
         found += [sets.get(part) for part in parts if not part.isdigit()]
     if keyword == "NSET" and "ELSET" in parameters:
         of = model.elsets.get(parameters["ELSET"])
