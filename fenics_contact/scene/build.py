@@ -161,7 +161,7 @@ def _start(
     deep, overlaps = refuse_deep_start(scene, system)
     notes = left_out_notes(scene) + unmet_notes(scene) + deep
     if start:
-        notes += begin(system, driven, start)
+        notes += begin(system, driven, start, scene)
         turns = system.state.poses.turns
         refuse_turned_grain(scene.contacts, [name for name, turn in zip(system.tools.names, turns, strict=True)
                                              if not np.array_equal(turn, np.eye(3))])  # fmt: skip
