@@ -102,7 +102,7 @@ def build(
     followed = loads_of(scene, stated, stages)
     loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
     pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
-    ways = ways_of(scene, stages)
+    ways = ways_of(scene, stated, stages)
     supports, refuse_hindered, refuse_apart = supports_of(scene, stated, motion, [way for _, way in ways])
     with timers("compile"):
         fields = field_loads(scene, u, followed)

@@ -45,7 +45,8 @@ def supports_of(
     stages = motion.stages
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
-    paired = Pairing(scene, ways) if scene.pairs else None
+    ties, hindered = ties_of(scene), list[Hindered]()
+    paired = Pairing(scene, ways, ties) if scene.pairs else None
     stated_of: list[tuple[str, Ints64, Floats, CourseAt]] = []  # name, nodes, direction, course
     named = [_prescribed(scene, stage) for stage in stated]
     for k, one in enumerate(scene.supports):
@@ -61,7 +62,6 @@ def supports_of(
     for pair, held in paired.on_axis if paired else ():
         nodes = np.flatnonzero(np.isin(keys, held))
         stated_of += [(f"{pair.what} on its axis", nodes, way, partial(_still, stages)) for way in pair.across]
-    ties, hindered = ties_of(scene), list[Hindered]()
     entries, names, carried = list[Entry](), list[str](), list[tuple[Entry, str]]()
     for k, (name, nodes, direction, course) in enumerate(stated_of):
         tied = np.isin(nodes, ties.nodes)
@@ -77,7 +77,7 @@ def supports_of(
         space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
         paired.pairs() if paired else None, hindered,
     )  # fmt: skip
-    bound = Bound(mesh.comm, motion, ties, hindered)
+    bound = Bound(mesh.comm, motion, ties, hindered, paired)
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
             for t in (stages.time(s) for s in (0.0, 0.5, 1.0)):
@@ -245,10 +245,10 @@ def _point(tool: Tool, stated: Sequence[Driven]) -> Floats:
     said = [one.about for one in stated if one.about is not None]
     if said and any(not np.array_equal(about, said[0]) for about in said):
         raise SceneError(
-            f"motion of '{tool.name}': about = {said[0].tolist()} in one stage and {said[-1].tolist()} in another; a tool has "
-            "one reference point, stated where it is at the start, in all stages. To turn about another point p give the turn "
-            "rx, ry, rz together with the way of the reference point that goes with it, (R - 1)(c - p), c being where it is "
-            "then and R the turn"
+            f"motion of '{tool.name}': about = {said[0].tolist()} in one stage and {said[-1].tolist()} in another; a tool "
+            "has one reference point, stated where it is at the start, in all stages. To turn about another point p give "
+            "the turn rx, ry, rz together with the way of the reference point that goes with it, (R - 1)(c - p), c being "
+            "where it is then and R the turn"
         )
     return said[0] if said else tool.point
 
