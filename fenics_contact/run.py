@@ -120,7 +120,7 @@ def solve(
     built = build(scene, stated, timers, stabilise, damping, _started(start, scene))
     system = built.system
     plans = plans_of(scene, built, stated, schedules, linear, tolerance)
-    told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven)
+    told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven, scene)
     refuse_unlike(system.comm, told([1.0] * len(stated)))
     steppers = [(plan.path, plan.softened) for plan in plans]
     keeper = Keeper(folder, system, steppers, told, left, every, resume) if every and folder else None

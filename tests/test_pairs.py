@@ -254,6 +254,72 @@ def test_pairs_and_pushed_plates():
         np.testing.assert_allclose(sector.column(column), all_round.column(column), rtol=1e-6)
 
 
+def test_a_hub_turns_a_sector():
+    """A hub tied to the bore up to the pair's faces, turned and drawn along the axis, then pushed by a force and a moment:
+    a sixth of the bush and of the loads moves as the whole does and bears a sixth."""
+    results = []
+    for sectors in (6, 1):
+        scene, hub = tube(sectors, 6), rigid_hub("hub", (0.0, 0.0, 0.0))
+        scene.supports.clear()
+        scene.fix("xmax")
+        scene.tie("xmin", hub)
+        share = sectors / 6
+        loads = Motion(force=(0, 0, 0.3 * share), moment=(0, 0, 4.0 * share))
+        stages = [Stage("turn", move={hub: Motion(rz=0.4, z=0.1)}, steps=2), Stage("push", move={hub: loads}, steps=2)]
+        results.append(solve(scene, stages=stages, progress=False).require())
+    ring, sector = results
+    for column in ("hub_force_z_N", "hub_moment_z_Nmm", "strain_energy_Nmm"):
+        np.testing.assert_allclose(6 * sector.column(column), ring.column(column), rtol=1e-9)
+    for column in ("hub_angle_z_rad", "hub_travel_z_mm"):
+        np.testing.assert_allclose(sector.column(column), ring.column(column), rtol=1e-9)
+    assert ring.column("hub_angle_z_rad")[-1] == pytest.approx(0.225, rel=1e-3)  # let back by the moment
+    assert sector.audit().right, sector.audit()
+
+
+def test_a_hub_on_the_axis_of_a_quarter():
+    """Nodes on the axis belong to both faces: a plate that is tied to the top of a quarter of a rod turns it as a whole."""
+    torques = []
+    for whole in (True, False):
+        size, cells = ((2.0, 2.0, 2.0), (4, 4, 2)) if whole else ((1.0, 1.0, 2.0), (2, 2, 2))
+        mesh = read_gmsh(box.build, size=size, cells=cells, origin=(-1.0, -1.0, 0.0) if whole else (0.0, 0.0, 0.0))
+        scene, plate = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK))), rigid_hub("plate", (0.0, 0.0, 2.0))
+        scene.fix("zmin")
+        scene.tie("zmax", plate)
+        if not whole:
+            scene.cyclic("ymin", "xmin")
+        turned = solve(scene, move={plate: Motion(rz=0.5, free="z")}, steps=2, progress=False).require()
+        torques.append([turned.column(name)[-1] for name in ("plate_moment_z_Nmm", "strain_energy_Nmm")])
+        travel = turned.column("plate_travel_z_mm")[-1]
+        if not whole:
+            leaning = {plate: Motion(rx=0.1)}
+            refused(lambda: solve(scene, move=leaning, progress=False), "'plate'", "tied", "leads")  # noqa: B023
+    np.testing.assert_allclose(torques[0], 4 * np.array(torques[1]), rtol=1e-8)
+    assert travel != 0.0
+
+
+def test_a_plate_bonded_to_a_row_of_blocks():
+    """Three cells under one plate bear three times what one does; where the plate holds all of the pair nothing is led."""
+    forces = []
+    for blocks in (3, 1):
+        mesh = read_gmsh(box.build, size=(2.0 * blocks, 1.0, 1.0), cells=(3 * blocks, 1, 2))
+        scene, plate = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK))), rigid_hub("plate", (0.0, 0.0, 1.0))
+        scene.fix("zmin")
+        scene.periodic("xmin", "xmax")
+        scene.tie("zmax", plate)
+        pressed = Motion(x=0.3, force=(0, 0, -0.2 * blocks))
+        result = solve(scene, move={plate: pressed}, steps=2, progress=False).require()
+        forces.append([result.column(f"plate_force_{axis}_N")[-1] / blocks for axis in "xz"])
+        height = result.column("plate_travel_z_mm")[-1]
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-8)
+    assert forces[1][1] == pytest.approx(-0.2)
+    assert height < -0.01
+    block, hub = Scene(Body(mesh, "box", neo_hooke(SHEAR, BULK))), rigid_hub("hub")
+    block.fix("zmin", "z")
+    block.periodic("xmin", "xmax")
+    block.tie(("xmin", "xmax"), hub)
+    solve(block, move={hub: (0.1, 0.0, 0.0)}, steps=1, progress=False).require()
+
+
 def held_by(groups, at_end=False):
     """A cell, paired along x and moved along x and z at the end of `groups`, which carry a load for it."""
     mesh = read_gmsh(box.build, size=(2.0, 1.0, 1.0), cells=(3, 2, 2))
@@ -411,6 +477,26 @@ def test_ways_stay_in_later_stages():
     np.testing.assert_allclose(held.pairs.ways(2.0), (SIZE * GRADIENT).T, atol=1e-15)
 
 
+def test_ways_of_later_stages():
+    """A cell stretched in one stage and sheared in the next by a function of s is where it is when both are done at once."""
+    stretch, shear = GRADIENT * np.eye(3), GRADIENT * (1.0 - np.eye(3))
+    scene = cell(relative=stretch)
+    faces = {(f"{letter}min", f"{letter}max"): SIZE[i] * shear[:, i] for i, letter in enumerate("xyz")}
+    ways = {pair: (lambda s, way=way: s * s * way) for pair, way in faces.items()}
+    stages = [Stage("stretch", steps=1), Stage("shear", relative=ways, steps=2)]
+    stages.append(Stage("back", relative={pair: -way for pair, way in faces.items()}, steps=1))
+    result = solve(scene, stages=stages[:2], progress=False).require()
+    area = np.prod(SIZE) / SIZE
+    np.testing.assert_allclose(pair_forces(result) / area, piola(GRADIENT), atol=1e-8)
+    assert result.column("external_work_Nmm")[-1] == pytest.approx(result.column("strain_energy_Nmm")[-1], rel=0.02)
+    back = solve(scene, stages=stages[2:], start=result, progress=False).require()
+    np.testing.assert_allclose(pair_forces(back) / area, piola(stretch), atol=1e-8)
+    wrong = {"xmax": (0, 0, 0)}, {("xmin", "zmax"): (0, 0, 0.1)}, {("xmin", "xmax"): lambda s: (0.1 + s, 0, 0)}
+    for relative, *words in zip(wrong, ("the faces of a pair", "no such periodic pair", "starts 0.1 away"), strict=True):
+        run = lambda relative=relative: solve(scene, stages=[stages[0], Stage("b", relative=relative)], progress=False)  # noqa: E731
+        refused(run, "stage 'b'", *words)
+
+
 @pytest.mark.parametrize("way", [0.05, 0.6])
 def test_a_body_that_slides_out_of_its_cell_is_named(way):
     """Nothing comes in at the other end: the row of eight such cells keeps 0.65 N per cell, one loses a quarter of it."""
@@ -471,8 +557,29 @@ def test_wrong_pairs_are_refused():
     refused(solved((*pair, (0.1, 0.0, 0.0))), "contradict each other", "zmin along x, of paired faces")
     refused(
         solved(pair, fix=(), before=lambda s: s.tie("xmin", rigid_hub("hub"))),
-        "tie of 'xmin' to 'hub'", "the periodic pair 'xmin' - 'xmax' leads",
+        "tie to 'hub'", "belongs in the periodic pair 'xmin' - 'xmax'", "nothing ties the latter", "both faces",
     )  # fmt: skip
+
+    def two_hubs(stated):
+        stated.tie("xmin", rigid_hub("one"))
+        stated.tie("xmax", rigid_hub("two"))
+
+    refused(solved(pair, fix=(), before=two_hubs), "tie to 'one'", "'two' leads the latter")
+    for motion, *words in (
+        (Motion(ry=0.1), "leads them otherwise than the pair does", "turn about the way from face to face alone"),
+        (Motion(z=-0.1, free="ry"), "may lead them otherwise", "turn about the way"),
+    ):
+        bonded, hub = scene(), rigid_hub("hub", (1.0, 0.5, 1.0))
+        bonded.fix("zmin")
+        bonded.periodic("xmin", "xmax")
+        bonded.tie("zmax", hub)
+        run = lambda bonded=bonded, move={hub: motion}: solve(bonded, move=move, progress=False)  # noqa: E731
+        refused(run, "'hub'", "periodic pair 'xmin' - 'xmax'", *words)
+    stretched, hub = scene(), rigid_hub("hub")
+    stretched.fix("zmin", "z")
+    stretched.periodic("xmin", "xmax", (0.1, 0.0, 0.0))
+    stretched.tie("zmax", hub)
+    refused(lambda: solve(stretched, move={hub: (0, 0, 0.1)}, progress=False), "'hub'", "a rigid body does not stretch")
     loose = scene()
     loose.periodic("xmin", "xmax")
     refused(lambda: solve(loose, progress=False), "nothing holds body 'box' along x, y, z")

@@ -155,6 +155,37 @@ def test_a_tool_turned_in_a_second_stage_is_one_motion_written_by_hand():
 
 
 @pytest.mark.parallel
+def test_a_turn_about_another_point_than_the_reference_point():
+    """The way of the reference point that goes with it makes it the same turn, in a later stage too."""
+    c, p, angle = np.array((4.0, 4.0, 8.8)), np.array((3.0, 4.0, 8.8)), 0.5
+
+    def way(i):
+        return lambda s: ((rotation(np.array((0, 0, s * angle))) - np.eye(3)) @ (c - p))[i]
+
+    ends = []
+    for about, ways in ((p, {}), (c, {"x": way(0), "y": way(1)})):
+        scene, ball = pressed()
+        stages = [Stage("press", move={ball: Motion(z=-0.3, about=about)}, steps=2),
+                  Stage("turn", move={ball: Motion(rz=angle, about=about, **ways)}, steps=3)]  # fmt: skip
+        result = solve(scene, stages=stages, **TIGHT).require()
+        ends.append([result.column(name)[-1] for name in ("top_force_x_N", "top_force_y_N", "top_friction_work_Nmm")])
+    assert np.abs(ends[0]).min() > 1e-3
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-7)
+
+
+@pytest.mark.parallel
+def test_a_function_after_an_arc_of_a_load_that_the_arc_left_alone():
+    scene, ball = pressed()
+    scene.pressure("xmax", 0.0)
+    stages = [Stage("press", move={ball: (0, 0, -0.2)}, method="arc_length", steps=ArcSteps(), until=Load(1.0)),
+              Stage("load", pressures={"xmax": lambda s: 0.01 * s * s}, steps=2)]  # fmt: skip
+    numbers = [stages[0], Stage("load", pressures={"xmax": 0.01}, steps=2)]
+    ends = [solve(scene, stages=one, **TIGHT).require().column("zmin_reaction_x_N")[-1] for one in (stages, numbers)]
+    assert abs(ends[0]) > 1e-3
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+
+
+@pytest.mark.parallel
 def test_what_is_free_differs_from_stage_to_stage():
     """Pressed by a force, then rolled while it may turn; the one run may turn from the start, where nothing turns it."""
     scene, ball = pressed()
@@ -554,6 +585,10 @@ def test_a_start_that_does_not_fit_is_refused(folder):
         other.fix("zmin")
         other.prescribe("zmax", "z", -0.1)
         refused(lambda: solve(other, start=first, **TIGHT), "start = the result does not fit", "the same mesh")  # noqa: B023
+    finer = Scene(Body(block(), "box", LAW), degree=2)
+    finer.fix("zmin")
+    finer.prescribe("zmax", "z", -0.1)
+    refused(lambda: solve(finer, start=first, **TIGHT), "degree=1) and this one degree=2", "the same degree in both")
     tied, hub = Scene(Body(block(), "box", LAW)), rigid_hub("hub", (4, 4, 4.0))
     tied.fix("zmin")
     tied.tie("zmax", hub)
@@ -650,7 +685,7 @@ WRONG = {
     "two points": (
         lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(about=(0, 0, 0), rx=1.0)}),
                    Stage("c", move={b: Motion(about=(0, 0, 1), rx=1.0)})],
-        "motion of 'ball'", "one reference point",
+        "motion of 'ball': about = [0.0, 0.0, 0.0] in one stage and [0.0, 0.0, 1.0] in another", "(R - 1)(c - p)",
     ),
     "a rotation that jumps": (
         lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(rz=lambda s: 0.5 + s)})],
@@ -658,7 +693,22 @@ WRONG = {
     ),
     "a moment from nowhere": (
         lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(moment=lambda s: (0, 0, 1 + s))})],
-        "stage 'b': push of 'ball'", "give the new force",
+        "stage 'b': the moment on 'ball' is a function of s that starts from x 0, y 0, z 1", "component z",
+        "at the end of stage 'a'", "moved or held that way", "at the end of 'b' as numbers",
+    ),
+    "a force that jumps": (
+        lambda b: [Stage("a", push={b: (0, 0, -0.9)}), Stage("b", push={b: lambda s: (0, 0, -s)})],
+        "stage 'b': the force on 'ball' is a function of s that starts from x 0, y 0, z 0, but stage 'a' ends with "
+        "x 0, y 0, z -0.9", "let the function start from there", "as numbers",
+    ),
+    "a force in a direction that was held": (
+        lambda b: [Stage("a", push={b: (0, 0, -0.9)}), Stage("b", push={b: lambda s: (0.1 * s, 0, -0.9)})],
+        "stage 'b': the force on 'ball'", "its component x is at the end of stage 'a'", "as numbers",
+    ),
+    "a force after arcs": (
+        lambda b: [Stage("a", push={b: (0, 0, -0.9)}, method="arc_length", until=Load(1.0)),
+                   Stage("b", push={b: lambda s: (0, 0, -0.9 - s)})],
+        "stage 'b': the force on 'ball'", "component z", "arc length may end anywhere", "as numbers",
     ),
     "a motion in push": (lambda b: [Stage("a", push={b: Motion(rz=1.0)})], "stage 'a'", "give it in move="),
     "mixed rotations": (lambda b: [Stage("a", move={b: Motion(rz=1.0, free="rx")})], "stage 'a': motion of 'ball'", "order"),
@@ -668,7 +718,7 @@ WRONG = {
     "arcs in steps": (lambda b: [Stage("a", steps=ArcSteps())], "stage 'a'", "arc_length"),
     "a function after arcs": (
         lambda b: [Stage("a", method="arc_length", until=Load(1.0)), Stage("b", pressures={"xmax": lambda s: 0.01})],
-        "stage 'b': pressure on 'xmax'", "after arc length",
+        "stage 'b': pressure on 'xmax'", "after stage 'a', whose arc may end anywhere", "give a number", "before this one",
     ),
 }  # fmt: skip
 

@@ -102,7 +102,7 @@ def build(
     followed = loads_of(scene, stated, stages)
     loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
     pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
-    ways = ways_of(scene, stages)
+    ways = ways_of(scene, stated, stages)
     supports, refuse_hindered, refuse_apart = supports_of(scene, stated, motion, [way for _, way in ways])
     with timers("compile"):
         fields = field_loads(scene, u, followed)
@@ -161,7 +161,7 @@ def _start(
     deep, overlaps = refuse_deep_start(scene, system)
     notes = left_out_notes(scene) + unmet_notes(scene) + deep
     if start:
-        notes += begin(system, driven, start)
+        notes += begin(system, driven, start, scene)
         turns = system.state.poses.turns
         refuse_turned_grain(scene.contacts, [name for name, turn in zip(system.tools.names, turns, strict=True)
                                              if not np.array_equal(turn, np.eye(3))])  # fmt: skip

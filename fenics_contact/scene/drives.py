@@ -45,7 +45,8 @@ def supports_of(
     stages = motion.stages
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
-    paired = Pairing(scene, ways) if scene.pairs else None
+    ties, hindered = ties_of(scene), list[Hindered]()
+    paired = Pairing(scene, ways, ties) if scene.pairs else None
     stated_of: list[tuple[str, Ints64, Floats, CourseAt]] = []  # name, nodes, direction, course
     named = [_prescribed(scene, stage) for stage in stated]
     for k, one in enumerate(scene.supports):
@@ -61,7 +62,6 @@ def supports_of(
     for pair, held in paired.on_axis if paired else ():
         nodes = np.flatnonzero(np.isin(keys, held))
         stated_of += [(f"{pair.what} on its axis", nodes, way, partial(_still, stages)) for way in pair.across]
-    ties, hindered = ties_of(scene), list[Hindered]()
     entries, names, carried = list[Entry](), list[str](), list[tuple[Entry, str]]()
     for k, (name, nodes, direction, course) in enumerate(stated_of):
         tied = np.isin(nodes, ties.nodes)
@@ -77,7 +77,7 @@ def supports_of(
         space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
         paired.pairs() if paired else None, hindered,
     )  # fmt: skip
-    bound = Bound(mesh.comm, motion, ties, hindered)
+    bound = Bound(mesh.comm, motion, ties, hindered, paired)
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
             for t in (stages.time(s) for s in (0.0, 0.5, 1.0)):
@@ -185,7 +185,7 @@ def motion_of(
     driven_by, frees = list[dict[int, Driven]](), list[Bools]()
     free = np.zeros((len(tools), 6), dtype=bool)
     reached = np.full((len(tools), 6), np.nan)  # what tools are pushed with at the end of the stages so far; NaN: unknown
-    for stage in stated:
+    for n, stage in enumerate(stated):
         _refuse_drives(tools, stage)
         named = {**stage.move, **stage.push}
         now = {k: _driven(comm, tool, stage, free[k]) for k, tool in enumerate(tools) if tool in named}
@@ -196,8 +196,9 @@ def motion_of(
                 _refuse_out_of_plane(stage, tools[k].name, one, section)
             for i, load in enumerate(one.loads):
                 mine = k, slice(3 * i, 3 * i + 3)
-                if frees and load is not None and not isinstance(load, Ramp):
-                    _refuse_start(stage, tools[k].name, load(0.0), reached[mine], free[mine])
+                if n > 0 and load is not None and not isinstance(load, Ramp):
+                    what = f"the {'moment' if i else 'force'} on '{tools[k].name}'"
+                    _refuse_start(stage, what, load(0.0), stated[n - 1], reached[mine], free[mine])
                 if load is not None:
                     reached[mine] = np.nan if stage.method == "arc_length" else load(1.0)
         reached[~free] = np.nan
@@ -244,8 +245,10 @@ def _point(tool: Tool, stated: Sequence[Driven]) -> Floats:
     said = [one.about for one in stated if one.about is not None]
     if said and any(not np.array_equal(about, said[0]) for about in said):
         raise SceneError(
-            f"motion of '{tool.name}': about = {said[0]} in one stage and {said[-1]} in another; a tool has one reference "
-            "point, at the start, in all stages: move it along the way by which the turn takes it"
+            f"motion of '{tool.name}': about = {said[0].tolist()} in one stage and {said[-1].tolist()} in another; a tool "
+            "has one reference point, stated where it is at the start, in all stages. To turn about another point p give "
+            "the turn rx, ry, rz together with the way of the reference point that goes with it, (R - 1)(c - p), c being "
+            "where it is then and R the turn"
         )
     return said[0] if said else tool.point
 
@@ -256,17 +259,27 @@ def turning(stated: Sequence[Stage]) -> list[str]:
     return list(dict.fromkeys(tool.name for move in moves for tool, way in move if isinstance(way, Motion) and way.turns))
 
 
-def _refuse_start(stage: Stage, name: str, first: Floats, reached: Floats, free: Bools) -> None:
-    """A function of s starts from what was reached before it."""
-    if (unknown := bool(np.isnan(reached[free]).any())) or np.any(
-        np.abs(first - reached)[free] > STILL * np.abs(reached[free]).max(initial=0.0)
-    ):
-        begun, ended = (
-            ", ".join(f"{'xyz'[i % 3]} {part[i]:.6g}" for i in np.flatnonzero(free)) for part in (first, reached)
+def _refuse_start(stage: Stage, what: str, first: Floats, before: Stage, reached: Floats, free: Bools) -> None:
+    """A force or moment on a tool, `what`, that is a function of s starts (3,) from what the stage before reached (3,): NaN
+    where that is known in the run alone."""
+    unknown = free & np.isnan(reached)
+    if not unknown.any() and not np.any((np.abs(first - reached) > STILL * np.abs(reached[free]).max(initial=0.0))[free]):
+        return
+    begun = ", ".join(f"{letter} {value:.6g}" for letter, value in zip("xyz", first + 0.0, strict=True))
+    if unknown.any():
+        along = " and ".join(np.array(list("xyz"))[unknown])
+        why = "arc length may end anywhere" if before.method == "arc_length" else "the tool was moved or held that way"
+        raise SceneError(
+            f"{stage.says(what)} is a function of s that starts from {begun}, but how large its component {along} is at the "
+            f"end of {before} is known only there, for {why}; give the load at the end of '{stage.name}' as numbers: it "
+            "goes there linearly from what it was"
         )
-        there = "in the stage before it was moved, or followed by arc length" if unknown else f"it ended at {ended}"
-        what = stage.says(f"push of '{name}'")
-        raise SceneError(f"{what} starts from {begun}, but {there}; give the new force as numbers, or start from there")
+    ended = ", ".join(f"{letter} {value + 0.0:.6g}" for letter, value in zip("xyz", np.nan_to_num(reached), strict=True))
+    raise SceneError(
+        f"{stage.says(what)} is a function of s that starts from {begun}, but {before} ends with {ended}: loads count from "
+        "zero, not from where a stage begins; let the function start from there, or give the load at the end of "
+        f"'{stage.name}' as numbers: it goes there linearly"
+    )
 
 
 def _refuse_drives(tools: Sequence[Tool], stage: Stage) -> None:

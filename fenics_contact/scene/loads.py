@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.field_loads import swelling_path
-from fenics_contact.scene.functions import AtPoints, Drive, Path, Place, load_path, ramp, whole
+from fenics_contact.scene.functions import AtPoints, Drive, Path, Place, Ramp, load_path, ramp, whole
 from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.statements import Entering, Load, Loading, Swelling, called
 from fenics_contact.types import Ints
@@ -32,13 +32,21 @@ def loads_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> list[Lo
                 how = f"the scene states {keys.count(key)} of them" if key in keys else "the scene states none"
                 raise SceneError(f"{what}: {how}; state one, with the value of the first stage, 0 for none (there: {known})")
             k = keys.index(key)
-            last = stated[max(parts[k], default=0)]  # that has changed it
-            if i > 0 and callable(value) and last.method == "arc_length":
-                how = f"cannot say where it starts after arc length, in {last}"
-                raise SceneError(f"{what}: a function of s {how}; give a number")
+            last = stated[max(parts[k], default=0)]  # that has changed it, the first one by what the scene says
+            if i > 0 and callable(value) and last.method == "arc_length" and (parts[k] or not _none(loads[k])):
+                raise SceneError(
+                    f"{what}: a function of s cannot know how large the load is after {last}, whose arc may end anywhere; "
+                    "give a number, to which it goes linearly in this stage, or put a stage with a number before this one"
+                )
             path, places = _path(scene, loads[k], value, what)
             parts[k][i], nodes[k] = Part(path), nodes[k] if places is None else places
     return [_over_stages(stages, *each) for each in zip(loads, parts, nodes, strict=True)]
+
+
+def _none(load: Loading) -> bool:
+    """Whether what the scene says of a load is that there is none yet."""
+    rest = 1.0 if isinstance(load, Swelling) else 0.0
+    return isinstance(load.path, Ramp) and not (load.path.end != rest).any()
 
 
 def _path(scene: "Scene", load: Loading, value: Any, what: str) -> tuple[Path, Ints | None]:

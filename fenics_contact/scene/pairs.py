@@ -11,13 +11,15 @@ from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pairs import Follower, Pairs
-from fenics_contact.assembly.pose import rotation
+from fenics_contact.assembly.pose import Pose, rotation
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Carried, Prescribed
 from fenics_contact.assembly.supports import Support as Entry
-from fenics_contact.scene.courses import Course
+from fenics_contact.assembly.ties import Ties
+from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.directions import Group, unit
 from fenics_contact.scene.functions import Drive, Path, Ramp, ramp
+from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.statements import Pair
 from fenics_contact.types import Floats, Ints64
 from fenics_contact.values import SceneError, finite, group_names, shown
@@ -44,14 +46,47 @@ class _Nodes:
     numbers: Ints64
 
 
+@dataclass(frozen=True)
+class Tied:
+    """Nodes of both faces of a pair, number `number`, that are tied to one rigid body and so belong to no pair any more:
+    first (n, 3), those of the first face at the start, second (n, 3), where the pair puts the second's [length]."""
+
+    pair: Pair
+    number: int
+    body: int
+    turn: Floats
+    first: Floats
+    second: Floats
+
+    def off(self, ways: Floats, pose: Pose) -> float:
+        """How far apart the body leads nodes, whose pose is given, that the pair holds together [length]."""
+        ahead = (pose.placed(self.second) - self.second) - (pose.placed(self.first) - self.first) @ self.turn.T
+        return float(np.abs(ahead - ways[self.number]).max(initial=0.0))
+
+    def words(self, hub: str, free: bool) -> str:
+        """What is wrong where it does so."""
+        how = "may lead" if free else "leads"
+        let = (
+            "move and turn about the way from face to face"
+            if self.pair.axis is None
+            else "move along the pair's axis and turn about it"
+        )
+        further = ", and leave relative= out there, for a rigid body does not stretch" if self.pair.driven else ""
+        return (
+            f"'{hub}', to which nodes of both faces of the {self.pair.what} are tied, {how} them otherwise than the pair "
+            f"does; let it {let} alone{further}, or tie a surface that does not reach these faces"
+        )
+
+
 class Pairing:
-    """The nodes of a scene's pairs of faces: all of them on every rank; ways: of each pair t -> (3,) [length].
+    """The nodes of a scene's pairs of faces: all of them on every rank; ways: of each pair t -> (3,) [length]; ties: nodes
+    that rigid bodies lead, as one both of what a pair joins, in whose place they then are: `tied`.
 
     led (n,): keys of the nodes that follow, rising; leads (n,): keys of those that lead them; X (n, 3) [length] and Follower
     of the former; on_axis: pairs and the keys of nodes that these lead to themselves. Collective, SceneError on all ranks.
     """
 
-    def __init__(self, scene: "Scene", ways: Sequence[Path]) -> None:
+    def __init__(self, scene: "Scene", ways: Sequence[Path], ties: Ties) -> None:
         self._space, self._comm, self._pairs, self._ways = scene.space, scene.mesh.comm, scene.pairs, ways
         self._keys = node_keys(scene.space)
         faces = [[self._gathered(scene, group) for group in (pair.first, pair.second)] for pair in scene.pairs]
@@ -63,15 +98,23 @@ class Pairing:
         self._members = {i: [i] for i in range(n)}
         self.on_axis: list[tuple[Pair, Ints64]] = []
         self._loops: list[tuple[Pair, Floats, Floats]] = []  # (pair, X, what must do nothing with the ways) of closed rounds
+        self.tied: list[Tied] = []
+        bodies = self._bodies(ties, len(scene.tools))
         for k, (pair, (first, second)) in enumerate(zip(scene.pairs, faces, strict=True)):
-            turn, order = _matched(pair, first, second)
+            turn, places, order = _matched(pair, first, second)
             across = np.abs(second.X.mean(axis=0) - first.X.mean(axis=0))[0]
             if scene.section is not None and scene.section.axisymmetric and across > MATCH * np.ptp(second.X, axis=0).max():
                 raise SceneError(
                     f"{pair.what}: all the way round what repeats does so along y; these faces lie apart along x"
                 )
             one, other = (np.searchsorted(self._all.keys, keys) for keys in (first.keys, second.keys[order]))
-            self._join(k, pair, turn, one, other)
+            self._refuse_half_tied(pair, bodies, [tool.name for tool in scene.tools], one, other)
+            led = (bodies[one] >= 0) & (one != other)
+            self.tied += [
+                Tied(pair, k, int(body), turn, first.X[led & (bodies[one] == body)], places[led & (bodies[one] == body)])
+                for body in np.unique(bodies[one[led]])
+            ]
+            self._join(k, pair, turn, one[~led], other[~led])
         follow = np.flatnonzero(self._root != np.arange(n))
         self._follow = follow
         self.led, self.X = self._all.keys[follow], self._all.X[follow]
@@ -127,6 +170,28 @@ class Pairing:
         X, numbers = scene.space.tabulate_dof_coordinates()[nodes], compat.global_blocks(scene.space)[nodes]
         parts = self._comm.allgather((self._keys[nodes], X, numbers))
         return _united([_Nodes(*part) for part in parts])
+
+    def _bodies(self, ties: Ties, count: int) -> Ints64:
+        """The rigid body that leads each of all nodes, -1 of none. Collective."""
+        bodies = np.full(len(self._all.keys), -1)
+        for body in range(count):
+            keys = np.concatenate(self._comm.allgather(self._keys[ties.of(body)]))
+            bodies[np.isin(self._all.keys, keys)] = body
+        return bodies
+
+    def _refuse_half_tied(self, pair: Pair, bodies: Ints64, hubs: Sequence[str], one: Ints64, other: Ints64) -> None:
+        """Of nodes that belong together a rigid body leads both or none."""
+        apart = np.flatnonzero(bodies[one] != bodies[other])
+        if not apart.size:
+            return
+        a, b = one[apart[0]], other[apart[0]]
+        a, b = (a, b) if bodies[a] >= 0 else (b, a)
+        what = f"'{hubs[bodies[b]]}' leads the latter" if bodies[b] >= 0 else "nothing ties the latter"
+        raise SceneError(
+            f"tie to '{hubs[bodies[a]]}': it leads the node at {spot(self._all.X[a])}, to which that at "
+            f"{spot(self._all.X[b])} belongs in the {pair.what}, and {what}; tie the nodes of both faces to one body, "
+            "or of none"
+        )
 
     def _join(self, k: int, pair: Pair, turn: Floats, one: Ints64, other: Ints64) -> None:
         """Let nodes `other` follow nodes `one` of all, by a turn and the way of pair k."""
@@ -196,8 +261,9 @@ def _distinct(turns: Floats) -> list[Floats]:
 
 
 # -- nodes that belong together ---------------------------------------------------------------------------------------
-def _matched(pair: Pair, first: _Nodes, second: _Nodes) -> tuple[Floats, Ints64]:
-    """The turn (3, 3) of a pair and, of the nodes of its first face, which of the second's follow them."""
+def _matched(pair: Pair, first: _Nodes, second: _Nodes) -> tuple[Floats, Floats, Ints64]:
+    """The turn (3, 3) of a pair and, of the nodes of its first face, where it puts them (n, 3) [length] and which of the
+    second's lie there and follow them."""
     if len(first.keys) != len(second.keys):
         raise SceneError(
             f"{pair.what}: '{'+'.join(pair.first)}' has {len(first.keys)} nodes and '{'+'.join(pair.second)}' "
@@ -221,7 +287,7 @@ def _matched(pair: Pair, first: _Nodes, second: _Nodes) -> tuple[Floats, Ints64]
         raise SceneError(f"{pair.what}: several nodes of one face lie on one another; name faces that do not overlap")
     if pair.axis is None and np.array_equal(first.keys, second.keys[at]):
         raise SceneError(f"{pair.what}: both faces have the same nodes; name two faces")
-    return turn, at
+    return turn, places, at
 
 
 def _turn(pair: Pair, one: Floats, other: Floats, axis: Floats, point: Floats) -> Floats:
@@ -248,9 +314,33 @@ def _nearest(places: Floats, X: Floats) -> tuple[Ints64, Floats]:
     return at, apart
 
 
-def ways_of(scene: "Scene", stages: Stages) -> list[tuple[str, Path]]:
-    """Name and relative displacement (3,) of each pair over the stages: the first one's, which then stays."""
-    return [(f"relative displacement of the {pair.what}", Course(stages, pair.way, {}, np.zeros(3))) for pair in scene.pairs]
+def ways_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> list[tuple[str, Path]]:
+    """Name and relative displacement (3,) of each pair over the stages: what the scene says in the first one, what stages
+    add. Collective."""
+    parts = [dict[int, Part]() for _ in scene.pairs]
+    for i, stage in enumerate(stated):
+        for key, value in stage.relative.items():
+            names = tuple(group_names(group, stage.says("relative")) for group in key)
+            what = stage.says(f"relative of '{'+'.join(names[0])}' - '{'+'.join(names[1])}'")
+            k = next((k for k, pair in enumerate(scene.pairs) if (pair.first, pair.second) == names), None)
+            if k is None or scene.pairs[k].axis is not None:
+                known = ", ".join(pair.name for pair in scene.pairs if pair.axis is None) or "none"
+                raise SceneError(
+                    f"{what}: the scene states no such periodic pair; state it, scene.periodic({shown(key[0])}, "
+                    f"{shown(key[1])}); it has {known}"
+                )
+            parts[k][i] = Part(_way(scene, value, what), by=True)
+    named = zip(scene.pairs, parts, strict=True)
+    return [(f"relative displacement of the {one.what}", Course(stages, one.way, of, np.zeros(3))) for one, of in named]
+
+
+def _way(scene: "Scene", relative: Drive, what: str) -> Path:
+    """A relative displacement as a function of t or s, which a plane mesh must allow."""
+    way, section = ramp(scene.mesh.comm, relative, what), scene.section
+    shut = [] if section is None else [0, 2] if section.axisymmetric else [2]
+    if any(way(t)[i] != 0.0 for i in shut for t in (0.25, 0.5, 1.0)):
+        raise SceneError(f"{what} = {shown(relative)}: a plane mesh cannot be led so; leave that component out")
+    return way
 
 
 # -- statements -------------------------------------------------------------------------------------------------------
@@ -269,8 +359,4 @@ def paired(scene: "Scene", first: Group, second: Group, relative: Drive, axis: o
         if section is not None and (section.axisymmetric or abs(along[2]) != 1.0):
             raise SceneError(f"{what}: in a plane mesh faces are turned about z alone, in axisymmetric ones not at all")
         return replace(pair, axis=along, point=through)
-    way = ramp(scene.mesh.comm, relative, f"{what}: relative")
-    shut = [] if section is None else [0, 2] if section.axisymmetric else [2]
-    if any(way(t)[i] != 0.0 for i in shut for t in (0.25, 0.5, 1.0)):
-        raise SceneError(f"{what}: relative = {shown(relative)}: a plane mesh cannot be led so; leave that component out")
-    return replace(pair, way=way)
+    return replace(pair, way=_way(scene, relative, f"{what}: relative"))

@@ -16,7 +16,8 @@ Along = str | tuple[float, ...]  # an axis, "normal", or a direction
 Way = float | Callable[[Floats, float], Any]  # of a surface: by how much at the end, or a function (X, s) -> (n,)
 Moves = Mapping[Tool, Drive | Motion]
 
-FORMS = {"prescribe": '("group", "z"): by', "tractions": '"group": (x, y, z)', "forces": '"group": (x, y, z)',
+FORMS = {"prescribe": '("group", "z"): by', "relative": '("first", "second"): (x, y, z)',
+         "tractions": '"group": (x, y, z)', "forces": '"group": (x, y, z)',
          "pressures": '"group": value', "moments": '"group": (x, y, z)', "swell": '"volume": ratio'}  # fmt: skip
 
 
@@ -25,12 +26,12 @@ class Stage:
     """One of the stages that a run goes through one after another, solve(..., stages=[...]).
 
     Motions count from where the stage before ended: move, {tool: by (3,) [length], or a Motion}; prescribe, {(group, axis):
-    by [length]}, in the place of the axis "normal" or a direction (3,) too. Loads go from what they were there to a new
-    value: push, {tool: force (3,)}; tractions, forces, moments, {group: (3,)}; pressures, {group: value}; body_force, (3,);
-    spin, a speed; swell, {volume: ratio}. What is not named stays as it is. A function in the place of a number gets the
-    stage's own s, 0 ... 1, a surface's (X, s): motions are zero at s = 0, loads there what the stage before left. The scene
-    states what there is: supports and loads that stages name are its own. Its own numbers and functions are those of the
-    first stage, where that does not name them.
+    by [length]}, in the place of the axis "normal" or a direction (3,) too; relative, {(first, second face of a periodic
+    pair): by (3,) [length]}. Loads go from what they were there to a new value: push, {tool: force (3,)}; tractions, forces,
+    moments, {group: (3,)}; pressures, {group: value}; body_force, (3,); spin, a speed; swell, {volume: ratio}. What is not
+    named stays as it is. A function in the place of a number gets the stage's own s, 0 ... 1, a surface's (X, s): motions
+    are zero at s = 0, loads there what the stage before left. The scene states what there is: supports, pairs and loads that
+    stages name are its own. Its own numbers and functions are those of the first stage, where that does not name them.
 
     steps, method, until, back: as of `solve`, whose own hold where nothing is said; Load(1.0) as a target means s = 1.
     duration: how much t grows; arc length ends where its target is.
@@ -40,6 +41,7 @@ class Stage:
     move: Moves = field(default_factory=dict)
     push: Mapping[Tool, Drive] = field(default_factory=dict)
     prescribe: Mapping[tuple[Group, Along], Way] = field(default_factory=dict)
+    relative: Mapping[tuple[Group, Group], Drive] = field(default_factory=dict)
     tractions: Mapping[Group, Drive | Place] = field(default_factory=dict)
     forces: Mapping[Group, Drive] = field(default_factory=dict)
     pressures: Mapping[Group, Drive | Place] = field(default_factory=dict)
@@ -60,6 +62,9 @@ class Stage:
             stated = vars(self)[word]
             if not isinstance(stated, Mapping):
                 raise SceneError(f"{self}: {word} = {shown(stated)}: give {{{form}}}")
+        for faces in self.relative:
+            if not isinstance(faces, tuple) or len(faces) != 2:
+                raise SceneError(f'{self}: relative names {shown(faces)}; give ("first", "second"), the faces of a pair')
         for key in self.prescribe:
             if not isinstance(key, tuple) or len(key) != 2:
                 raise SceneError(f'{self}: prescribe names {shown(key)}; give ("group", "z")')
@@ -84,7 +89,7 @@ class Stage:
     @property
     def idle(self) -> bool:
         """Whether nothing is moved or loaded in it."""
-        return not any((self.move, self.push, self.prescribe, self.loads))
+        return not any((self.move, self.push, self.prescribe, self.relative, self.loads))
 
     def says(self, words: str) -> str:
         """Words on something in this stage."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fenics_contact.scene.functions import Path
 from fenics_contact.scene.statements import LOADS
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError
+
+if TYPE_CHECKING:  # which is built from it
+    from fenics_contact.scene.scene import Scene
 
 Driven = Sequence[tuple[str, Path]]  # loads by name, as functions of t
 Drives = dict[str, dict[str, Any]]  # plain values: JSON takes them
@@ -31,22 +34,37 @@ class Start:
     drives: Drives
 
 
-def drives_left(system: System, driven: Driven) -> Drives:
+def drives_left(system: System, driven: Driven, scene: "Scene") -> Drives:
     """What holds a run's last state: {"loads": {name: [value, what the scene says of it]}, "supports": {name: what the scene
-    says}, "tools": {name: [coordinates, outer force and moment, reference point, rotation]}}. Collective."""
+    says}, "tools": {name: [coordinates, outer force and moment, reference point, rotation]}, "space": what its displacements
+    are of}. Collective."""
     state, end = system.state, system.ending()
     loads = {what: [path.everywhere(state.t).tolist(), path.said()] for what, path in _courses(driven).items()}
     turns = [pose.turn for pose in state.tools]
     ends = zip(system.tools.names, end.q, end.forces, system.tools.points, turns, strict=True)
     tools = {name: [part.tolist() for part in one] for name, *one in ends}
-    return {"loads": loads, "supports": system.supports.said(), "tools": tools}
+    return {"loads": loads, "supports": system.supports.said(), "tools": tools, "space": _space(scene)}
 
 
-def begin(system: System, driven: Driven, start: Start) -> list[str]:
+def _space(scene: "Scene") -> dict[str, Any]:
+    """What displacements must have in common to be taken over, besides the mesh, as a scene states it."""
+    section = scene.section
+    plane = None if section is None else "axisymmetric" if section.axisymmetric else "strain"
+    return {"degree": scene.degree, "plane": plane}
+
+
+def begin(system: System, driven: Driven, start: Start, scene: "Scene") -> list[str]:
     """Put a System at rest into another run's last state. Returns what is to be said of it.
 
-    SceneError on all ranks where the meshes differ. Collective.
+    SceneError on all ranks where the meshes, degrees or planes differ. Collective.
     """
+    here, there = _space(scene), start.drives.get("space", {})  # which checkpoints of older versions do not say
+    for word, one in here.items():
+        if (other := there.get(word, one)) != one:
+            raise SceneError(
+                f"start = {start.name} does not fit: that run has Scene(..., {word}={other!r}) and this one {word}={one!r}; "
+                f"state the same {word} in both, or start from rest"
+            )
     q, forces = _tools(system, start.drives["tools"])
     system.stages.origin = End(0.0, q, forces)
     for what, course in _courses(driven).items():

@@ -10,6 +10,7 @@ from fenics_contact.assembly.pose import Poses
 from fenics_contact.assembly.supports import Hindered, ToolMotion
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.contact.tools import Tool
+from fenics_contact.scene.pairs import Pairing
 from fenics_contact.scene.stage import Stage
 from fenics_contact.types import Floats, Ints64
 from fenics_contact.values import SceneError
@@ -23,12 +24,10 @@ TRIALS = 2  # motions of free components that are tried at each
 
 
 def ties_of(scene: "Scene") -> Ties:
-    """Ties whose nodes no other tie and no pair leads; nodes that two groups of one body have in common once. Collective."""
+    """Ties whose nodes no other tie leads; nodes that two groups of one body have in common once. Collective."""
     mesh, space, tools = scene.mesh, scene.space, scene.tools
     X, found = space.tabulate_dof_coordinates(), list[tuple[int, Ints64, Floats]]()
-    led: list[tuple[str, Tool | None, Ints64]] = [
-        (f"the {pair.what}", None, mesh.nodes(space, *pair.first, *pair.second).astype(np.int64)) for pair in scene.pairs
-    ]
+    led: list[tuple[str, Tool, Ints64]] = []
     nodes_of: dict[Tool, list[Ints64]] = {}
     for tie in scene.ties:
         name, nodes = "+".join(tie.group), mesh.nodes(space, *tie.group).astype(np.int64)
@@ -47,19 +46,20 @@ def ties_of(scene: "Scene") -> Ties:
 
 
 class Bound(NamedTuple):
-    """What is tied to rigid bodies, and the supports that hold some of the same nodes."""
+    """What is tied to rigid bodies, and the supports and pairs of faces that hold some of the same nodes."""
 
     comm: MPI.Comm
     motion: ToolMotion
     ties: Ties
     hindered: Sequence[Hindered]
+    paired: Pairing | None
 
     def refuse_hindered(self, stated: Sequence[Stage], poses: Poses) -> None:
         """Rigid bodies must be able to go all their ways from where the run begins, free ones anywhere, without leaving the
-        supports of what is tied to them, as those of planes of symmetry. Collective."""
+        supports of what is tied to them, as those of planes of symmetry, and as pairs of its faces move. Collective."""
         motion, stages, tried = self.motion, self.motion.stages, np.random.default_rng(0)
         first, came = stages.origin.q, np.zeros((len(motion), 6))  # how far the stages before have led
-        for i, stage in enumerate(stated if self.hindered else ()):
+        for i, stage in enumerate(stated if self.hindered or (self.paired and self.paired.tied) else ()):
             with stages.foreseen(i):
                 for t in (stages.time(share) for share in SHARES):
                     for _ in range(TRIALS):
@@ -81,6 +81,12 @@ class Bound(NamedTuple):
             k = int(off.argmax())
             if off[k] > HINDERED * self.motion.lever:
                 return _words(self.motion.names[k], one.name, bool(self.motion.free[k].any()))
+        if self.paired is None or not self.paired.tied:
+            return ""
+        ways = self.paired.ways(t)
+        for among in self.paired.tied:
+            if among.off(ways, poses.at(among.body, q[among.body])) > HINDERED * self.motion.lever:
+                return among.words(self.motion.names[among.body], bool(self.motion.free[among.body].any()))
         return ""
 
 
