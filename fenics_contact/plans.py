@@ -144,7 +144,7 @@ def _steady_alone(built: Built) -> list[str]:
     asked = {
         f"stabilise= needs {steady}; leave it out, or choose one of these": built.system.stabilised,
         f"damping= needs {steady}; leave it out, or choose one of these": built.system.damping,
-        f'pressure with where="open" needs {steady}; choose one of these, or leave where= out': built.fluids,
+        f'pressure with where="open" needs {steady}; choose one of these, or leave where= out': built.system.fluids,
     }
     return [why for why, there in asked.items() if there]
 
@@ -162,6 +162,6 @@ def _stepper(
     softened = Softened(plain) if isinstance(plain, Newton) else None
     stepper = softened or plain
     stepper = Augmented(stepper) if system.augmented else stepper
-    stepper = Entering(stepper, built.fluids) if built.fluids else stepper
+    stepper = Entering(stepper) if system.fluids else stepper
     springs = system.grounding if steady else None
     return plain, softened, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)

@@ -7,10 +7,22 @@ from mpi4py import MPI
 from refusals import refused
 from test_two_bodies import RUBBER, blocks, direction, roughened
 
-from fenics_contact import Body, Penalty, Scene, neo_hooke, read_gmsh, rigid_plane, rigid_surface, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Penalty,
+    Scene,
+    Stage,
+    neo_hooke,
+    read_gmsh,
+    rigid_hub,
+    rigid_plane,
+    rigid_surface,
+    solve,
+)
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.exchange import sum_to_owners
-from fenics_contact.meshes import box, o_ring, tool_surfaces
+from fenics_contact.meshes import box, o_ring, rectangles, tool_surfaces
 
 COMM = MPI.COMM_WORLD
 MU, K = 1.0, 5.0
@@ -292,6 +304,35 @@ def test_a_fluid_comes_in_between_two_bodies():
     X, u = scene.space.tabulate_dof_coordinates(), result.u.x.array.reshape(-1, 3)
     width = COMM.allreduce((X + u)[(X[:, 0] > 3.999) & (np.abs(X[:, 2]) < 1e-9), 0].max(initial=0.0), MPI.MAX)
     np.testing.assert_allclose(-top[-1], 0.3 * 0.5 * width, rtol=1e-7)
+
+
+def between_hubs(**options):
+    """Two plates bonded to hubs, which press blocks on each other while a fluid is brought to 0.4 on their right."""
+    blocks = {"up": ((0, 1), (4, 1), (20, 5)), "low": ((-1, 0), (6, 1), (22, 4))}
+    mesh = read_gmsh(rectangles.build, rectangles=blocks)
+    scene = Scene(*(Body(mesh, name, neo_hooke(MU, K)) for name in blocks), plane="strain")
+    upper, lower = rigid_hub("upper", (2, 2, 0)), rigid_hub("lower", (2, 0, 0))
+    scene.tie("up_ymax", upper)
+    scene.tie("low_ymin", lower)
+    scene.contact("up_ymin", "low_ymax", 0.1, name="c")
+    scene.pressure(("up_ymin", "up_xmax"), 0.0, where="open", from_="up_xmax")
+    scene.pressure("low_ymax", 0.0, where="open", from_="low_xmax")
+    fluid = {("up_ymin", "up_xmax"): 0.4, "low_ymax": 0.4}
+    stages = [Stage("press", move={upper: Motion(y=-0.1)}, steps=2), Stage("fluid", pressures=fluid, steps=4)]
+    corner = {"corner": lambda view: view.at((0.0, 1.0, 0.0)).displacement[0]}
+    return solve(scene, stages=stages, record=corner, progress=False, **options)
+
+
+@pytest.mark.parallel
+def test_a_fluid_that_runs_through_a_seal_is_said_and_damping_carries_the_bodies_on():
+    """It was "no convergence" without a cause, and damping did not let the fluid in while the bodies moved. Along the wet
+    line from the corner (0, 1) to the plate at (4, 2) a uniform pressure p gives the force p (4 - x) upwards."""
+    verdict = between_hubs().verdict
+    assert (verdict.kind, verdict.place) == ("fluid comes through", "fluid 1 on low_ymax"), verdict.reason
+    assert "more nodes" in verdict.reason and "damping=True" in verdict.remedy
+    through = between_hubs(damping=True).require()
+    assert through.column("c_load_N")[-1] == 0.0
+    assert through.column("upper_force_y_N")[-1] == pytest.approx(-0.4 * (4.0 - through.column("corner")[-1]), rel=1e-6)
 
 
 @pytest.mark.parallel

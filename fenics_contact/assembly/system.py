@@ -19,7 +19,7 @@ from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End, Stages
 from fenics_contact.assembly.supports import Supports, ToolMotion
-from fenics_contact.assembly.term import ContactTerm, FormTerm, State, Term
+from fenics_contact.assembly.term import ContactTerm, FluidTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Ints64, Mat, Vec
 
@@ -61,6 +61,7 @@ class System:
         self.set_loads, self.check, self.contacts = set_loads, check, contacts
         self.holds = holds or Holds(state.u.function_space.mesh.comm, [], supports, [])
         self.bodies = self.holds.bodies  # (name, local nodes) of each group of bonded bodies
+        self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
         self.grounding, self.damping, self.bulk_over_shear = grounding, damping, bulk_over_shear
         self.timers = timers or Timers()
         self.space = state.u.function_space

@@ -1,5 +1,6 @@
 """What a System sums: terms of the virtual power, and the state they depend on."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -275,3 +276,17 @@ def _listed(forms: Form | list[Form] | None) -> list[Form]:
     if forms is None:
         return []
     return forms if isinstance(forms, list) else [forms]
+
+
+class FluidTerm(FormTerm, ABC):
+    """What solvers ask of a fluid that comes in where contact lets it."""
+
+    @abstractmethod
+    def advance(self, state: State, back: bool) -> bool:
+        """Go, in a balanced state, to where it is connected to its edge, back: also from what is cut off; has it moved?
+        Collective."""
+
+    @abstractmethod
+    def gained(self) -> tuple[int, str, str] | None:
+        """None where it is as in the accepted state; else how many nodes it has reached since, one of them that lay next to
+        it and the one farthest from that, as text. Collective."""

@@ -10,14 +10,15 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, ToolBlocks
 from fenics_contact.assembly.facet_points import ACROSS, Skin, skin_of
+from fenics_contact.assembly.finding import foremost, spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.section import Section
-from fenics_contact.assembly.term import ContactTerm, FormTerm, State
+from fenics_contact.assembly.term import ContactTerm, FluidTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
 
-class Fluid(FormTerm):
+class Fluid(FluidTerm):
     """A fluid of pressure p_f on a surface: a node of it that contact presses with p feels (p_f - p)_+ of the fluid, so that
     the larger of both acts on it, and one that no contact presses feels p_f, all along the present area vectors.
 
@@ -158,6 +159,21 @@ class Fluid(FormTerm):
         changed = bool((reached != self.reached).any())
         self.reached = reached
         return bool(self._space.mesh.comm.allreduce(int(changed)))
+
+    def gained(self) -> tuple[int, str, str] | None:
+        """None where it is as in the accepted state; else how many nodes it has reached since, one of them that lay next to
+        it and the one farthest from that, as text. Collective."""
+        comm, X = self._space.mesh.comm, self._space.tabulate_dof_coordinates()
+        mine = self.nodes[self.nodes < self._owned]
+        fresh, known = self.reached[mine] & ~self._accepted[mine], self._accepted[mine]
+        new, old = (np.concatenate(comm.allgather(X[mine[part]])) for part in (fresh, known))
+        if not len(new):
+            return None
+        near = np.array([((old - x) ** 2).sum(axis=1).min(initial=np.inf) for x in new])
+        first = foremost(comm, -near, new)
+        here = first.place if first else new[0]
+        last = foremost(comm, ((new - here) ** 2).sum(axis=1), new)
+        return len(new), spot(here), spot(last.place if last else here)
 
     def _connected(self, state: State) -> Bools:
         """The local nodes (n,) that the fluid reaches under the present contact pressures. Collective."""

@@ -75,7 +75,6 @@ class Built:
     system: System
     notes: list[str]
     loads: list[FormTerm]
-    fluids: list[Fluid]
     driven: list[tuple[str, Path]]
     start: list[float]
     overlaps: list[str]
@@ -147,7 +146,7 @@ def build(
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
     return Built(
-        system, notes, [*dead, *follower, *fluids, *fields.terms], fluids, driven, [_size(system)], [] if start else overlaps
+        system, notes, [*dead, *follower, *fluids, *fields.terms], driven, [_size(system)], [] if start else overlaps
     )
 
 

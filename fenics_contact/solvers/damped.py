@@ -4,6 +4,7 @@ import numpy as np
 
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.system import Accepted, System
+from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
@@ -33,11 +34,11 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
     kept = _keep(system)
     system.rollback()
     _damping(system).begin(system.state.u.x.array, system.state.q)
-    report, newton, share, work = StepReport(), Newton(LinearSolver(system)), FIRST, 0.0
+    report, moving, share, work = StepReport(), _moving(system), FIRST, 0.0
     before, scale = system.accepted[-1], system.force_scale
     for _ in range(MOTIONS):
         try:
-            moved = _settle(system, newton, goal, share)
+            moved = _settle(system, moving, goal, share)
         except StepFailed:
             share *= HARDER
             if share > MOST:
@@ -55,6 +56,12 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
             return report
     _restore(system, kept)
     raise StepFailed("damped motion did not come to rest")
+
+
+def _moving(system: System) -> Stepper:
+    """Newton's method, and fluids that come further in while the bodies move."""
+    newton = Newton(LinearSolver(system))
+    return Entering(newton) if system.fluids else newton
 
 
 def _settle(system: System, stepper: Stepper, goal: float, share: float) -> StepReport:

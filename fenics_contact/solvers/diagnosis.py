@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import (
+    COMES_IN,
     CRUSHING,
     CYCLING,
     LOST,
@@ -53,6 +54,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
+    if found is None and known.kind == COMES_IN:
+        return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):
         return inverted
     if found is None and known.kind == UNKNOWN:

@@ -1,17 +1,13 @@
 """Steps solved again while a fluid comes in where contact has let go, until it goes no further."""
 
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable
 
+from fenics_contact.assembly.finding import COMES_IN, MEMORY, NO_LAW, TOO_STIFF
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import State
 from fenics_contact.solvers.report import Stepper, StepReport
+from fenics_contact.solvers.verdict import StepFailed
 
-
-class Fluid(Protocol):
-    """What is asked of one: to go, in a balanced state, to where it is connected to its edge; has it moved?"""
-
-    def advance(self, state: State, back: bool) -> bool: ...
+KNOWN = (MEMORY, NO_LAW, TOO_STIFF)  # failures that have nothing to do with where the fluid is
 
 
 class Entering:
@@ -22,8 +18,8 @@ class Entering:
     step ends with, or, where it has opened the way itself, was so in one of these.
     """
 
-    def __init__(self, stepper: Stepper, fluids: Sequence[Fluid]) -> None:
-        self.stepper, self.fluids = stepper, fluids
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper = stepper
 
     def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
@@ -35,7 +31,24 @@ class Entering:
 
     def _enter(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
         report, back = solve(system, t), True
-        while sum(fluid.advance(system.state, back) for fluid in self.fluids):  # all of them, which an `any` would not ask
-            report.add(self.stepper.settle(system, t))
+        while sum(fluid.advance(system.state, back) for fluid in system.fluids):  # all of them, which an `any` would not ask
+            try:
+                report.add(self.stepper.settle(system, t))
+            except StepFailed as failure:
+                raise _come_through(system, failure) from failure
             report.raises, back = report.raises + 1, False
         return report
+
+
+def _come_through(system: System, failure: StepFailed) -> StepFailed:
+    """A failure of the solve after fluids have come further in, said as such. Collective."""
+    gains = [(fluid.name, gain) for fluid in system.fluids if (gain := fluid.gained())]
+    if failure.finding.kind in KNOWN or not gains:
+        return failure
+    (name, (count, first, last)), nodes = gains[0], "nodes"
+    nodes = f"{count} more nodes, from {first} to {last}" if count > 1 else f"one more node, {first}"
+    reason = (
+        f"the fluid opens its way on under the contact: it has come to {nodes}, and Newton's method finds no "
+        "balance near the one before"
+    )
+    return StepFailed(reason, COMES_IN, name, "press the surfaces together more, or end the path before")
