@@ -254,6 +254,13 @@ def test_the_energy_note_is_for_more_than_steps_explain(power, jump, said):
     assert energy_summary([{"t": 1.0, "external_work_Nmm": 0.0, "energy_error_Nmm": 0.0}], Units()) == {}
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.25, False), (0.4, True)])
+def test_a_single_step_that_misses_more_than_it_may_is_said(share, said):
+    """A quarter is what a ball pressed in one step misses; more may be a body that has folded over the tool."""
+    rows = [{"t": 1.0, "external_work_Nmm": 2.0, "energy_error_Nmm": 2.0 * share}]
+    assert bool(energy_notes(energy_summary(rows, Units()), 1, Units())) == said
+
+
 def test_the_log_counts_energy_in_the_summary_s_work_done():
     """Loaded and unloaded: 1 N mm in, 0.8 out, 0.1 rubbed off; a half of the net work is a twentieth of the work done."""
     rows = [{"t": t, "external_work_Nmm": w, "energy_error_Nmm": e} for t, w, e in ((0.5, 1.0, 0.0), (1.0, 0.2, 0.1))]

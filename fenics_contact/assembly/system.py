@@ -134,11 +134,8 @@ class System:
         for term in self.terms:
             term.rollback()
         self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
-        u, q, t = self._committed
-        self.state.u.x.array[:] = u
-        self.state.q[:] = q
-        self.state.t = t
-        self.set_loads(t)
+        self.state.u.x.array[:], self.state.q[:], self.state.t = self._committed
+        self.set_loads(self.state.t)
 
     def resume(self, q: Floats, t: float, histories: Sequence[dict[str, Array]], before: Sequence[Accepted] = ()) -> None:
         """Declare the displacement in the state, with these tools' coordinates and t, the committed one, after those of
@@ -188,8 +185,8 @@ class System:
 
     def _strays(self, gap: Floats, owed: Floats) -> bool:
         """True where supports would end further from their places than half the way they go. Collective."""
-        sizes = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
-        return bool(sizes[0] > 0.25 * sizes[1])
+        left, whole = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
+        return bool(left > 0.25 * whole)
 
     def foresee(self) -> None:
         """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
@@ -201,8 +198,8 @@ class System:
             contact.release()
 
     def hold_sights(self) -> bool:
-        """Hold what facets the contacts see until a commit or rollback; False where that changes nothing. Collective."""
-        return sum(contact.hold_sights(self.state) for contact in self.contacts) > 0  # of each, and not up to the first
+        """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
+        return max((contact.hold_sights(self.state) for contact in self.contacts), default=False)
 
     @property
     def stages(self) -> Stages:

@@ -18,6 +18,7 @@ from fenics_contact.output.names import energy_unit, plain_name
 from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
+GROSS = 1 / 3  # of the work done: more than a ball pressed in a single step misses, a quarter
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
 
@@ -142,10 +143,10 @@ def energy_notes(
     overlaps: names of the contacts that overlap at the start, whose energy the first step lets go.
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
-    1 / steps^2 at most up to the cube.
+    1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
     """
     share, unit = summary.get("error_share", 0.0), energy_unit(units)
-    if share <= max(COSTLY, 1.0 / steps**2) or abs(summary[f"error_{unit}"]) <= unknown:
+    if share <= max(COSTLY, min(1.0 / steps**2, GROSS)) or abs(summary[f"error_{unit}"]) <= unknown:
         return []
     missing, done = (f"{abs(summary[f'{name}_{unit}']):.4g}" for name in ("error", "work_done"))
     text = f"energy: {missing} {units.force} {units.length} of the work done, {done}, are missing ({share:.1%})"
@@ -162,7 +163,8 @@ def energy_notes(
     return [
         f"{text}, {summary['worst_step_share']:.0%} of that in step {summary['worst_step']} to "
         f"t = {summary['worst_step_t']:.6g}: take more steps there; what stays then went into a sudden motion within a step "
-        "(damping=True carries it) or into friction: against round tools penetration= lessens that"
+        "(damping=True carries it) or into friction: where sticking turns to sliding, and against round tools (penetration= "
+        "lessens that)"
     ]
 
 
