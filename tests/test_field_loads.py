@@ -351,8 +351,8 @@ def test_bad_loads(block):
 
 @pytest.mark.parallel
 def test_a_spinning_ring_needs_no_support_along_its_radius():
-    """Its hoops hold it: it was refused as loose along x. u = rho w^2 a / (4 E') ((3 + v') b^2 + (1 - v') a^2) of plane strain
-    on the inside, where strains of 1.3e-4 are small."""
+    """Its hoops hold it: it was refused as loose along x. u = rho w^2 a / (4 E') ((3 + v') b^2 + (1 - v') a^2) of plane
+    strain on the inside, where strains of 1.3e-4 are small."""
     a, b, mu, bulk, density = 1.0, 2.0, 1.0, 2.0, 1e-4
     mesh = read_gmsh(rectangles.build, rectangles={"ring": ((a, 0.0), (b - a, 0.2), (8, 1))})
     scene = Scene(Body(mesh, "ring", neo_hooke(mu, bulk)), plane="axisymmetric", degree=2)
