@@ -19,7 +19,7 @@ class Holds:
 
     bodies: (name, local nodes) of each group of bonded bodies; supports: Supports; contacts: terms that say whether they are
     `grounded`, held by no body, and which nodes they touch; grounds: (local nodes, sum (3, 3) of d d^T over the directions)
-    of springs to the ground. Construction is collective.
+    of what else holds them, as springs to the ground. Construction is collective.
     """
 
     def __init__(

@@ -58,7 +58,7 @@ from fenics_contact.solid.elements import solid_term
 from fenics_contact.solid.materials import Material, young
 from fenics_contact.solid.springs import springs
 from fenics_contact.timing import Timers
-from fenics_contact.types import Constant, Expr, Floats, Form, Function
+from fenics_contact.types import Constant, Expr, Floats, Form, Function, Ints
 from fenics_contact.values import SceneError
 
 if TYPE_CHECKING:  # which asks for its System here
@@ -117,7 +117,7 @@ def build(
     if scene.section is not None:
         refuse_across(contacts, state)
     bodies = bonded_bodies(scene, supports)
-    holds = Holds(comm, bodies, supports, contacts, fields.grounds)
+    holds = Holds(comm, bodies, supports, contacts, [*fields.grounds, *_round_the_axis(scene)])
     refuse_loose(holds, state, comm)
     grounding = damped = None
     if stabilise or (holds.reliant and contacts):
@@ -166,6 +166,13 @@ def _start(
                                              if not np.array_equal(turn, np.eye(3))])  # fmt: skip
     refuse_gaps(system, stated, driven, start is not None)
     return notes, overlaps
+
+
+def _round_the_axis(scene: "Scene") -> list[tuple[Ints, Floats]]:
+    """Bodies of revolution cannot move along x without strain, as if springs held all of their nodes."""
+    if scene.section is None or not scene.section.axisymmetric:
+        return []
+    return [(np.arange(len(scene.space.tabulate_dof_coordinates()), dtype=np.int32), np.diag([1.0, 0.0, 0.0]))]
 
 
 def _size(system: System) -> float:
