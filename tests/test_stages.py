@@ -361,7 +361,8 @@ def test_what_was_pushed_stays_pushed_and_can_be_let_go():
         Stage("drag", move={ball: (0.1, 0, 0)}, steps=1),
         Stage("less", push={ball: lambda s: (0, 0, -3.0 + 2 * s)}, steps=2),
     ]
-    refused(lambda: solve(scene, stages=stages, **TIGHT), "stage 'less'", "push of 'ball'", "give the new force")
+    words = "stage 'less': the force on 'ball'", "component z is at the end of stage 'drag'", "as numbers"
+    refused(lambda: solve(scene, stages=stages, **TIGHT), *words)
     result = solve(scene, stages=[stages[0], stages[2]], **TIGHT).require()
     np.testing.assert_allclose(result.column("top_force_z_N"), [-1, -2, -3, -2, -1], rtol=1e-8)
 
