@@ -377,3 +377,16 @@ def test_loads_are_functions_of_places():
     total = COMM.allreduce(-vector.array.reshape(-1, 3).sum(axis=0))
     pressed = 6.0 * (0.1 + 0.02 * 1.5 - 0.03 * 1.0)
     np.testing.assert_allclose(total, [0.0, 2.0, 1.0 - pressed + 3.0], atol=1e-13)  # sums of numbers of size 1
+
+
+@pytest.mark.parallel
+def test_what_has_one_value_for_the_whole_says_so_and_round_off_is_no_negative_pressure():
+    mesh = read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(4, 4, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(MU, K)))
+    scene.fix("zmin")
+    for load in (lambda f: scene.force("zmax", f), lambda f: scene.moment("zmax", f), lambda f: scene.swell("box", f)):
+        refused(lambda load=load: load(lambda X, t: t * X[:, 0]), "one value for the whole", "value(t)", "traction")
+    scene.contact("zmax", rigid_plane((0, 0, 2.2), (0, 0, -1), name="lid"), name="c")
+    scene.pressure("zmax", lambda X, t: t * (0.01 * X[:, 0] - 1e-17), where="open")
+    result = solve(scene, steps=1, progress=False).require()
+    assert result.column("zmin_reaction_z_N")[-1] == pytest.approx(0.01 * 2.0 * 16.0, rel=0.02)

@@ -3,10 +3,12 @@
 import gmsh
 import numpy as np
 import pytest
+from refusals import refused
 
 from fenics_contact import (
     Body,
     Scene,
+    SceneError,
     from_elastic,
     neo_hooke,
     read_gmsh,
@@ -16,6 +18,7 @@ from fenics_contact import (
     rigid_punch,
     rigid_revolution,
     rigid_sphere,
+    rigid_torus,
     rigid_union,
     solve,
 )
@@ -116,3 +119,16 @@ def test_a_block_over_a_groove():
     assert np.abs(straight[:, 0]).max() < size and straight[-1, 1] > 0.1 * abs(straight[-1, 2])
     for tool_of, Q in ((two_bars, np.eye(3)), (groove, ASKEW), (two_bars, ASKEW)):
         np.testing.assert_allclose(over_a_groove(tool_of, Q), straight, rtol=0.0, atol=size)
+
+
+def test_shapes_that_cannot_be_are_refused_as_all_statements_are():
+    plane = rigid_plane()
+    wrong = {
+        "closes a ring": lambda: rigid_torus(1.0, 2.0, (0, 0, 0)),
+        "two or more": lambda: rigid_union(plane),
+        "a union itself": lambda: rigid_union(rigid_union(plane, rigid_sphere(1.0, (0, 0, 3))), plane),
+        "zero vector": lambda: rigid_plane((0, 0, 0), (0, 0, 0)),
+        "make it smaller": lambda: rigid_punch(1.0, 1.0, (0, 0, 0), fillet=2.0),
+    }
+    for words, action in wrong.items():
+        refused(action, words, kind=SceneError)

@@ -1,5 +1,6 @@
 """Of a wrong statement that ends a script its message and the script's own line are printed, once; of a bug all there is."""
 
+import re
 import subprocess
 import sys
 
@@ -42,19 +43,22 @@ solve(scene, steps=1)
 """
 
 
+LAUNCHER = re.compile(r"^\[[^]\s]+:\d+\] (PMIX|PRTE|ORTE).*\n?", re.MULTILINE)
+
+
 def said(tmp_path, what, ranks=1):
-    """Exit code and stderr of the script, without what mpirun says itself."""
+    """Exit code and stderr of the script, without what mpirun and its daemon ("[host:pid] PMIX ERROR ...") say themselves."""
     path = tmp_path / "scene.py"
     path.write_text(SCRIPT)
     command = [*(mpirun(ranks) if ranks > 1 else []), sys.executable, str(path), what]
     done = subprocess.run(command, env=alone(), cwd=tmp_path, capture_output=True, text=True, timeout=200)
-    return done.returncode, done.stderr.split("-" * 60)[0]
+    return done.returncode, LAUNCHER.sub("", done.stderr.split("-" * 60)[0])
 
 
 WRONG = [
     ("name", 'scene.fix("botom")', "SceneError: there is no surface, edge or point group 'botom'"),
     ("folder", 'solve(scene, out="/proc/nothing", steps=1)', "FolderError: output folder '/proc/nothing'"),
-    ("tool", "rigid_plane((0, 0, 1), normal=(0, 0, 0))", "ValueError: plane: normal must not be the zero vector"),
+    ("tool", "rigid_plane((0, 0, 1), normal=(0, 0, 0))", "SceneError: plane: normal must not be the zero vector"),
 ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fenics_contact.kernels import rigid_shapes
 from fenics_contact.types import Floats, Ints64
-from fenics_contact.values import finite, positive, text
+from fenics_contact.values import SceneError, finite, positive, text
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def axes_along(third: object, what: str) -> Floats:
     third = finite(third, what, (3,))
     length = np.linalg.norm(third)
     if length == 0.0:
-        raise ValueError(f"{what} must not be the zero vector")
+        raise SceneError(f"{what} must not be the zero vector")
     third = third / length
     helper = np.eye(3)[0] if abs(third[0]) < 0.9 else np.eye(3)[1]
     second = np.cross(third, helper)
@@ -160,7 +160,7 @@ def rigid_punch(
     tall = _length(height, f"{name}: height") / 2
     fillet = _length(fillet, f"{name}: fillet", zero=True)
     if fillet > min(half, depth, tall):
-        raise ValueError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
+        raise SceneError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
     axes = axes_along(direction, f"{name}: direction")
     origin = finite(face, f"{name}: face", (3,)) - tall * axes[:, 2]
     edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
@@ -172,7 +172,7 @@ def _round(radius: float, hollow: bool, name: str) -> tuple[Floats, float]:
     """(kernel's numbers, radius) of a ball or cylinder."""
     length = _length(radius, f"{name}: radius")
     if not isinstance(hollow, bool):
-        raise ValueError(f"{name}: hollow = {hollow!r} must be True, where the body lies within, or False")
+        raise SceneError(f"{name}: hollow = {hollow!r} must be True, where the body lies within, or False")
     return np.array([-length if hollow else length]), length
 
 
@@ -210,7 +210,7 @@ def rigid_torus(
     smaller than that; centre, axis: of the ring."""
     ring, tube = _length(ring, f"{name}: ring"), _length(tube, f"{name}: tube")
     if not tube < ring:
-        raise ValueError(f"{name}: a tube of radius {tube} closes a ring of radius {ring}; make it smaller")
+        raise SceneError(f"{name}: a tube of radius {tube} closes a ring of radius {ring}; make it smaller")
     axes, shape = axes_along(axis, f"{name}: axis"), np.array([ring, tube])
     return RigidTool(name, rigid_shapes.TORUS, shape, axes, finite(centre, f"{name}: centre", (3,)), ring + tube)
 
@@ -242,12 +242,12 @@ def rigid_union(*tools: RigidTool, name: str = "union") -> RigidTool:
     State a profile with a fillet there, or two tools.
     """
     if len(tools) < 2 or not all(isinstance(tool, RigidTool) for tool in tools):
-        raise ValueError(f"{name}: a union is made of two or more analytic tools, rigid_union(rigid_plane(...), ...)")
+        raise SceneError(f"{name}: a union is made of two or more analytic tools, rigid_union(rigid_plane(...), ...)")
     for tool in tools:
         if tool.edge == "sharp":
-            raise ValueError(f"{name}: the sharp edges of '{tool.name}' cannot be in a union; give it a fillet")
+            raise SceneError(f"{name}: the sharp edges of '{tool.name}' cannot be in a union; give it a fillet")
         if tool.kind == rigid_shapes.UNION:
-            raise ValueError(f"{name}: '{tool.name}' is a union itself; name its parts instead")
+            raise SceneError(f"{name}: '{tool.name}' is a union itself; name its parts instead")
     origin = tools[0].point
     parts = [
         np.concatenate([[tool.kind, len(tool.shape)], tool.origin - origin, tool.axes.ravel(), tool.shape]) for tool in tools

@@ -66,6 +66,8 @@ if TYPE_CHECKING:  # which asks for its System here
 
 Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and what it follows
 
+ROUNDED = 1e-12  # of a fluid's largest pressure: a function of nodes' places is rounded as these are
+
 
 @dataclass(frozen=True)
 class Built:
@@ -239,9 +241,10 @@ def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact
     count = len(space.tabulate_dof_coordinates())
 
     def path(t: float) -> Floats:
-        if not (low := whole(stated.path, t).min()) >= 0.0:
+        everywhere = whole(stated.path, t)
+        if not (low := everywhere.min()) >= -ROUNDED * np.abs(everywhere).max():
             raise SceneError(f"pressure on '{name}' is {low:.3g} at t = {t:g}: with where=\"open\" it must not be negative")
-        values = stated.path(t)
+        values = np.maximum(stated.path(t), 0.0)
         if stated.nodes is None:
             return values
         everywhere = np.zeros(count)

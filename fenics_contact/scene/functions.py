@@ -59,6 +59,11 @@ def thinned(values: Floats) -> Floats:
 def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,)) -> Path:
     """Value reached at t = 1, or a function of t, as a function of t, which all ranks call."""
     if callable(value):
+        if takes_place(value):
+            raise SceneError(
+                f"{what}: its function is one of places, value(X, t), but this is one value for the whole: give value(t), "
+                "or state what differs from place to place by traction, pressure, body_force or prescribe"
+            )
         function(value, what, "value(t)")
         return lambda t: alike(
             comm, f"{what} at t = {t:g}", lambda: finite(value(t), f"{what} at t = {t:g}", shape), SceneError
