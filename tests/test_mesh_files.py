@@ -356,7 +356,16 @@ CUBE = element("C3D8", HEXAHEDRON)
         (CUBE.replace("1, 1, 2", "1, 99, 2"), ("1 nodes", "not in the file", "node 99 of element 1")),
         (CUBE.replace("1, 0, 0, 0", "1, nan, 0, 0"), ("*NODE", "node 1 ", "no finite number")),
         ("*ELEMENT, TYPE=C3D4, ELSET=one\n1, 1, 2, 3, 4\n", ("no *NODE",)),
-        (CUBE + "*NODE\n1, 0, 0, 0\n", ("*NODE", "twice")),
+        (CUBE + "*NODE\n3, 0, 0, 0\n", ("*NODE", "1 numbers", "twice", "is 3, in line 4 of bad.inp", "line 13 of bad.inp")),
+        (CUBE + "1, 1, 2, 3, 4, 5, 6, 7, 8\n", ("*ELEMENT", "twice", "is 1, in line 11 of bad.inp", "line 12 of bad.inp")),
+        (
+            CUBE.replace("=one\n", "=one\n** a comment\n").replace("1, 1, 2", "1, 1, two"),
+            ("*ELEMENT in line 10", "'two' in line 12"),
+        ),
+        (CUBE.replace("2, 1, 0, 0", "2 1 0 0"), ("*NODE in line 1 ", "'2 1 0 0' in line 3 ", "no whole number")),
+        (CUBE.replace("2, 1, 0, 0", f"{10**20}, 1, 0, 0"), (f"'{10**20}' in line 3 ", "no whole number")),
+        (CUBE + "*NSET, NSET=a, GENERATE\n1, last\n", ("*NSET in line 12 ", "'last' in line 13 ")),
+        (CUBE + "*NSET, NSET=a, GENERATE\n1\n", ("'a', line 13 of bad.inp", "first, last and step")),
         (CUBE.replace(", ELSET=one", ""), ("1 cells", "no body", "SOLID SECTION")),
         (CUBE + "*ELSET, ELSET=other\n1\n", ("element 1", "'one'", "'other'", "bodies=")),
         (CUBE + "*SOLID SECTION, ELSET=gum\n", ("'gum'", "the file has: one")),
@@ -374,11 +383,24 @@ CUBE = element("C3D8", HEXAHEDRON)
         (CUBE + "*NSET, NSET=a, GENERATE\n1, 4, 0\n", ("*NSET", "'a'", "from 1 to 4 by 0")),
         (CUBE + "*NSET, NSET=a\n1, 2, 99\n", ("*NSET 'a'", "1 of its nodes", "node 99")),
         (CUBE + "*NSET, NSET=a, GENERATE\n4, 1, 1\n", ("*NSET", "'a'", "from 4 to 1 by 1")),
-        (CUBE.replace("1, 0, 0, 0", "1, 0, zero, 0"), ("*NODE", "ZERO")),
+        (CUBE.replace("1, 0, 0, 0", "1, 0, zero, 0"), ("*NODE", "'zero' in line 2 of bad.inp", "no coordinate")),
     ],
 )
 def test_an_abaqus_file_that_is_refused(folder, text, words):
     refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words)
+
+
+@pytest.mark.serial
+def test_a_wrong_number_in_an_included_file_is_found_there(folder):
+    """And numbers with D for their exponent are read beside it."""
+    head, nodes, cell = CUBE.partition("1, 0, 0, 0\n")[0], *CUBE.partition("*NODE\n")[2].split("*ELEMENT")
+    text = f"{head}*INCLUDE, INPUT=nodes.txt\n*ELEMENT{cell}"
+    written(folder / "nodes.txt", "** nodes\n\n" + nodes.replace("2, 1, 0, 0", "2, 1.0d0, 0.D+0, zero"))
+    refused(
+        lambda: read_mesh(written(folder / "bad.inp", text)), "*NODE in line 1 of bad.inp", "'zero' in line 4 of nodes.txt"
+    )
+    written(folder / "nodes.txt", nodes.replace("2, 1, 0, 0", "2, 1.0d0, 0.D+0, 0"))
+    assert volume_of(read_mesh(folder / "bad.inp")) == pytest.approx(1.0)
 
 
 @pytest.mark.serial

@@ -18,11 +18,6 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None) -> None:
     number = np.concatenate([np.empty(0, dtype=np.int64), *model.number])
     if not len(number):
         raise ValueError("it has no *NODE; have the nodes written")
-    if not (finite := np.isfinite(np.concatenate(model.places)).all(axis=1)).all():
-        raise ValueError(f"*NODE: node {number[~finite][0]} has a coordinate that is no finite number; write it again")
-    for what, numbers in (("*NODE", number), ("*ELEMENT", np.concatenate([one.number for one in model.elements]))):
-        if len(np.unique(numbers)) < len(numbers):
-            raise ValueError(f"{what}: there are numbers that are given twice")
     dim = max(block.dim for block in model.elements)
     cells, facets = ([_block(one, number) for one in model.elements if one.dim == d] for d in (dim, dim - 1))
     parts = Parts(dim, np.concatenate(model.places), _bodies(model, cells, bodies))

@@ -5,9 +5,10 @@ mesh is passed over, what would place or make nodes is refused. Names are the sa
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,17 +21,29 @@ _DIMENSION = {"C3D": 3} | dict.fromkeys(("T2D", "T3D", "R2D", "RAX"), 1)  # 2 fo
 # springs, masses and the like, which have no mesh
 _PASSED = ("MASS", "ROTARYI", "SPRING", "DASHPOT", "CONN", "GAP", "DCOUP", "RNODE", "HEATCAP", "B33", "B23", "PIPE", "FRAME")
 _PLACED = {"NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "SYSTEM"}  # make or move nodes and elements
+_FORTRAN = re.compile(r"[-+.\d]+[dD][-+]?\d+")  # a number with D for its exponent
 _LOOSE = {"ASSEMBLY": True, "INSTANCE": False, "END INSTANCE": True, "END ASSEMBLY": False}
+
+
+_FILE = 1 << 32  # lines that a file may have
+
+
+class Line(NamedTuple):
+    """What stands there; at: the file, by the order in which they are read, times _FILE, plus the line's number."""
+
+    text: str
+    at: int
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Of one keyword: dim, type as in the file, numbers (n,) and nodes' numbers (n, k)."""
+    """Of one keyword: dim, type as in the file, numbers (n,), nodes' numbers (n, k) and the Line.at (n,) of each."""
 
     dim: int
     kind: str
     number: Ints64
     nodes: Ints64
+    at: Ints64
 
 
 @dataclass
@@ -61,11 +74,12 @@ class Sets:
 
 @dataclass
 class Model:
-    """number (n,) and places (n, 3) of nodes, an array for each keyword; surfaces: {name: rows of (set or element, face)};
-    sections: names of the element sets with a *SOLID SECTION."""
+    """number (n,), places (n, 3) and Line.at (n,) of nodes, an array for each keyword; surfaces: {name: rows of (set
+    or element, face)}; sections: names of the element sets with a *SOLID SECTION."""
 
     number: list[Ints64] = field(default_factory=list)
     places: list[Floats] = field(default_factory=list)
+    at: list[Ints64] = field(default_factory=list)
     elements: list[Elements] = field(default_factory=list)
     nsets: Sets = field(default_factory=lambda: Sets("node set"))
     elsets: Sets = field(default_factory=lambda: Sets("element set"))
@@ -73,22 +87,61 @@ class Model:
     sections: list[str] = field(default_factory=list)
     parts: int = 0
     instances: int = 0
+    files: list[str] = field(default_factory=list)  # names, in the order in which they are read
     loose: bool = False  # the assembly's own nodes and elements are at hand: reference points, numbered for themselves
+
+    def line(self, at: int) -> str:
+        """A Line.at as an error says it."""
+        return f"line {at % _FILE} of {self.files[at // _FILE]}"
 
 
 def read(path: Path) -> Model:
     """The file's Model. Raises ValueError that names the keyword, and OSError where a file that it includes is missing."""
     model = Model()
-    for keyword, parameters, data in _keywords(path):
+    for keyword, parameters, at, data in _keywords(model, path):
         try:
             _take(model, keyword, parameters, data)
         except (KeyError, IndexError, ValueError) as error:
             said = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
-            raise ValueError(f"*{keyword}: {said}") from error
+            raise ValueError(f"*{keyword} in {model.line(at)}: {said}") from error
+    _refuse_twice(model, "*NODE", model.number, model.at)
+    _refuse_twice(model, "*ELEMENT", [one.number for one in model.elements], [one.at for one in model.elements])
     return model
 
 
-def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[str]:
+def _refuse_twice(model: Model, keyword: str, numbers: list[Ints64], at: list[Ints64]) -> None:
+    """A number (n,) that two lines give."""
+    number, line = (np.concatenate([np.empty(0, dtype=np.int64), *some]) for some in (numbers, at))
+    order = np.argsort(number, kind="stable")
+    again = np.flatnonzero(np.diff(number[order]) == 0)
+    if len(again):
+        twin = order[again[0] : again[0] + 2]
+        first, second = (model.line(int(one)) for one in line[twin])
+        raise ValueError(
+            f"{keyword}: {len(again)} numbers are given twice, the first is {number[twin[0]]}, in {first} and in {second}; "
+            "number each once"
+        )
+
+
+def _numbers(model: Model, entries: list[str], at: Ints64) -> Ints64:
+    """Whole numbers (n,) of entries in the lines `at` (n,)."""
+    try:
+        return np.array(entries, dtype=np.int64)
+    except (ValueError, OverflowError):
+        _refuse_first(model, entries, at, np.int64, "no whole number")
+        raise
+
+
+def _refuse_first(model: Model, entries: list[str], at: Ints64, kind: Callable[[str], Any], wanted: str) -> None:
+    """The first of the entries that is not of its kind."""
+    for entry, line in zip(entries, at, strict=True):
+        try:
+            kind(entry)
+        except (ValueError, OverflowError) as error:
+            raise ValueError(f"'{entry.strip()}' in {model.line(int(line))} is {wanted}; write it again") from error
+
+
+def _lines(model: Model, path: Path, within: tuple[Path, ...] = ()) -> Iterator[Line]:
     """Lines without comments and blank ones; another file's in the place where that is included, by the files `within`."""
     if path.resolve() in within:
         raise ValueError(f"*INCLUDE: {path.name} includes itself; take that line out")
@@ -97,35 +150,38 @@ def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[str]:
         text = written.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = written.decode("latin-1")  # of older programs: names of sets with letters beyond ASCII
-    for line in (raw.strip() for raw in text.splitlines()):
+    model.files.append(path.name)
+    first = (len(model.files) - 1) * _FILE + 1
+    for at, line in enumerate((raw.strip() for raw in text.splitlines()), start=first):
         if line.startswith("**") or not line:
             continue
         other = re.search(r",\s*INPUT\s*=\s*\"?([^,\"]+)", line, re.IGNORECASE) if line.startswith("*") else None
         if not (other and line.upper().startswith("*INCLUDE")):
-            yield line
+            yield Line(line, at)
         if other:
-            yield from _lines(path.parent / other[1].strip(), (*within, path.resolve()))
+            yield from _lines(model, path.parent / other[1].strip(), (*within, path.resolve()))
 
 
-def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
-    """(keyword in capitals, {parameter in capitals: value}, lines of data)."""
-    head = ""
-    data: list[str] = []
-    for line in [*_lines(path), "*END"]:
-        if not line.startswith("*"):
+def _keywords(model: Model, path: Path) -> Iterator[tuple[str, dict[str, str], int, list[Line]]]:
+    """(keyword in capitals, {parameter in capitals: value}, its Line.at, lines of data)."""
+    head, began = "", 0
+    data: list[Line] = []
+    for line in [*_lines(model, path), Line("*END", 0)]:
+        if not line.text.startswith("*"):
             if head.endswith(",") and not data:
-                head += line
+                head += line.text
             else:
                 data.append(line)
             continue
         if head:
             keyword, *parameters = (part.strip() for part in head[1:].split(","))
             pairs = (part.partition("=") for part in parameters if part)
-            yield " ".join(keyword.upper().split()), {k.strip().upper(): v.strip().strip('"') for k, _, v in pairs}, data
-        head, data = line, []
+            named = {k.strip().upper(): v.strip().strip('"') for k, _, v in pairs}
+            yield " ".join(keyword.upper().split()), named, began, data
+        (head, began), data = line, []
 
 
-def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[str]) -> None:
+def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[Line]) -> None:
     """What one keyword adds to the model."""
     if keyword in _PLACED:
         raise ValueError("nodes and elements that a keyword makes or moves are not read; have them written out")
@@ -153,14 +209,27 @@ def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[str
             )
 
 
-def _nodes(model: Model, parameters: dict[str, str], data: list[str]) -> None:
+def _nodes(model: Model, parameters: dict[str, str], data: list[Line]) -> None:
     if parameters.get("SYSTEM", "R").upper() != "R":
         raise ValueError("only Cartesian coordinates are read")
-    rows = [(line.upper().replace("D", "E") + ",,,").split(",") for line in data]
-    numbers = np.array([row[0] for row in rows], dtype=np.int64)
-    X = np.array([[part.strip() or "0" for part in row[1:4]] for row in rows], dtype=np.float64).reshape(-1, 3)
+    rows = [(line.text + ",,,").split(",") for line in data]
+    at = np.array([line.at for line in data], dtype=np.int64)
+    numbers = _numbers(model, [row[0] for row in rows], at)
+    X, lines = [part.strip() or "0" for row in rows for part in row[1:4]], np.repeat(at, 3)
+    try:
+        places = np.array(X, dtype=np.float64)
+    except ValueError:
+        X = [part.upper().replace("D", "E") if _FORTRAN.fullmatch(part) else part for part in X]
+        _refuse_first(model, X, lines, np.float64, "no coordinate")
+        places = np.array(X, dtype=np.float64)
+    if len(wrong := np.flatnonzero(~np.isfinite(places))):
+        raise ValueError(
+            f"node {numbers[wrong[0] // 3]} in {model.line(int(lines[wrong[0]]))} has a coordinate that is no finite "
+            "number; write it again"
+        )
     model.number.append(numbers)
-    model.places.append(X)
+    model.places.append(places.reshape(-1, 3))
+    model.at.append(at)
     if "NSET" in parameters:
         model.nsets.add(parameters["NSET"], numbers)
 
@@ -178,33 +247,40 @@ def _shape(kind: str) -> tuple[int, int]:
     return _DIMENSION.get(named[1], 2), count
 
 
-def _elements(model: Model, parameters: dict[str, str], data: list[str]) -> None:
+def _elements(model: Model, parameters: dict[str, str], data: list[Line]) -> None:
     kind = parameters["TYPE"].upper()
     dim, count = _shape(kind)
     if dim == 0:
         return
-    numbers = np.array([part for line in data for part in line.split(",") if part.strip()], dtype=np.int64)
+    parts = [[part for part in line.text.split(",") if part.strip()] for line in data]
+    at = np.repeat(np.array([line.at for line in data], dtype=np.int64), [len(row) for row in parts])
+    numbers = _numbers(model, [part for row in parts for part in row], at)
     if len(numbers) % (count + 1):
         raise ValueError(f"{len(numbers)} entries are not elements of type {kind}, a number and {count} nodes each")
     rows = numbers.reshape(-1, count + 1)
-    model.elements.append(Elements(dim, kind, rows[:, 0], rows[:, 1:]))
+    model.elements.append(Elements(dim, kind, rows[:, 0], rows[:, 1:], at[:: count + 1]))
     if "ELSET" in parameters:
         model.elsets.add(parameters["ELSET"], rows[:, 0])
 
 
-def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[str]) -> None:
+def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[Line]) -> None:
     """*NSET and *ELSET: numbers, other sets, ranges; the nodes of an element set."""
     sets, name = (model.nsets if keyword == "NSET" else model.elsets), parameters[keyword]
-    rows = [[part.strip() for part in line.split(",") if part.strip()] for line in data]
+    rows = [[part.strip() for part in line.text.split(",") if part.strip()] for line in data]
     if model.loose and "INSTANCE" not in parameters and any(part.isdigit() for row in rows for part in row):
         return
     found: list[Ints64] = [np.empty(0, dtype=np.int64)]
     if "GENERATE" in parameters:
-        for first, last, *step in rows:
-            by = int(step[0]) if step else 1
-            if by < 1 or int(last) < int(first):
-                raise ValueError(f"'{name}': GENERATE from {first} to {last} by {by} is no range; it rises, by 1 or more")
-            found.append(np.arange(int(first), int(last) + 1, by))
+        for line, row in zip(data, rows, strict=True):
+            if len(row) not in (2, 3):
+                raise ValueError(f"'{name}', {model.line(line.at)}: GENERATE takes first, last and step, not '{line.text}'")
+            first, last, by = (int(one) for one in _numbers(model, [*row, "1"][:3], np.full(3, line.at)))
+            if by < 1 or last < first:
+                raise ValueError(
+                    f"'{name}', {model.line(line.at)}: GENERATE from {first} to {last} by {by} is no range; it rises, by 1 "
+                    "or more"
+                )
+            found.append(np.arange(first, last + 1, by))
     else:
         parts = [part for row in rows for part in row]
         found.append(np.array([part for part in parts if part.isdigit()], dtype=np.int64))
@@ -218,10 +294,10 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[str]
         sets.internal.add(sets.spelled(name))
 
 
-def _surface(model: Model, parameters: dict[str, str], data: list[str]) -> None:
+def _surface(model: Model, parameters: dict[str, str], data: list[Line]) -> None:
     """*SURFACE of faces of elements, or of nodes; those of other types are drawn, not meshed."""
     kind, name = parameters.get("TYPE", "ELEMENT").upper(), parameters["NAME"]
-    rows = [[part.strip() for part in line.split(",")] for line in data]
+    rows = [[part.strip() for part in line.text.split(",")] for line in data]
     if kind == "ELEMENT":
         model.surfaces[name] = [(row[0], row[1].upper() if len(row) > 1 else "") for row in rows]
     elif kind == "NODE":
