@@ -10,7 +10,7 @@ import gmsh
 import numpy as np
 
 from fenics_contact.meetings import Meeting, key, meetings
-from fenics_contact.mesh_files.load import load
+from fenics_contact.mesh_files.load import load, refuse_without_cells
 from fenics_contact.types import Array, Floats, Ints64
 
 # gmsh's numbering of a cell's faces by its corners, counter-clockwise where these are edges
@@ -61,8 +61,8 @@ class Groups:
 
 
 # -- session ----------------------------------------------------------------------------------------------------------
-def draw(source: Source, parameters: dict[str, Any]) -> None:
-    """Run a script in a new gmsh session, or read a file into it."""
+def draw(source: Source, parameters: dict[str, Any], tool: bool = False) -> None:
+    """Run a script in a new gmsh session, or read a file into it; tool: of which facets or lines are enough."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.logger.start()
@@ -71,7 +71,9 @@ def draw(source: Source, parameters: dict[str, Any]) -> None:
             source(**parameters)
         return
     with _errors_gathered():
-        load(str(source), **parameters)
+        load(str(source), tool=tool, **parameters)
+    if not tool:
+        refuse_without_cells(str(source))
 
 
 def close() -> None:

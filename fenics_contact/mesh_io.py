@@ -191,7 +191,7 @@ def _drawn(source: Source, parameters: dict[str, Any], comm: MPI.Comm, take: Cal
     found, failure = None, None
     if comm.rank == 0:
         try:
-            gmsh_model.draw(source, parameters)
+            gmsh_model.draw(source, parameters, tool=True)
             found = take()
         except (Exception, SystemExit) as error:
             failure = _refusal(source, error)

@@ -19,6 +19,7 @@ SIZE = (2.0, 1.0, 1.5)
 # A cell with a number for each node, and what of it lies where: by the manual's figures of the faces S1, S2, ...
 HEXAHEDRON = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
 TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+NASTRAN = "BEGIN BULK\n" + "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(TETRAHEDRON, start=1))
 
 
 @pytest.fixture
@@ -335,6 +336,43 @@ def test_an_stl_file_is_a_tool(folder):
     refused(lambda: rigid_surface(written(folder / "nothing.stl", stl(SLIVER))), "no facets with an area")
 
 
+@pytest.mark.serial
+def test_shells_alone_are_a_tool_and_where_bodies_names_them_a_plane_mesh(folder):
+    path = written(folder / "shells.inp", element("S4R", HEXAHEDRON[:4]))
+    assert len(rigid_surface(path).nodes) == 1
+    mesh = read_mesh(path, bodies="one")
+    assert mesh.plane and set(mesh.volumes) == {"one"}
+    standing = written(folder / "standing.inp", element("S4R", [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]))
+    assert len(rigid_surface(standing).nodes) == 1
+    refused(lambda: read_mesh(standing, bodies="one"), "1 elements of type 'Quadrilateral 4'", "plane z = 0", "z = 1")
+
+
+def hull():
+    solid()
+    gmsh.model.occ.remove([(3, 1)])
+    gmsh.model.occ.synchronize()
+
+
+@pytest.mark.parallel
+def test_what_a_file_without_cells_holds_is_said(folder):
+    drawn(folder / "hull.step", hull)
+    surfaces = "6 surfaces", "no cells of a volume", "export a solid", "rigid_surface(path)", "a node of this has z = 1.5"
+    refused(lambda: read_mesh(folder / "hull.step", size=1.0), "hull.step", *surfaces)
+    assert len(rigid_surface(folder / "hull.step", size=1.0).nodes) > 6
+    junk = written(folder / "junk.iges", "no geometry\n")
+    refused(lambda: read_mesh(junk, size=1.0), "junk.iges", "nothing that gmsh can read", "export a solid")
+    curve = written(folder / "curve.geo", "Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Line(1) = {1, 2};\n")
+    refused(lambda: read_mesh(curve, size=1.0), "curve.geo", "1 curves, 2 points", "no cells")
+    refused(lambda: read_mesh(written(folder / "wrong.geo", "Box(1 = {\n"), size=1.0), "line 1: syntax error")
+    shells = written(folder / "shells.bdf", NASTRAN + "CTRIA3,1,7,1,2,4\nENDDATA\n")
+    refused(
+        lambda: read_mesh(shells), "shells.bdf", "1 elements of type 'Triangle 3'", "CHEXA or CTETRA", "rigid_surface(path)"
+    )
+    assert len(rigid_surface(shells).nodes) == 1
+    bars = written(folder / "bars.bdf", NASTRAN + "CBAR,1,7,1,2\nENDDATA\n")
+    refused(lambda: read_mesh(bars), "bars.bdf", "4 GRID, 1 CBAR", "no cells", "CHEXA or CTETRA")
+
+
 # -- what is refused --------------------------------------------------------------------------------------------------
 CUBE = element("C3D8", HEXAHEDRON)
 
@@ -344,9 +382,15 @@ CUBE = element("C3D8", HEXAHEDRON)
     ("text", "words"),
     [
         ("*HEADING\n", ("no *ELEMENT",)),
-        (element("C3D20R", [*HEXAHEDRON, *[(0, 0, i) for i in range(12)]]), ("C3D20R", "8 nodes", "degree=2")),
+        (
+            element("C3D20R", [*HEXAHEDRON, *[(0, 0, i) for i in range(12)]]),
+            ("1 of type C3D20R", "element 1)", "8 nodes", "corners", "degree=2"),
+        ),
         (element("C3D6", [(0, 0, 0)] * 6), ("C3D6", "hexahedra")),
-        (element("COH3D8", HEXAHEDRON), ("COH3D8", "not known")),
+        (element("COH3D8", HEXAHEDRON), ("line 10 of bad.inp", "COH3D8", "not known", "other elements")),
+        (element("S4R", TETRAHEDRON), ("no solid elements", "1 of type S4R", "element 1)", "C3D8", "rigid_surface", "CPE4")),
+        (element("S3", HEXAHEDRON[:3]), ("no solid elements", "1 of type S3", "element 1)", "CPE3", "bodies=(...)")),
+        (element("B31", HEXAHEDRON[:2]), ("1 of type B31", "no cells of bodies", "C3D8")),
         (element("C3D8", HEXAHEDRON[:7]), ("*ELEMENT", "8 entries", "8 nodes each")),
         (element("C3D8", HEXAHEDRON[4:] + HEXAHEDRON[:4]), ("inverted", "element 1 ")),
         (
@@ -414,12 +458,9 @@ def test_one_part_and_one_instance_are_the_part(folder):
     assert set(mesh.surfaces) == {"top", "low", "held"} and set(mesh.volumes) == {"one"} and not mesh.points
 
 
-NASTRAN = "BEGIN BULK\n" + "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(TETRAHEDRON, start=1))
-
-
 @pytest.mark.parallel
 def test_other_files_that_are_refused(folder):
-    refused(lambda: read_mesh(written(folder / "mesh.xyz", "")), "mesh.xyz", "'.xyz'", ".inp", ".step")
+    refused(lambda: read_mesh(written(folder / "mesh.xyz", "")), "mesh.xyz", "'.xyz'", ".inp", ".step", ".stl for a tool")
     refused(lambda: read_mesh(str(folder / "none.inp")), "none.inp", "does not exist")
     refused(lambda: read_mesh(written(folder / "cube.inp", CUBE), size=1.0), "size=", ".step", "leave it out")
     tetrahedron = NASTRAN + "CTETRA,1,7,1,2,3,4\nENDDATA\n"

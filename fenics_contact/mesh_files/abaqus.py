@@ -9,9 +9,16 @@ from fenics_contact.mesh_files import keywords
 from fenics_contact.mesh_files.parts import CURVED, SUPPORTED, TYPES, Block, Parts, chosen, joined, nodes_of, outer, put
 from fenics_contact.types import Ints64
 
+SOLIDS = "for a body have its solid elements written (C3D8, C3D4 or C3D10)"
 
-def read_inp(path: str, bodies: str | Sequence[str] | None = None) -> None:
-    """Bodies: the element sets of this name, else those with a *SOLID SECTION, else all with cells, each cell in one."""
+_PLANE = ("CPE", "CPS", "CAX", "CGAX")  # types of elements that are cells of a plane mesh; others without a volume are sides
+
+
+def read_inp(path: str, bodies: str | Sequence[str] | None = None, tool: bool = False) -> None:
+    """Bodies: the element sets of this name, else those with a *SOLID SECTION, else all with cells, each cell in one.
+
+    Shells and membranes alone are a `tool`, and a plane mesh where `bodies` names them.
+    """
     model = keywords.read(Path(path))
     if not model.elements:
         raise ValueError("it has no *ELEMENT with a mesh")
@@ -19,7 +26,11 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None) -> None:
     if not len(number):
         raise ValueError("it has no *NODE; have the nodes written")
     dim = max(block.dim for block in model.elements)
+    if dim < 2:
+        raise ValueError(f"it holds {_held(model.elements)}, and no cells of bodies; {SOLIDS}")
     cells, facets = ([_block(one, number) for one in model.elements if one.dim == d] for d in (dim, dim - 1))
+    if dim < 3 and not (bodies or tool):
+        _refuse_sides(model.elements)
     parts = Parts(dim, np.concatenate(model.places), _bodies(model, cells, bodies))
     for name, numbers in model.elsets.found.items():
         if (side := chosen(facets, numbers)) and name not in model.elsets.internal:
@@ -30,13 +41,30 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None) -> None:
     put(parts)
 
 
+def _held(blocks: list[keywords.Elements]) -> str:
+    """How many of each type, and the number of the first."""
+    kinds = dict.fromkeys(one.kind for one in blocks)
+    numbers = {kind: np.concatenate([one.number for one in blocks if one.kind == kind]) for kind in kinds}
+    return ", ".join(f"{len(some)} of type {kind} (the first is element {some[0]})" for kind, some in numbers.items())
+
+
+def _refuse_sides(blocks: list[keywords.Elements]) -> None:
+    """Shells in the place of cells: whether a body or a plane mesh is meant nobody knows."""
+    if sides := [one for one in blocks if one.dim == 2 and not one.kind.startswith(_PLANE)]:
+        raise ValueError(
+            f"it holds no solid elements, but {_held(sides)}: shells, membranes and rigid facets are no bodies; {SOLIDS}; "
+            "rigid_surface(path) makes a tool of them; where they are a plane mesh, in z = 0, write them as CPE4, CPE3 or "
+            "CPE6, or name their element set in bodies=(...)"
+        )
+
+
 def _block(elements: keywords.Elements, number: Ints64) -> Block:
     """The elements of a keyword, with rows of the nodes in the place of their numbers."""
     kind = TYPES.get((elements.dim, elements.nodes.shape[1]))
     if kind is None:
         raise ValueError(
-            f"*ELEMENT: type {elements.kind} is not supported; {SUPPORTED}. Scene(..., degree=2) has quadratic "
-            "displacements on any of these"
+            f"*ELEMENT: not supported are {_held([elements])}; {SUPPORTED}. Where they are quadratic, write their corners "
+            "alone (C3D8 for C3D20): Scene(..., degree=2) has quadratic displacements on any mesh"
         )
     order = np.argsort(number)
     at = order[np.minimum(np.searchsorted(number, elements.nodes, sorter=order), len(number) - 1)]

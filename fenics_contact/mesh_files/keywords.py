@@ -242,7 +242,9 @@ def _shape(kind: str) -> tuple[int, int]:
     if named is None and kind.startswith(_PASSED):
         return 0, 0
     if named is None:
-        raise ValueError(f"elements of type {kind} are not known")
+        raise ValueError(
+            f"elements of type {kind} are not known; have their bodies written with other elements, or take these lines out"
+        )
     count = 6 if kind == "STRI65" else int(named[2])
     return _DIMENSION.get(named[1], 2), count
 

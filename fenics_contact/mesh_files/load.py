@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import gmsh
+import numpy as np
 
+from fenics_contact.mesh_files import abaqus, nastran
 from fenics_contact.mesh_files.abaqus import read_inp
 from fenics_contact.mesh_files.geometry import GEOMETRIES, read_geometry
 from fenics_contact.mesh_files.nastran import read_bdf
@@ -20,11 +22,21 @@ READERS: dict[str, Callable[..., Any]] = {
     **dict.fromkeys(GEOMETRIES, read_geometry),
     ".stl": gmsh.open,
 }
+_SOLID = "for a body export a solid, a closed volume, and not its surfaces alone"
+_REMEDY = {
+    ".inp": abaqus.SOLIDS,
+    **dict.fromkeys((".bdf", ".nas"), nastran.SOLIDS),
+    ".vtu": "for a body write its tetrahedra or hexahedra, too",
+    ".msh": "for a body mesh its volume with gmsh.model.mesh.generate(3) and write it in a named physical group",
+    **dict.fromkeys(GEOMETRIES, _SOLID),
+}
+_FLAT = 1e-9  # of a model's size: what is in the plane z = 0
 TAKES = {"size": GEOMETRIES, "bodies": (".inp", ".vtu")}
 
 
-def load(path: str, size: float | None = None, bodies: str | Sequence[str] | None = None) -> None:
-    """A mesh file, or a geometry meshed with cells of `size` [length]; bodies: as read_inp and read_vtu take it.
+def load(path: str, size: float | None = None, bodies: str | Sequence[str] | None = None, tool: bool = False) -> None:
+    """A mesh file, or a geometry meshed with cells of `size` [length]; bodies: as read_inp and read_vtu take it; tool:
+    facets or lines are enough.
 
     Raises ValueError for an ending that is not known, for what the file lacks, and for what its kind does not take.
     """
@@ -33,7 +45,8 @@ def load(path: str, size: float | None = None, bodies: str | Sequence[str] | Non
     if not Path(path).is_file():
         raise ValueError("the file does not exist")
     if suffix not in READERS:
-        raise ValueError(f"files that end with '{suffix}' are not read; those that are: {', '.join(READERS)}")
+        known = ", ".join(one for one in READERS if one != ".stl")
+        raise ValueError(f"files that end with '{suffix}' are not read; those that are: {known}, and .stl for a tool")
     for name in stated:
         if suffix not in TAKES[name]:
             raise ValueError(f"{name}= is for files that end with {', '.join(TAKES[name])}; leave it out")
@@ -41,4 +54,35 @@ def load(path: str, size: float | None = None, bodies: str | Sequence[str] | Non
         raise ValueError(f"size = {size} is no length of a cell's edges")
     if not Path(path).stat().st_size:
         raise ValueError("the file is empty; write it again")
+    if suffix == ".inp":
+        stated["tool"] = tool
     READERS[suffix](path, **stated)
+
+
+def refuse_without_cells(path: str) -> None:
+    """Of what was loaded for a body: there are cells of a volume, or of a plane mesh. ValueError says what there is."""
+    suffix = Path(path).suffix.lower()
+    dim = max((d for d in range(4) if len(gmsh.model.mesh.getElements(d)[0])), default=0)
+    if dim == 3:
+        return
+    held = _held(suffix in GEOMETRIES)
+    if dim < 2:
+        raise ValueError(f"it holds {held or 'nothing that gmsh can read'}, and no cells; {_REMEDY[suffix]}")
+    X = np.concatenate([gmsh.model.mesh.getNodes(2, entity, True)[1] for _, entity in gmsh.model.getEntities(2)])
+    X = X.reshape(-1, 3)
+    off = np.abs(X[:, 2]).max()
+    if off > _FLAT * np.ptp(X, axis=0).max():
+        raise ValueError(
+            f"it holds {held}, and no cells of a volume; {_REMEDY[suffix]}; rigid_surface(path) makes a tool of surfaces; a "
+            f"plane mesh lies in the plane z = 0, and a node of this has z = {off:.3g}"
+        )
+
+
+def _held(geometry: bool) -> str:
+    """What the model holds: its volumes, surfaces, curves and points, or its elements by type."""
+    if geometry:
+        names = {3: "volumes", 2: "surfaces", 1: "curves", 0: "points"}
+        return ", ".join(f"{len(found)} {name}" for d, name in names.items() if (found := gmsh.model.getEntities(d)))
+    kinds, tags, _ = gmsh.model.mesh.getElements()
+    names = {kind: gmsh.model.mesh.getElementProperties(kind)[0] for kind in kinds}
+    return ", ".join(f"{len(some)} elements of type '{names[kind]}'" for kind, some in zip(kinds, tags, strict=True))
