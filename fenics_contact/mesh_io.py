@@ -222,6 +222,7 @@ def _sides(group: str | None) -> tuple[Ints64, Floats]:
     X = gmsh_model.places(tags)
     if np.abs(X[:, 2]).max() > 1e-9 * np.ptp(X, axis=0).max():
         raise ValueError("a curve that is a tool of a plane scene lies in z = 0; draw it there")
+    _refuse_no_number(X)
     return _leaving_on_the_left(places.reshape(-1, 2).astype(np.int64), tags), X
 
 
@@ -262,8 +263,16 @@ def _facets(group: str | None) -> tuple[Ints64, Ints64, Floats]:
     if not len(tags):
         what = f"surface group '{group}'" if group else "it"
         raise ValueError(f"{what} has no facets; mesh a surface with gmsh.model.mesh.generate(2)")
+    X = gmsh_model.places(tags)
+    _refuse_no_number(X)
     nodes = np.ascontiguousarray(places.reshape(-1, 4), dtype=np.int64)
-    return nodes, np.where(nodes[:, 2] == nodes[:, 3], 3, 4).astype(np.int64), np.ascontiguousarray(gmsh_model.places(tags))
+    return nodes, np.where(nodes[:, 2] == nodes[:, 3], 3, 4).astype(np.int64), np.ascontiguousarray(X)
+
+
+def _refuse_no_number(X: Floats) -> None:
+    """Of a tool; of a body the cells' Jacobians say it."""
+    if wrong := int((~np.isfinite(X)).any(axis=1).sum()):
+        raise ValueError(f"{wrong} of its {len(X)} nodes have a coordinate that is no finite number; mesh it again")
 
 
 def _owners(cells: dict[str, int], ranks: dict[str, int], size: int) -> Ints64:

@@ -1,5 +1,6 @@
 """Mesh files of other programs: the same scene as gmsh's own model gives, sets as groups, and what is refused."""
 
+import struct
 import sys
 from functools import cache
 from pathlib import Path
@@ -305,6 +306,12 @@ def stl(*facets):
     return "solid tool\n" + "".join(f"facet normal 0 0 0\n{one}endfacet\n" for one in corners) + "endsolid tool\n"
 
 
+def binary(facets, states=None):
+    """Bytes of them; states: how many they are said to be."""
+    rows = (struct.pack("<12fH", 0, 0, 0, *np.ravel(one), 0) for one in facets)
+    return b"binary".ljust(80) + struct.pack("<I", len(facets) if states is None else states) + b"".join(rows)
+
+
 SQUARE = [((-9, -9, 1.5), (-9, 9, 1.5), (9, -9, 1.5)), ((9, -9, 1.5), (-9, 9, 1.5), (9, 9, 1.5))]  # seen from below
 SLIVER = ((-9, 9, 1.5), (0, 9, 1.5), (9, 9, 1.5))  # without an area
 
@@ -333,6 +340,7 @@ def test_an_stl_file_is_a_tool(folder):
     turned = written(folder / "turned.stl", stl(SQUARE[0], SQUARE[1][::-1]))
     refused(lambda: rigid_surface(turned), "different ways")
     refused(lambda: read_mesh(path), "plate.stl", "rigid_surface(path)")
+    refused(lambda: read_gmsh(path), "plate.stl", "no cells of a volume", "rigid_surface(path)")
     refused(lambda: rigid_surface(written(folder / "nothing.stl", stl(SLIVER))), "no facets with an area")
 
 
@@ -371,6 +379,49 @@ def test_what_a_file_without_cells_holds_is_said(folder):
     assert len(rigid_surface(shells).nodes) == 1
     bars = written(folder / "bars.bdf", NASTRAN + "CBAR,1,7,1,2\nENDDATA\n")
     refused(lambda: read_mesh(bars), "bars.bdf", "4 GRID, 1 CBAR", "no cells", "CHEXA or CTETRA")
+
+
+@pytest.mark.parallel
+def test_an_stl_file_that_is_cut_off_or_no_number_is_refused(folder):
+    whole, text = binary(SQUARE), stl(*SQUARE)
+    cases = {
+        "whole": (whole, ()),
+        "cut": (whole[:-30], ("cut off", "states 2 facets and holds 1")),
+        "short": (whole[:60], ("cut off", "60 bytes", "export the surface again")),
+        "longer": (whole + b"more", ()),  # than its facets, which are all there
+        "wrong": (binary(SQUARE, states=1), ("states 1 facets and holds 2",)),
+        "none": (binary([]), ("no facets", "export")),
+        "nan": (binary([SQUARE[0], np.full((3, 3), np.nan)]), ("1 of its 2 facets", "no finite number", "facet 2")),
+        "text": (text, ()),
+        "upper": (text.upper(), ()),
+        "two": (stl(SQUARE[0]) + stl(SQUARE[1]), ()),
+        "text_nan": (text.replace("1.5", "nan", 1), ("line 4: 'vertex -9 -9 nan'", "three finite numbers")),
+        "text_inf": (text.replace("1.5", "inf", 1), ("line 4: 'vertex -9 -9 inf'",)),
+        "text_word": (text.replace("1.5", "one", 1), ("line 4: 'vertex -9 -9 one'",)),
+        "text_cut": (text[:-100], ("cut off", "2 facets with 3 corners and 1 ends")),
+        "text_between": (stl(SQUARE[0]).replace("endsolid tool\n", ""), ("cut off", "1 solids with 0 ends")),
+        "text_none": (stl(), ("no facets", "export")),
+        "words": ("hello\n", ("cut off, or no .stl file",)),
+    }
+    for name, (content, words) in cases.items():
+        path = folder / f"{name}.stl"
+        if COMM.rank == 0:
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        COMM.Barrier()
+        if words:
+            refused(lambda path=path: rigid_surface(path), path.name, *words)
+        else:
+            assert len(rigid_surface(path).nodes) == 2, name
+
+
+def broken_triangles():
+    two_triangles()
+    gmsh.model.mesh.setNode(1, [np.nan, 0.0, 0.0], [])
+
+
+@pytest.mark.parallel
+def test_a_tool_with_a_place_that_is_no_number_is_refused(folder):
+    refused(lambda: rigid_surface(broken_triangles), "broken_triangles", "1 of its 4 nodes", "no finite number")
 
 
 # -- what is refused --------------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from fenics_contact.mesh_files import abaqus, nastran
 from fenics_contact.mesh_files.abaqus import read_inp
 from fenics_contact.mesh_files.geometry import GEOMETRIES, read_geometry
 from fenics_contact.mesh_files.nastran import read_bdf
+from fenics_contact.mesh_files.stl import read_stl
 from fenics_contact.mesh_files.vtu import read_vtu
 
 READERS: dict[str, Callable[..., Any]] = {
@@ -20,7 +21,7 @@ READERS: dict[str, Callable[..., Any]] = {
     ".nas": read_bdf,
     ".vtu": read_vtu,
     **dict.fromkeys(GEOMETRIES, read_geometry),
-    ".stl": gmsh.open,
+    ".stl": read_stl,
 }
 _SOLID = "for a body export a solid, a closed volume, and not its surfaces alone"
 _REMEDY = {
@@ -28,7 +29,7 @@ _REMEDY = {
     **dict.fromkeys((".bdf", ".nas"), nastran.SOLIDS),
     ".vtu": "for a body write its tetrahedra or hexahedra, too",
     ".msh": "for a body mesh its volume with gmsh.model.mesh.generate(3) and write it in a named physical group",
-    **dict.fromkeys(GEOMETRIES, _SOLID),
+    **dict.fromkeys((*GEOMETRIES, ".stl"), _SOLID),
 }
 _FLAT = 1e-9  # of a model's size: what is in the plane z = 0
 TAKES = {"size": GEOMETRIES, "bodies": (".inp", ".vtu")}
