@@ -523,6 +523,29 @@ def test_other_files_that_are_refused(folder):
     refused(lambda: read_mesh(written(folder / "more.bdf", more)), "1 of its 2 elements")
 
 
+def grids(writer):
+    """Four nodes in one of Nastran's three ways to write them, numbers with and without E."""
+    X = [("0.", "0.", "0."), ("1.0+0", "", ".0"), ("0.", "10.-1", "-0.0"), ("0", "0.D+0", "1.E0")]
+    if writer == "free":
+        return "".join(f"GRID,{n},,{','.join(one)}\n" for n, one in enumerate(X, start=1))
+    if writer == "small":
+        return "".join(f"GRID    {n:8}        {x:>8}{y:<8}{z:>8}\n" for n, (x, y, z) in enumerate(X, start=1))
+    return "".join(f"GRID*   {n:16}{'':16}{x:>16}{y:<16}*\n*       {z:>16}\n" for n, (x, y, z) in enumerate(X, start=1))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("writer", ["free", "small", "large"])
+def test_nodes_of_a_nastran_file(folder, writer):
+    text = f"BEGIN BULK\n{grids(writer)}CTETRA,1,7,1,2,3,4\nENDDATA\n"
+    assert volume_of(read_mesh(written(folder / "one.bdf", text))) == pytest.approx(1.0 / 6.0)
+    twin = text.replace("ENDDATA", grids(writer).replace("1.E0", "1.00") + "ENDDATA")  # the same once more is no harm
+    assert volume_of(read_mesh(written(folder / "twin.bdf", twin))) == pytest.approx(1.0 / 6.0)
+    line, again = (8, 17) if writer == "large" else (5, 10)
+    for number, words in (("x.E0", f"GRID 4 in line {line}: 'X.E0'"), ("2.E0", f"in line {line} and in line {again}")):
+        bad = written(folder / "bad.bdf", twin.replace("1.E0", number, 1))
+        refused(lambda bad=bad: read_mesh(bad), "bad.bdf", words)
+
+
 @pytest.mark.parallel
 @pytest.mark.parametrize("suffix", [".msh", ".inp", ".bdf", ".vtu", ".geo"])
 def test_an_empty_file_is_refused(folder, suffix):
