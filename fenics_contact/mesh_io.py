@@ -15,6 +15,7 @@ from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import Source, known_group
 from fenics_contact.meetings import Meeting, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
+from fenics_contact.values import SceneError
 
 Taken = TypeVar("Taken")
 
@@ -112,7 +113,7 @@ def read_gmsh(
 
     source: a function that draws and meshes the current gmsh model (called with `parameters`), or a file's path. Volume and
     surface groups need names; a surface may be in several. ranks: {volume: rank that holds all of it}, of bodies that share
-    no node, where dolfinx is not to choose. Raises ValueError, on all ranks, for what gmsh or the script fails at, unnamed
+    no node, where dolfinx is not to choose. Raises SceneError, on all ranks, for what gmsh or the script fails at, unnamed
     groups, cells that are not hexahedra or tetrahedra, of two types, in two groups or in none, and inverted cells.
     """
     groups, failure = None, None
@@ -129,7 +130,7 @@ def read_gmsh(
     failure, groups = comm.bcast((failure, groups))
     try:
         if failure:
-            raise ValueError(failure)
+            raise SceneError(failure)
         domain, cell_tags, facet_tags = compat.mesh_from_gmsh(gmsh.model, comm, 0, groups.dim, owners)
     finally:
         if comm.rank == 0:
@@ -154,10 +155,10 @@ def read_mesh(
 
     .msh; .inp (Abaqus, CalculiX); .bdf, .nas (Nastran); .vtu, with meshio; .step, .stp, .brep, .iges, .igs, .geo, meshed
     with tetrahedra of `size` [length]. bodies: the element sets (.inp) that are bodies, the cell data (.vtu) that say which.
-    Raises ValueError, on all ranks, as read_gmsh does, and for another ending and what is not understood.
+    Raises SceneError, on all ranks, as read_gmsh does, and for another ending and what is not understood.
     """
     if Path(path).suffix.lower() == ".stl":
-        raise ValueError(
+        raise SceneError(
             f"the mesh '{path}' cannot be made: an .stl file has no volume; read it as a tool, rigid_surface(path)"
         )
     asked = {name: value for name, value in (("size", size), ("bodies", bodies)) if value is not None}
@@ -169,7 +170,7 @@ def read_surface(
 ) -> tuple[Ints64, Ints64, Floats]:
     """Facets of a surface group, or of all surfaces, in full on every rank: nodes (nf, 4), size (nf,) and X (nm, 3).
 
-    source as for read_gmsh, no volume is needed; a triangle repeats its third node. Raises ValueError, on all ranks, for a
+    source as for read_gmsh, no volume is needed; a triangle repeats its third node. Raises SceneError, on all ranks, for a
     failing script, an unknown group, a surface without facets, and facets with nodes on their edges.
     """
     return _drawn(source, parameters, comm, lambda: _facets(group))
@@ -180,14 +181,14 @@ def read_curve(
 ) -> tuple[Ints64, Floats]:
     """Sides of a curve group in the plane z = 0, or of all curves, in full on every rank: nodes (ns, 2) and X (nm, 3).
 
-    source as for read_gmsh; of a curve around a surface the surface lies on the left. Raises ValueError, on all ranks, for a
+    source as for read_gmsh; of a curve around a surface the surface lies on the left. Raises SceneError, on all ranks, for a
     failing script, an unknown group, a curve without sides, sides of order 2 and places off the plane.
     """
     return _drawn(source, parameters, comm, lambda: _sides(group))
 
 
 def _drawn(source: Source, parameters: dict[str, Any], comm: MPI.Comm, take: Callable[[], Taken]) -> Taken:
-    """What `take` gives of the model that rank 0 draws, on every rank; ValueError, on all ranks, where either fails."""
+    """What `take` gives of the model that rank 0 draws, on every rank; SceneError, on all ranks, where either fails."""
     found, failure = None, None
     if comm.rank == 0:
         try:
@@ -199,7 +200,7 @@ def _drawn(source: Source, parameters: dict[str, Any], comm: MPI.Comm, take: Cal
             gmsh_model.close()
     failure, found = comm.bcast((failure, found))
     if failure:
-        raise ValueError(failure)
+        raise SceneError(failure)
     return found
 
 

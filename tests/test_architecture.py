@@ -42,7 +42,7 @@ TABLE = {
     "meetings": {"numpy", "kernels"},
     "mesh_files": {"gmsh", "numpy", "meetings", "packages"},
     "gmsh_model": {"gmsh", "numpy", "meetings", "mesh_files"},
-    "mesh_io": {"gmsh", "numpy", "mpi4py", "agreement", "compat", "gmsh_model", "meetings"},
+    "mesh_io": {"gmsh", "numpy", "mpi4py", "agreement", "compat", "gmsh_model", "meetings", "values"},
     "kernels": {"numpy", "numba"},
     "solid": {"numpy", "mpi4py", "basix", "ufl", "assembly", "compat", "values"},
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing", "values"},

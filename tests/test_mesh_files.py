@@ -12,7 +12,18 @@ import ufl
 from mpi4py import MPI
 from refusals import refused
 
-from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, read_mesh, rigid_plane, rigid_surface, solve
+from fenics_contact import (
+    Body,
+    Scene,
+    SceneError,
+    compat,
+    neo_hooke,
+    read_gmsh,
+    read_mesh,
+    rigid_plane,
+    rigid_surface,
+    solve,
+)
 from fenics_contact.meshes import box
 
 COMM = MPI.COMM_WORLD
@@ -409,7 +420,7 @@ def test_an_stl_file_that_is_cut_off_or_no_number_is_refused(folder):
             path.write_bytes(content if isinstance(content, bytes) else content.encode())
         COMM.Barrier()
         if words:
-            refused(lambda path=path: rigid_surface(path), path.name, *words)
+            refused(lambda path=path: rigid_surface(path), path.name, *words, kind=SceneError)
         else:
             assert len(rigid_surface(path).nodes) == 2, name
 
@@ -482,7 +493,7 @@ CUBE = element("C3D8", HEXAHEDRON)
     ],
 )
 def test_an_abaqus_file_that_is_refused(folder, text, words):
-    refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words)
+    refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words, kind=SceneError)
 
 
 @pytest.mark.serial

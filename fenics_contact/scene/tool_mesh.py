@@ -11,6 +11,7 @@ from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.mesh_io import read_curve, read_surface
 from fenics_contact.types import Bools, Floats, Ints64
+from fenics_contact.values import SceneError
 
 
 def rigid_surface(
@@ -25,7 +26,7 @@ def rigid_surface(
 
     source: a gmsh script, called with `parameters`, or a file as for read_mesh, an .stl file too (its facets without an area
     are left out); group: the surface group that is the tool, by default all surfaces. Its facets must be counter-clockwise
-    seen from the body they touch; flip=True turns them all. Raises ValueError, on all ranks, where there are no such
+    seen from the body they touch; flip=True turns them all. Raises SceneError, on all ranks, where there are no such
     facets, where some have no area, or where they turn different ways.
     """
     nodes, size, X = read_surface(source, group, comm, **parameters)
@@ -33,7 +34,7 @@ def rigid_surface(
     if isinstance(source, str | Path) and Path(source).suffix.lower() == ".stl":
         nodes, size = (rows[~_flat(nodes, X)] for rows in (nodes, size))
         if not len(nodes):
-            raise ValueError(f"{name}: '{source}' has no facets with an area")
+            raise SceneError(f"{name}: '{source}' has no facets with an area")
     if flip:
         nodes = np.where(size[:, None] == 4, nodes[:, [0, 3, 2, 1]], nodes[:, [0, 2, 1, 1]])
     _refuse_flat(name, nodes, X)
@@ -53,14 +54,14 @@ def rigid_curve(
 
     source: a gmsh script, called with `parameters`, or a file as for read_mesh; group: the curve group that is the tool, by
     default all curves. The tool is on the left of its curve: that is where a meshed surface which the curve bounds lies,
-    else the curve runs so; flip=True turns it. Raises ValueError, on all ranks, where there is no such curve or where it has
+    else the curve runs so; flip=True turns it. Raises SceneError, on all ranks, where there is no such curve or where it has
     no length.
     """
     ends, X = read_curve(source, group, comm, **parameters)
     ends = ends[:, ::-1] if flip else ends
     lengths = np.linalg.norm(X[ends[:, 1]] - X[ends[:, 0]], axis=1)
     if not lengths.min() > 1e-12 * np.ptp(X, axis=0).max():
-        raise ValueError(f"{name}: a side at {X[ends[lengths.argmin(), 0]]} has no length; mesh that curve again")
+        raise SceneError(f"{name}: a side at {X[ends[lengths.argmin(), 0]]} has no length; mesh that curve again")
     deep = np.array([0.0, 0.0, 0.5 * lengths.mean()])  # the same at either side of the plane, as of a scene's own curves
     nodes = np.ascontiguousarray(np.column_stack([ends, ends[:, ::-1] + len(X)]))
     return MeshedTool(name, nodes, np.full(len(nodes), 4, dtype=np.int64), np.concatenate([X - deep, X + deep]), True)
@@ -75,7 +76,7 @@ def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:
     flat = np.flatnonzero(_flat(nodes, X))
     if len(flat):
         place = X[nodes[flat[0]]].mean(axis=0)
-        raise ValueError(f"{name}: {len(flat)} facets have no area, the first at {place}; mesh that surface again")
+        raise SceneError(f"{name}: {len(flat)} facets have no area, the first at {place}; mesh that surface again")
 
 
 def _refuse_mixed(name: str, nodes: Ints64, X: Floats) -> None:
@@ -85,7 +86,7 @@ def _refuse_mixed(name: str, nodes: Ints64, X: Floats) -> None:
     key, count = np.unique(start * len(X) + end, return_counts=True)
     if np.any(count > 1):
         place = X[np.divmod(key[np.argmax(count > 1)], len(X))[0]]
-        raise ValueError(
+        raise SceneError(
             f"{name}: neighbouring facets turn different ways, first at {place}; orient them in the script with "
             "gmsh.model.mesh.setOutwardOrientation(volume) before meshing, or gmsh.model.mesh.reverse([(2, surface)])"
         )
