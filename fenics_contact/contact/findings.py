@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved is more than what straight cells cut off
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
-THROUGH = 1 / 3  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
+THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
