@@ -47,7 +47,7 @@ LAUNCHER = re.compile(r"^\[[^]\s]+:\d+\] (PMIX|PRTE|ORTE).*\n?", re.MULTILINE)
 
 
 def said(tmp_path, what, ranks=1):
-    """Exit code and stderr of the script, without what mpirun and its daemon ("[host:pid] PMIX ERROR ...") say themselves."""
+    """Exit code and stderr of the script, without what mpirun says itself ("[host:pid] PMIX ERROR")."""
     path = tmp_path / "scene.py"
     path.write_text(SCRIPT)
     command = [*(mpirun(ranks) if ranks > 1 else []), sys.executable, str(path), what]

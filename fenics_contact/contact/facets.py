@@ -12,7 +12,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
-from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.trial import DRAWN, Response, Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.contact_pairs import (
@@ -95,7 +95,7 @@ class OnFacets:
         """Nothing: it is asked of averages alone."""
         return np.zeros(4)
 
-    def beside(self, state: State) -> tuple[Ints64, Floats] | None:
+    def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""
 
     def back_share(self, state: State) -> float:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved is more than what straight cells cut off
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
+THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
@@ -154,8 +155,10 @@ def _depth_note(contact: Contact, state: State) -> str | None:
         depth, place = node_depth(contact, state)
         place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
     if depth <= DEEP * height:
-        depth, place = _depth_beside(contact, state)
+        depth, place, inner = _depth_beside(contact, state)
         place, remedy = f"a node that is no slave, {place},", "name the surface it lies on among the slaves"
+        if inner:
+            place, remedy = f"an inner node of the body, {place},", "take more steps, or a finer mesh under the tool"
     if depth <= DEEP * height:
         return None
     return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
@@ -176,14 +179,29 @@ def node_depth(contact: Contact, state: State) -> tuple[float, str]:
     return max(depth, 0.0), place
 
 
-def _depth_beside(contact: Contact, state: State) -> tuple[float, str]:
-    """Depth [length] and place of the deepest node off the slave surface; zero where that is not looked for. Collective."""
+def _depth_beside(contact: Contact, state: State) -> tuple[float, str, bool]:
+    """Depth [length] and place of the deepest node off the slave surface, and whether it is an inner one of its body; zero
+    where that is not looked for. Collective."""
     if (beside := contact.partner.beside(state)) is None:
-        return 0.0, ""
-    nodes, X = beside
-    gaps = contact.partner.node_gaps(state, nodes, X)
-    depth, place = worst(contact, state.u.function_space.mesh.comm, -gaps, X)
-    return max(depth, 0.0), place
+        return 0.0, "", False
+    nodes, X, inner = beside
+    comm, depths = state.u.function_space.mesh.comm, -contact.partner.node_gaps(state, nodes, X)
+    at_skin, within = worst(contact, comm, depths[~inner], X[~inner]), worst(contact, comm, depths[inner], X[inner])
+    depth, place = max(at_skin, within)
+    return max(depth, 0.0), place, within > at_skin
+
+
+def _folded(contact: Contact, state: State) -> Finding | None:
+    """None, or the Finding that an inner node lies in the tool, deeper than any other. Collective."""
+    depth, place, inner = _depth_beside(contact, state)
+    height = contact.surface.cell_height
+    if not (inner and depth > max(THROUGH * height, deepest_point(contact, state)[0])):
+        return None
+    text = (
+        f"an inner node of the body lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: "
+        "the surface has folded over it, or let it through"
+    )
+    return Finding(LOST, text, place, "take smaller steps, or a finer mesh under the tool")
 
 
 def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
@@ -210,16 +228,16 @@ def told_apart(a: float, b: float) -> tuple[str, str]:
 
 
 def objection(contact: Contact, state: State) -> Finding | None:
-    """Why a state in balance must not be accepted: bodies have passed through one another, a point is held by nothing, mu(p)
-    is not known, or penetrations are too small for a number beside the coordinates. Collective."""
+    """Why a state in balance must not be accepted: bodies have passed through one another, a body has folded over a tool, a
+    point is held by nothing, mu(p) is not known, or penetrations are round-off beside the coordinates. Collective."""
     comm, trial = state.u.function_space.mesh.comm, contact.trial
     depth = contact.partner.lost_depth(state, trial)
     if depth > DRAWN * contact.surface.cell_height:
         text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
         remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
         return Finding(LOST, text, f"contact '{contact.name}'", remedy)
-    if sunk := _sunk(contact, state, SUNK):
-        return sunk
+    if found := _sunk(contact, state, SUNK) or _folded(contact, state):
+        return found
     if known := _beyond_the_law(contact, state):
         return known
     response = contact.response(state)

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.meeting import Sights
-from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
@@ -102,7 +102,7 @@ class Partner(Protocol):
 
     def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats: ...
 
-    def beside(self, state: State) -> tuple[Array, Floats] | None: ...
+    def beside(self, state: State) -> Beside | None: ...
 
     def lost_depth(self, state: State, trial: Trial) -> float: ...
 

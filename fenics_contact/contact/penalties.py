@@ -98,10 +98,11 @@ class Penalties:
         most = max(comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
         return trial, f"{place} lies {depth:.1%} of a cell deep: penalties raised to {most:.3g} times the default"
 
-    def settled(self) -> Trial:
-        """Penalties have been raised in vain: they stay as they are."""
+    def held_back(self) -> Trial:
+        """Penalties have been raised in vain in this step: later ones may be raised half as far."""
         trial = self._contact.trial
-        return trial.remembering(raised=trial.history.raised[:, [0, 0]])
+        factor, bound = trial.history.raised.T
+        return trial.remembering(raised=np.stack([factor, np.maximum(factor, 0.5 * bound)], axis=1))
 
     def raise_factor(self, state: State) -> float:
         """By how much the penalties are greater than at first, on all ranks. Collective."""

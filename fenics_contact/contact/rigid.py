@@ -8,7 +8,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, tool_blocks
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.contact.trial import Law, Response, Trial
 from fenics_contact.kernels.rigid_element import (
@@ -22,7 +22,7 @@ from fenics_contact.kernels.rigid_element import (
 )
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN, STICK
-from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Space
 
 
 class RigidFeet(NamedTuple):
@@ -30,6 +30,15 @@ class RigidFeet(NamedTuple):
 
     x: Floats
     pose: Pose
+
+
+def _known(space: Space, nodes: Array) -> Bools:
+    """Which of this rank's nodes are among those that any rank names, by its local numbers. Collective."""
+    named = compat.Function(space)
+    named.x.array.reshape(-1, 3)[nodes] = 1.0
+    compat.sum_to_owners(named)
+    compat.copy_to_ghosts(named)
+    return np.asarray(named.x.array.reshape(-1, 3)[:, 0] > 0.0)
 
 
 class RigidPartner:
@@ -52,8 +61,7 @@ class RigidPartner:
         self.softens = tool.edge != "sharp"
         self.smooth = tool.edge != "sharp"  # have frictionless forces a potential?
         self._feet: RigidFeet | None = None
-        # local numbers and reference positions of the nodes that are no slaves, once asked for
-        self._beside: tuple[Ints64, Floats] | None = None
+        self._beside: Beside | None = None  # once asked for
 
     def point(self, state: State) -> Floats:
         """The tool's reference point (3,) at a state [length]."""
@@ -239,16 +247,16 @@ class RigidPartner:
         """Nothing: pressure acts along the tool's normals."""
         return np.zeros(4)
 
-    def beside(self, state: State) -> tuple[Ints64, Floats]:
-        """(local numbers, reference positions (n, 3)) of nodes that may meet the tool and are no slaves. Collective."""
-        space = state.u.function_space
+    def beside(self, state: State) -> Beside:
+        """The nodes that may meet the tool and are no slaves. Collective."""
         if self._beside is None:
-            slave = compat.Function(space)  # on all ranks that know a node
-            slave.x.array.reshape(-1, 3)[self.surface.nodes.ravel()] = 1.0
-            compat.sum_to_owners(slave)
-            compat.copy_to_ghosts(slave)
-            nodes = np.flatnonzero(slave.x.array.reshape(-1, 3)[:, 0] == 0.0)
-            self._beside = nodes, space.tabulate_dof_coordinates()[nodes]
+            space = state.u.function_space
+            free = np.flatnonzero(~_known(space, self.surface.nodes.ravel()))
+            X = space.tabulate_dof_coordinates()[free]
+            outer = compat.locate_blocks(space, compat.exterior_facets(space.mesh))
+            gap = np.empty(len(free))
+            distances(X, self._placed_tool(state.poses.at(self.index, np.zeros_like(state.q[self.index]))), gap)
+            self._beside = Beside(free, X, ~_known(space, outer)[free] & (gap > 0.0))
         return self._beside
 
     def lost_depth(self, state: State, trial: Trial) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import basix
 import numpy as np
@@ -11,7 +12,16 @@ from fenics_contact import compat
 from fenics_contact.assembly.facet_points import RINGS, facet_points, geometry_degree
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
-from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space
+from fenics_contact.types import Bools, Floats, Ints, Ints64, Mesh, Space
+
+
+class Beside(NamedTuple):
+    """Nodes off a slave surface: local numbers (n,), reference positions X (n, 3) [length], and which lie within their body
+    and were outside the tool before anything moved: these no tool can reach but through the surface."""
+
+    nodes: Ints64
+    X: Floats
+    inner: Bools
 
 
 @dataclass

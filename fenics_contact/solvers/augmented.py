@@ -166,35 +166,38 @@ class Adapted(Generic[Goal, Report]):
         """Into balance at the goal from the present state, which is near the committed one."""
         return self._adapt(system, goal, self.stepper.settle)
 
-    def _adapt(self, system: System, goal: Goal, solve: Callable[[System, Goal], Report]) -> Report:
+    def _adapt(
+        self,
+        system: System,
+        goal: Goal,
+        solve: Callable[[System, Goal], Report],
+        forgone: tuple[ContactTerm, ...] = (),
+    ) -> Report:
+        """Solve, raise and solve again; forgone: the contacts whose penalties have been raised in vain in this step."""
         report = solve(system, goal)
-        while raised := raise_penalties(system, report):
+        for contact in forgone:  # now, for a stepper that drops a try drops this with it
+            contact.take(contact.penalties.held_back())
+        while raised := raise_penalties(system, report, forgone):
             try:
                 report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
-                forgo(system, raised, report, failure)
-                report.add(self._adapt(system, goal, solve))
+                system.rollback()
+                report.notes.append(f"not solved with them ({failure}): penalties stay in this step")
+                report.add(self._adapt(system, goal, solve, (*forgone, *raised)))
                 return report
         return report
 
 
-def raise_penalties(system: System, report: StepReport) -> list[ContactTerm]:
-    """The terms that have raised their penalties at a state near balance, which is then to be solved again. Collective."""
+def raise_penalties(system: System, report: StepReport, forgone: tuple[ContactTerm, ...] = ()) -> list[ContactTerm]:
+    """The terms that have raised their penalties at a state near balance, which is then to be solved again; those that have
+    forgone it do not. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
     found = {}
     for contact in system.contacts:
-        if raised := contact.penalties.raised(system.state):
+        if contact not in forgone and (raised := contact.penalties.raised(system.state)):
             trial, found[contact] = raised
             contact.take(trial)
     report.notes += found.values()
     report.raises += bool(found)
     return list(found)
-
-
-def forgo(system: System, raised: list[ContactTerm], report: StepReport, failure: StepFailed) -> None:
-    """Back to the last accepted state after a failure with greater penalties: these terms keep the ones they had."""
-    system.rollback()
-    for contact in raised:
-        contact.take(contact.penalties.settled())
-    report.notes.append(f"not solved with them ({failure}): penalties stay")
