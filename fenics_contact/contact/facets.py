@@ -98,6 +98,10 @@ class OnFacets:
     def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""
 
+    def gaps_between(self, state: State) -> Floats:
+        """None: facets between slave nodes are not looked at, facets of a master being as coarse."""
+        return np.empty(0)
+
     def back_share(self, state: State) -> float:
         """Zero: normals of a body's facets point out of it."""
         return 0.0

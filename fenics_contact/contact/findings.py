@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved is more than what straight cells cut off
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
 THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
+# Of the distance of slave nodes: a facet that deep in a tool between them no longer follows it, a force is off by several
+# percent (docs/choices.md); and where that is what keeps a step from converging
+BETWEEN, PIERCED = 0.15, 0.3
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
@@ -40,7 +43,7 @@ def trouble(contact: Contact, state: State) -> Finding | None:
     lost, text, place = _slid_off(contact, state)
     if lost > SLID_OFF:
         return Finding(LOST, text, place, contact.partner.slid_off)
-    return _sunk(contact, state, SUNK)
+    return _sunk(contact, state, SUNK) or _pierced(contact, state)
 
 
 def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
@@ -99,7 +102,7 @@ def never_met(contact: Contact, state: State) -> str | None:
 
 def remarks(contact: Contact, state: State, said: Collection[str]) -> dict[str, str]:
     """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
-    kinds = {"led": _led_note, "deep": _depth_note, "leans": _lean_note} | (
+    kinds = {"led": _led_note, "deep": _depth_note, "between": _between_note, "leans": _lean_note} | (
         {"out of its cell": _cell_note} if contact.paired else {}
     )
     return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
@@ -156,12 +159,42 @@ def _depth_note(contact: Contact, state: State) -> str | None:
         place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
     if depth <= DEEP * height:
         depth, place, inner = _depth_beside(contact, state)
-        place, remedy = f"a node that is no slave, {place},", "name the surface it lies on among the slaves"
+        what, remedy = "a node that is no slave", "name the surface it lies on among the slaves"
         if inner:
-            place, remedy = f"an inner node of the body, {place},", "take more steps, or a finer mesh under the tool"
+            what, remedy = "an inner node of the body", _held_better(contact)
+        place = f"{what}, {place},"
     if depth <= DEEP * height:
         return None
     return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
+
+
+def _held_better(contact: Contact) -> str:
+    """What keeps a tool from coming in between the points of a slave surface."""
+    finer = "a finer mesh under the tool, cells of a third of its radius"
+    return f"take points=3 (Gauss points), or {finer}" if contact.surface.between else f"take more steps, or {finer}"
+
+
+def _between(contact: Contact, state: State) -> tuple[float, str, str]:
+    """(depth of the deepest facet in a tool between slave nodes over their distance, in words, place). Collective."""
+    comm, facets = state.u.function_space.mesh.comm, contact.surface.between
+    shares = spots = np.empty((0, 3))
+    if facets and len(gaps := contact.partner.gaps_between(state)):
+        shares, spots = -gaps / facets.spacing, facets.X.mean(axis=1)
+    share, place = worst(contact, comm, shares.ravel(), spots)
+    text = f"between nodes the surface lies {share:.0%} of their distance inside '{contact.master_name}'"
+    return share, text, place
+
+
+def _between_note(contact: Contact, state: State) -> str | None:
+    """None, or that a tool comes in between slave nodes. Collective."""
+    share, text, place = _between(contact, state)
+    return f"{place}: {text}, and the force is too small: {_held_better(contact)}" if share > BETWEEN else None
+
+
+def _pierced(contact: Contact, state: State) -> Finding | None:
+    """None, or the Finding that a tool has come through between slave nodes. Collective."""
+    share, text, place = _between(contact, state)
+    return Finding(LOST, text, place, _held_better(contact)) if share > PIERCED else None
 
 
 def node_depth(contact: Contact, state: State) -> tuple[float, str]:
@@ -201,7 +234,7 @@ def _folded(contact: Contact, state: State) -> Finding | None:
         f"an inner node of the body lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: "
         "the surface has folded over it, or let it through"
     )
-    return Finding(LOST, text, place, "take smaller steps, or a finer mesh under the tool")
+    return Finding(LOST, text, place, _held_better(contact))
 
 
 def _beyond_the_law(contact: Contact, state: State) -> Finding | None:

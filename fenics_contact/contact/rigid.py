@@ -239,8 +239,20 @@ class RigidPartner:
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
-        gap = np.empty(len(nodes))
-        distances(X + state.u.x.array.reshape(-1, 3)[nodes], self._placed_tool(state.pose(self.index)), gap)
+        return self._gaps(state, X + state.u.x.array.reshape(-1, 3)[nodes])
+
+    def gaps_between(self, state: State) -> Floats:
+        """Least signed distance (nf,) to the tool of places on the facets between slave nodes; none where points are Gauss
+        points."""
+        if (between := self.surface.between) is None:
+            return np.empty(0)
+        x = np.einsum("eqk,ekc->eqc", between.a, between.X + state.u.x.array.reshape(-1, 3)[between.nodes])
+        return self._gaps(state, x.reshape(-1, 3)).reshape(x.shape[:2]).min(axis=1, initial=np.inf)
+
+    def _gaps(self, state: State, x: Floats) -> Floats:
+        """Signed distances (n,) to the tool of places x (n, 3)."""
+        gap = np.empty(len(x))
+        distances(x, self._placed_tool(state.pose(self.index)), gap)
         return gap
 
     def lean(self, feet: object, trial: Trial, held: Bools) -> Floats:

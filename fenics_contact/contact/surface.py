@@ -24,6 +24,16 @@ class Beside(NamedTuple):
     inner: Bools
 
 
+class Between(NamedTuple):
+    """What lies between slave points that are nodes: facets' local nodes (nf, k), their reference positions X (nf, k, 3)
+    [length], weights (nf, nq, k) in places on them, and their shortest sides over the degree, spacing (nf,) [length]."""
+
+    nodes: Ints
+    X: Floats
+    a: Floats
+    spacing: Floats
+
+
 @dataclass
 class SlaveSurface:
     """Slave points this rank evaluates, grouped into elements whose points move with the same nodes.
@@ -35,7 +45,7 @@ class SlaveSurface:
     all ranks; key (ne,): the element's number on any number of ranks.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
     the body; None for points that are nodes. corners: the points are corners of their facets; linear: they are the nodes at
-    corners, between which pressures are linear at any degree.
+    corners, between which pressures are linear at any degree; between: for points="nodes".
     """
 
     nodes: Ints
@@ -50,6 +60,7 @@ class SlaveSurface:
     gradients: Floats | None = None
     corners: bool = False
     linear: bool = False
+    between: Between | None = None
 
     @property
     def points(self) -> int:
@@ -94,6 +105,11 @@ def slave_surface(
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
     tangents: Floats | None = gradients
+    between = None
+    if points == "nodes":
+        between = Between(
+            nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing
+        )  # an odd number has one in the middle
     if points in ("nodes", "averages"):
         tangents = None
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, (stiffness, height, spacing))
@@ -113,6 +129,7 @@ def slave_surface(
         tangents,
         points == "corners",
         points == "averages",
+        between,
     )
 
 
