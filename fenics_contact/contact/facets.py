@@ -1,6 +1,6 @@
 """Facets of another body as a contact's master: where slave points meet them, forces, tangents, anchors."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -9,11 +9,12 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import Beside, SlaveSurface
-from fenics_contact.contact.trial import DRAWN, Response, Trial
+from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.contact_pairs import (
     add_forces,
@@ -27,8 +28,6 @@ from fenics_contact.kernels.deformable_element import Pairs, PointLaws, Slaves, 
 from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64, Space
 
-# Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
-FIRST_SEARCH = 3.0
 MARGIN = 0.5  # over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for
 
 
@@ -98,8 +97,8 @@ class OnFacets:
     def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""
 
-    def gaps_between(self, state: State) -> Floats:
-        """None: facets between slave nodes are not looked at, facets of a master being as coarse."""
+    def sags(self, state: State) -> Floats:
+        """None: between slave nodes is not looked."""
         return np.empty(0)
 
     def back_share(self, state: State) -> float:
@@ -360,37 +359,6 @@ class FacetPartner(OnFacets):
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Depth [length] of the deepest slave point too deep in the master to have a partner, else zero. Collective."""
         return deepest_lost(self, len(self._local), state, trial)
-
-
-class Seeker(Protocol):
-    """A partner whose points, or samples, seek facets."""
-
-    surface: SlaveSurface
-    search: float
-
-    def feet(self, state: State) -> Any: ...
-
-    def far(self, feet: Any, search: float) -> Projection: ...
-
-
-def deepest_lost(seeker: Seeker, first: int, state: State, trial: Trial) -> float:
-    """Depth [length] of the deepest point inside the master that is too deep to have a partner, else zero.
-
-    first: where the master's nodes begin among the coordinates. A Newton step that carries bodies through each other by more
-    than the search distance ends in such a state, which looks like an open contact. A point counts if it was in front of the
-    master when the last state was accepted, no farther than the bodies have moved since: what has slid off and sprung back
-    lies behind the master, too. Collective.
-    """
-    now, then, comm = seeker.feet(state), trial.history.feet, state.u.function_space.mesh.comm
-    unpaired = now.projection[1] == NONE
-    if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
-        return 0.0
-    way = np.abs(now.coords - then.coords)
-    moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
-    reach = max(FIRST_SEARCH * seeker.search, seeker.search + np.sqrt(3.0) * moved)
-    far, before = seeker.far(now, reach), seeker.far(then, reach)
-    passed = unpaired & (before[1] != NONE) & (before[4] > -DRAWN * seeker.surface.cell_height)
-    return -min(comm.allgather(far[4][passed].min(initial=0.0)))
 
 
 def own(anchors: Anchors) -> tuple[Ints64, Floats]:

@@ -175,13 +175,13 @@ def _held_better(contact: Contact) -> str:
 
 
 def _between(contact: Contact, state: State) -> tuple[float, str, str]:
-    """(depth of the deepest facet in a tool between slave nodes over their distance, in words, place). Collective."""
+    """(how far a facet hangs into a tool between slave nodes over their distance, in words, place). Collective."""
     comm, facets = state.u.function_space.mesh.comm, contact.surface.between
     shares = spots = np.empty((0, 3))
-    if facets and len(gaps := contact.partner.gaps_between(state)):
-        shares, spots = -gaps / facets.spacing, facets.X.mean(axis=1)
+    if facets and len(sags := contact.partner.sags(state)):
+        shares, spots = sags / facets.spacing, facets.X.mean(axis=1)
     share, place = worst(contact, comm, shares.ravel(), spots)
-    text = f"between nodes the surface lies {share:.0%} of their distance inside '{contact.master_name}'"
+    text = f"between nodes the surface hangs by {share:.0%} of their distance into '{contact.master_name}'"
     return share, text, place
 
 

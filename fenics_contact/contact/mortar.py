@@ -6,7 +6,8 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.facets import FIRST_SEARCH, MARGIN, OnFacets, deepest_lost, own, unit
+from fenics_contact.contact.facets import MARGIN, OnFacets, own, unit
+from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import Linearised, MortarFeet, Sights
 from fenics_contact.contact.node_pattern import NodePattern

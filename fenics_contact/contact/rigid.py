@@ -241,13 +241,15 @@ class RigidPartner:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
         return self._gaps(state, X + state.u.x.array.reshape(-1, 3)[nodes])
 
-    def gaps_between(self, state: State) -> Floats:
-        """Least signed distance (nf,) to the tool of places on the facets between slave nodes; none where points are Gauss
-        points."""
+    def sags(self, state: State) -> Floats:
+        """How much deeper (nf,) facets lie in the tool between slave nodes than at these; none where points are no nodes."""
         if (between := self.surface.between) is None:
             return np.empty(0)
-        x = np.einsum("eqk,ekc->eqc", between.a, between.X + state.u.x.array.reshape(-1, 3)[between.nodes])
-        return self._gaps(state, x.reshape(-1, 3)).reshape(x.shape[:2]).min(axis=1, initial=np.inf)
+        x = between.X + state.u.x.array.reshape(-1, 3)[between.nodes]
+        places = np.concatenate([x, np.einsum("eqk,ekc->eqc", between.a, x)], axis=1)
+        gaps = np.minimum(self._gaps(state, places.reshape(-1, 3)).reshape(places.shape[:2]), 0.0)
+        count = x.shape[1]
+        return np.asarray(gaps[:, :count].min(axis=1, initial=0.0) - gaps[:, count:].min(axis=1, initial=0.0))
 
     def _gaps(self, state: State, x: Floats) -> Floats:
         """Signed distances (n,) to the tool of places x (n, 3)."""
