@@ -177,16 +177,6 @@ def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: 
         raise SceneError(f"contact '{contact.name}': in a plane scene curves of degree 1 are met by points=\"averages\"")
 
 
-def refuse_turned_grain(contacts: Sequence[ContactStatement], turning: Sequence[str]) -> None:
-    """Friction with a direction is that of a tool which keeps its own."""
-    for contact in contacts:
-        if isinstance(contact.master, Tool) and contact.master.name in turning and contact.friction.ratio != 1.0:
-            raise SceneError(
-                f"contact '{contact.name}': friction across= and along= is known on tools that do not turn, and the Motion "
-                f"of '{contact.master.name}' turns it; state one coefficient"
-            )
-
-
 def refuse_across(contacts: Sequence[ContactTerm], state: State) -> None:
     """What meets a plane mesh must be the same on both sides of its plane. Collective."""
     for contact in contacts:
