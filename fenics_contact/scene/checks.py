@@ -345,7 +345,9 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"
         if at_surface > DEEPEST * height or behind > BEHIND * height:
-            raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves")
+            turned = isinstance(statement.master, RigidTool) and statement.master.profiled
+            more = ", or state its points the other way round: a profile is the tool on their right" if turned else ""
+            raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves{more}")
         if at_surface > REMARKABLE * height:
             remarks.append(f"{where}: the first step presses it out, and friction misses the way; start it outside")
         if at_surface > OVERLAP * height:
