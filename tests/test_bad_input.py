@@ -634,6 +634,14 @@ def test_narrow_tool_deep_inside_the_body(mesh):
     refused(lambda: scene.system({tool: (0, 0, -0.1)}), "top", "inside", "outwards")
 
 
+def test_a_profile_whose_points_go_the_wrong_way(mesh):
+    """From right to left a floor lies above its line, where the block is."""
+    scene = held(mesh)
+    lid = fc.rigid_extrusion([(9.0, 0.0), (-9.0, 0.0)], (2.0, 2.0, 2.5), up=(0, 0, -1.0))
+    scene.contact("zmax", lid, name="top")
+    refused(lambda: scene.system({lid: (0, 0, -0.1)}), "top", "inside", "the other way round", "on their right")
+
+
 def test_contradictory_supports(mesh, out):
     scene = held(mesh)
     scene.prescribe("xmin", "z", 0.1)

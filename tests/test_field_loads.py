@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 from refusals import refused
 from scipy.optimize import brentq
 
-from fenics_contact import Body, Scene, from_elastic, neo_hooke, read_gmsh, solve, user_energy
+from fenics_contact import Body, Scene, Stage, from_elastic, neo_hooke, read_gmsh, solve, user_energy
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.meshes import box, rectangles, tubes
 from fenics_contact.scene.build import build
@@ -230,6 +231,69 @@ def test_swelling_held_on_its_sides(block, options):
     assert np.log2(errors[:-1] / errors[1:]).min() > 1.9 and abs(result.column("strain_energy_Nmm")[-1]) > 0.1
 
 
+FAR = 10.0  # of the centre about which the block is inverted
+
+
+def grown(X):
+    """Stretch in all directions of the inversion about (-FAR, 0, 0) that keeps the origin: up to a mirror, a conformal map,
+    whose gradients are rotations times this number, so that no body feels it."""
+    return FAR**2 / ((X[:, 0] + FAR) ** 2 + X[:, 1] ** 2 + X[:, 2] ** 2)
+
+
+def inverted(cells, **options):
+    mesh = read_gmsh(box.build, size=(2.0, 1.0, 1.0), cells=(2 * cells, cells, cells))
+    scene = Scene(Body(mesh, "box", RUBBER), **options)
+    scene.fix("ymin", "y")
+    scene.fix("zmin", "z")
+    scene.spring("xmin", 1e-5, direction=(1.0, 0.0, 0.0))
+    return scene
+
+
+def warmed(X, t):
+    return (1.0 + t * (grown(X) - 1.0)) ** 3
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("options", "order", "bound"), zip(ELEMENTS, (1.7, 3.5), (0.03, 2e-4), strict=True), ids=NAMES)
+def test_swelling_that_differs_from_place_to_place(options, order, bound):
+    """By ratios of 1 to 0.33, those of a conformal map: without stress, and every point where that map puts it."""
+    corner, energy = {"up": lambda view: view.at((2.0, 1.0, 1.0)).displacement[1]}, []
+    exact = grown(np.array([[2.0, 1.0, 1.0]]))[0] - 1.0
+    for cells in (1, 2):
+        scene = inverted(cells, **options)
+        scene.swell("box", warmed)
+        result = solved(scene, 2, record=corner)
+        energy.append(result.column("strain_energy_Nmm")[-1])
+    assert np.log2(energy[0] / energy[1]) > order
+    assert abs(result.column("up")[-1] / exact - 1.0) < bound
+
+
+@pytest.mark.parallel
+def test_swelling_from_place_to_place_in_stages(tmp_path):
+    """Its work is counted, and what went with a field goes back with a number; resumed, and as a run of its own."""
+    errors, ends = [], []
+    for steps in (2, 4):
+        scene = inverted(1)
+        scene.swell("box", 1.0)
+        stages = [
+            Stage("warm", swell={"box": warmed}),
+            Stage("less", swell={"box": lambda X, s: warmed(X, 1.0 - 0.5 * s)}),
+            Stage("cool", swell={"box": 1.0}),
+        ]
+        result = solved(scene, steps, stages=stages, tolerance=1e-11)
+        errors.append(abs(result.column("energy_error_Nmm", "warm")[-1]))
+        ends.append(abs(displacement(result, "xmax")[0]))
+    assert errors[0] / errors[1] > 3.8 and errors[1] < 0.1 * result.column("external_work_Nmm", "warm")[-1]
+    assert max(ends) < 1e-6  # mm, of 0.3: what soft springs hold to Newton's tolerance
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    kept = {"out": folder, "checkpoint": True, "tolerance": 1e-11}
+    solved(scene, steps, stages=stages[:1], **kept)
+    for way in ({"stages": stages[1:], "start": folder, "tolerance": 1e-11}, {"stages": stages, "resume": True, **kept}):
+        again = solved(scene, steps, **way)
+        energy = [one.column("strain_energy_Nmm", "cool")[0] for one in (again, result)]
+        assert energy[0] == pytest.approx(energy[1], rel=1e-9)
+
+
 A, B, C, E, NU = 2.0, 4.0, 7.0, 1000.0, 0.3
 
 
@@ -282,8 +346,6 @@ def test_springs_to_the_ground(block, along):
 
 @pytest.mark.parallel
 def test_a_run_of_all_these_is_resumed(block, tmp_path):
-    from mpi4py import MPI
-
     folder = MPI.COMM_WORLD.bcast(tmp_path)
 
     def scene():
@@ -338,6 +400,12 @@ def test_bad_loads(block):
     refused(lambda: scene().swell("box", "1.1"), "swelling of 'box'", "'1.1'", "positive")
     refused(lambda: scene().swell("box", lambda t: t), "swelling of 'box' at t = 0", "positive")
     refused(lambda: scene().swell("box", lambda t: 2.0 - t), "swelling of 'box' is 2 at t = 0", "start from 1")
+    refused(lambda: scene().swell("box", lambda X, t: t * X[:, 0]), "swelling of 'box' at t = 0", "positive")
+    refused(lambda: scene().swell("box", lambda X, t: 1.0 + X[:, 0]), "swelling of 'box' is 3 at t = 0", "start from 1")
+    refused(lambda: scene().swell("box", lambda X, t: 1.0 + t * X), "swelling of 'box'", "one number per point")
+    cold = scene()
+    cold.swell("box", lambda X, t: 1.0 - t * X[:, 0])
+    refused(lambda: solve(cold, steps=10, progress=False), "swelling of 'box' at t = ", "positive")
     again = scene()
     again.swell("box", 1.1)
     refused(lambda: again.swell("box", 1.1), "swell 'box'", "already")

@@ -6,7 +6,20 @@ import numpy as np
 import pytest
 from by_node import displacements, of_all
 
-from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Penalty,
+    Scene,
+    Stage,
+    coulomb,
+    from_elastic,
+    read_gmsh,
+    rigid_plane,
+    rigid_punch,
+    rigid_surface,
+    solve,
+)
 from fenics_contact.contact.findings import told_apart
 from fenics_contact.meshes import box
 from fenics_contact.scene.build import build
@@ -135,6 +148,46 @@ def test_two_directions_of_friction(mesh, angle):
     work = result.history[-1]["floor_friction_work_Nmm"]  # the force is the same on all of the way that it slides
     slid = 3.0 - size / 4.0 / 1e4
     np.testing.assert_allclose(work, size * slid, rtol=0.2)
+
+
+FLOORS = {
+    "plane": lambda: (rigid_plane(), "nodes"),
+    "mesh, nodes": lambda: (meshed_floor(), "nodes"),
+    "mesh, Gauss points": lambda: (meshed_floor(), 2),
+    "mesh, averages": lambda: (meshed_floor(), "averages"),
+}
+
+
+def meshed_floor():
+    return rigid_surface(box.build, "zmax", size=(16.0, 16.0, 1.0), cells=(7, 7, 1), origin=(-8.0, -8.0, -1.0), name="floor")
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", FLOORS)
+@pytest.mark.parametrize("turn", [0.7, 4.0])
+def test_two_directions_of_friction_turn_with_the_tool(mesh, name, turn):
+    """mu_1 = 0.3 along x, mu_2 = 0.6 across, of a floor that turns beneath the block and is then drawn along x."""
+    floor, points = FLOORS[name]()
+    scene = Scene(Body(mesh, "box", from_elastic(1000.0, 0.3)))
+    for group in ("zmin", "zmax"):
+        scene.fix(group, "xy")
+    scene.traction("zmax", (0.0, 0.0, -5.0))
+    scene.contact("zmin", floor, coulomb(MU, across=0.6, along=(1.0, 0.0, 0.0)), points=points, name="floor")
+    stages = [
+        Stage("press", steps=1),
+        Stage("turn", move={floor: Motion(rz=turn, about=(1.0, 1.0, 0.0))}, steps=8),
+        Stage("draw", move={floor: (1.5, 0.0, 0.0)}, steps=3),
+    ]
+    result = solve(scene, stages=stages, progress=False)
+    last = force(result)[-1]
+    size = 20.0 / np.hypot(np.cos(turn) / MU, np.sin(turn) / 0.6)
+    np.testing.assert_allclose(last, [size, 0.0, 20.0], atol=LAW * size)
+    contact, state = result.system.contacts[0], result.system.state
+    allowed = result.system.comm.allreduce(float((contact.limits(state) * contact.surface.area).sum()))
+    assert allowed == pytest.approx(size, rel=LAW)
+    turned = solve(scene, stages=stages[:2], progress=False).require()
+    drawn = solve(scene, stages=stages[2:], start=turned, progress=False)
+    np.testing.assert_allclose(force(drawn)[-1], last, atol=LAW * size)
 
 
 @pytest.mark.parametrize(("tangential", "steps"), [(1e4, 8), (1e4, 24), (1e6, 8)])

@@ -12,6 +12,7 @@ from fenics_contact import (
     Scene,
     Stage,
     Travel,
+    coulomb,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
@@ -133,6 +134,7 @@ def taylor_orders(system, residual, rate):
         (0.0, (0.1, 0.05, -0.02), (0.01, 0.02, 0.3), CLOSED),
         (0.05, (0.6, 0.5, -0.02), (0.01, 0.02, 0.3), SLIP),
         (9.0, (0.01, 0.01, -0.02), (0.002, 0.001, 0.01), STICK),
+        (coulomb(0.05, across=0.1, along=(1.0, 2.0, 0.5)), (0.6, 0.5, -0.02), (0.01, 0.02, 0.3), SLIP),
     ],
 )
 def test_tangent_and_border_of_a_turning_tool(name, points, friction, shift, spin, status):

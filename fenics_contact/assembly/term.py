@@ -185,10 +185,12 @@ class ContactTerm(Term, Protocol):
 
 
 class Energy(NamedTuple):
-    """Strain energy as a form, and its rates with the ratios by which bodies swell, each with the ratio."""
+    """Strain energy as a form, and its rates with the ratios by which bodies swell: with each that is one number, and, as
+    linear forms, with those that a field has at its nodes."""
 
     form: Form
     by_ratio: Sequence[tuple[Constant, Form]] = ()
+    by_field: Sequence[tuple[Function, Form]] = ()
 
 
 class FormTerm:
@@ -216,6 +218,7 @@ class FormTerm:
         self._tangents = [CellForm(form) for form in _listed(tangent)]
         self._energy = None if energy is None else compat.compile_form(energy.form)
         self._by_ratio = [(ratio, compat.compile_form(rate)) for ratio, rate in (energy.by_ratio if energy else ())]
+        self._by_field = [(field, compat.compile_form(rate)) for field, rate in (energy.by_field if energy else ())]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
@@ -231,10 +234,15 @@ class FormTerm:
         return 0.0 if self._energy is None else compat.assemble_scalar(self._energy)
 
     def swelling(self) -> tuple[Floats, Floats]:
-        """Ratios (n,) by which bodies swell, and the rates of this rank's strain energy with them [force x length]."""
-        values = [(float(ratio.value), compat.assemble_scalar(rate)) for ratio, rate in self._by_ratio]
-        ratios, rates = np.array(values).reshape(-1, 2).T
-        return ratios, rates
+        """Ratios (n,) by which bodies swell, of a field those at local nodes, and the rates of this rank's strain energy
+        with them [force x length]."""
+        ratios = [np.array([float(ratio.value) for ratio, _ in self._by_ratio])]
+        rates = [np.array([compat.assemble_scalar(rate) for _, rate in self._by_ratio])]
+        for field, rate in self._by_field:
+            ratios.append(field.x.array.copy())
+            rates.append(np.zeros(len(ratios[-1])))
+            compat.assemble_vector(rates[-1], rate)
+        return np.concatenate(ratios), np.concatenate(rates)
 
     def couplings(self, state: State) -> None:
         """None: the cells' own couplings are the pattern's base."""

@@ -9,6 +9,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.friction import turned
 from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -206,15 +207,14 @@ class FacetPartner(OnFacets):
         return self._far(feet.placed, search)
 
     def _far(self, placed: Placed, search: float) -> Projection:
-        coords, points, normals, _ = placed
-        return self._pairing.far(points, normals, coords, search)
+        return self._pairing.far(placed.points, placed.normals, placed.coords, search)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
-    def _law(self, trial: Trial, touch: float | None = None) -> PointLaws:
+    def _law(self, feet: FacetFeet, trial: Trial, touch: float | None = None) -> PointLaws:
         law, nq = trial.law, self.surface.area.shape[1]
         penalties = np.repeat(law.eps_n, nq), np.repeat(law.eps_t, nq)
         touch = float(law.touch if touch is None else touch)
-        return *penalties, law.friction, touch, trial.history.shift.reshape(-1), trial.judged
+        return *penalties, turned(law.friction, feet.pose), touch, trial.history.shift.reshape(-1), trial.judged
 
     def _pairs(self, feet: FacetFeet, trial: Trial, area: Floats | None = None) -> Pairs:
         """What the kernels take of the pairs of points and facets."""
@@ -224,7 +224,7 @@ class FacetPartner(OnFacets):
         forces, (ne, nq) = np.zeros_like(feet.coords), self.surface.area.shape
         traction, excess, status = np.empty((ne * nq, 3)), np.empty(ne * nq), np.empty(ne * nq, dtype=np.int32)
         out = forces, status, traction, excess
-        add_forces(*self._pairs(feet, trial, trial.area), self._law(trial), out)
+        add_forces(*self._pairs(feet, trial, trial.area), self._law(feet, trial), out)
         gap, points = np.minimum(feet.projection[4], self.search), (ne, nq)
         cover = np.ones(points)
         return Response(
@@ -246,7 +246,7 @@ class FacetPartner(OnFacets):
 
     def _tangent(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
-        pairs = *self._pairs(feet, trial, trial.area), self._law(trial)
+        pairs = *self._pairs(feet, trial, trial.area), self._law(feet, trial)
         rows, columns, blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
         if missing:
             raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
@@ -281,7 +281,7 @@ class FacetPartner(OnFacets):
 
     def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = self.no_anchors(), np.empty(self.surface.area.size)
-        committed_anchors(*self._pairs(feet, trial), self._law(trial, touch), new, sliding)
+        committed_anchors(*self._pairs(feet, trial), self._law(feet, trial, touch), new, sliding)
         return new, sliding.reshape(self.surface.area.shape)
 
     def places(self, feet: FacetFeet, trial: Trial) -> Anchors:
@@ -295,7 +295,7 @@ class FacetPartner(OnFacets):
         return self._committed(feet, trial, None)
 
     def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
-        *new, slips = augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(trial), share)
+        *new, slips = augmented_anchors(*self._pairs(feet, trial), own(trial.history.rests), self._law(feet, trial), share)
         return tuple(new), slips.reshape(self.surface.area.shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
@@ -308,7 +308,7 @@ class FacetPartner(OnFacets):
 
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
-        return stiffened_anchors(*self._pairs(feet, trial), own(rests), self._law(trial), factor)
+        return stiffened_anchors(*self._pairs(feet, trial), own(rests), self._law(feet, trial), factor)
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
         """Our anchors at some points (ne, nq), the others elsewhere."""

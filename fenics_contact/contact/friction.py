@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.kernels.law import Friction, friction_limits
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, finite, function, is_number, positive, shown
 
-__all__ = ["Friction", "allowed", "coulomb", "friction_of", "stated"]
+__all__ = ["Friction", "allowed", "coulomb", "friction_of", "stated", "turned"]
 
 POWER = 7  # of the polynomials that stand for a user's mu(p)
 EXACT = 1e-10  # how near they come to it, of its greatest value: below what any run resolves
@@ -128,6 +129,14 @@ def stated(friction: Friction) -> float | dict[str, Any]:
         return friction.mu if friction == coulomb(friction.mu) else parts
     mu = table[:, 2:] @ np.ones(POWER + 1)
     return {"shear": friction.shear, "pressures": np.exp(table[:, 1]).tolist(), "mu": mu.tolist()}
+
+
+def turned(friction: Friction, pose: Pose | None) -> Friction:
+    """The law on a tool in a pose: its direction has turned along. None: of no tool, whose laws have no direction."""
+    if pose is None or friction.ratio == 1.0:
+        return friction
+    x, y, z = pose.turn @ friction.along
+    return friction._replace(along=(float(x), float(y), float(z)))
 
 
 def allowed(friction: Friction, pressure: Floats, traction: Floats) -> Floats:

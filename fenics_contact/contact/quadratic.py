@@ -95,8 +95,8 @@ class QuadraticPartner(FacetPartner):
         gaps = trial.judged if len(trial.judged) else feet.projection[4] + trial.history.shift.reshape(-1)
         return np.flatnonzero((feet.projection[1] != NONE) & (gaps <= trial.law.touch))
 
-    def _law_at(self, trial: Trial, at: Ints64, touch: float | None = None) -> PointLaws:
-        eps_n, eps_t, friction, touch, shift, judged = self._law(trial, touch)
+    def _law_at(self, feet: FacetFeet, trial: Trial, at: Ints64, touch: float | None = None) -> PointLaws:
+        eps_n, eps_t, friction, touch, shift, judged = self._law(feet, trial, touch)
         return eps_n[at], eps_t[at], friction, touch, shift[at], judged[at] if len(judged) else judged
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
@@ -105,7 +105,7 @@ class QuadraticPartner(FacetPartner):
         at, n = touching.at, len(touching.at)
         traction, excess, status = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int32)
         at_corners = np.zeros((CORNERS * n, 3))
-        flat.add_forces(*touching.pairs, self._law_at(trial, at), (at_corners, status, traction, excess))
+        flat.add_forces(*touching.pairs, self._law_at(feet, trial, at), (at_corners, status, traction, excess))
         forces, rows = np.zeros_like(feet.coords), touching.rows
         at_nodes = np.einsum("qcn,qcx->qnx", touching.lift[:, :, :rows], at_corners.reshape(n, CORNERS, 3))
         np.add.at(forces, touching.nodes[:, :rows], at_nodes)
@@ -117,7 +117,7 @@ class QuadraticPartner(FacetPartner):
 
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         touching = self._touching(feet, trial, self._pressing(feet, trial), trial.area)
-        n, law = len(touching.at), self._law_at(trial, touching.at)
+        n, law = len(touching.at), self._law_at(feet, trial, touching.at)
         numbers = np.arange(CORNERS * n)
         first = numbers // CORNERS * CORNERS  # each pair's corners are coupled with one another
         columns = (first[:, None] + np.arange(CORNERS)).ravel()
@@ -157,7 +157,7 @@ class QuadraticPartner(FacetPartner):
         touching = self._touching(feet, trial, self._paired(feet))
         n = len(touching.at)
         new, slid = (np.full((n, 4), -1), np.empty((n, 4))), np.empty(n)
-        flat.committed_anchors(*touching.pairs, self._law_at(trial, touching.at, touch), new, slid)
+        flat.committed_anchors(*touching.pairs, self._law_at(feet, trial, touching.at, touch), new, slid)
         lost = (feet.projection[1] == NONE)[:, None]
         (no_nodes, no_weights), (nodes, weights) = self.no_anchors(), own(trial.history.anchors)
         old = np.where(lost, no_nodes, nodes), np.where(lost, no_weights, weights)
@@ -176,7 +176,7 @@ class QuadraticPartner(FacetPartner):
 
     def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
         touching, pairs, rested = self._from_rest(feet, trial, trial.history.rests)
-        nodes, weights, slipped = flat.augmented_anchors(*pairs, rested, self._law_at(trial, touching.at), share)
+        nodes, weights, slipped = flat.augmented_anchors(*pairs, rested, self._law_at(feet, trial, touching.at), share)
         slips = np.zeros(self.surface.area.size)
         slips[touching.at] = slipped
         return self._kept(touching, own(trial.history.anchors), (nodes, weights)), slips.reshape(self.surface.area.shape)
@@ -184,7 +184,7 @@ class QuadraticPartner(FacetPartner):
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         touching, pairs, rested = self._from_rest(feet, trial, rests)
-        new = flat.stiffened_anchors(*pairs, rested, self._law_at(trial, touching.at), factor)
+        new = flat.stiffened_anchors(*pairs, rested, self._law_at(feet, trial, touching.at), factor)
         return self._kept(touching, own(trial.history.anchors), new)
 
     # -- what else is asked of a master ---------------------------------------------------------------------------

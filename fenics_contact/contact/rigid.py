@@ -93,7 +93,7 @@ class RigidPartner:
 
     def _law(self, law: Law, touch: float | None = None) -> ElementLaws:
         friction = law.friction
-        if friction.ratio != 1.0:  # its direction is seen in the tool's frame
+        if friction.ratio != 1.0:  # its direction is seen in the tool's frame, with which it turns
             friction = friction._replace(along=tuple(self.tool.axes.T @ friction.along))
         return law.eps_n, law.eps_t, self.surface.stiffness, friction, float(law.touch if touch is None else touch)
 

@@ -77,6 +77,11 @@ class RigidTool(Tool):
     edge: str = "none"
 
     @property
+    def profiled(self) -> bool:
+        """Whether it is a profile, whose points go one way or the other."""
+        return self.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION)
+
+    @property
     def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
         return float(max(np.abs(self.origin).max(), self.extent))

@@ -41,10 +41,9 @@ from fenics_contact.scene.checks import (
     refuse_doubled,
     refuse_held,
     refuse_loose,
-    refuse_turned_grain,
     unmet_notes,
 )
-from fenics_contact.scene.drives import motion_of, supports_of, turning
+from fenics_contact.scene.drives import motion_of, supports_of
 from fenics_contact.scene.field_loads import field_loads
 from fenics_contact.scene.functions import Path, row_of, whole
 from fenics_contact.scene.gaps import refuse_gaps, refuse_jumps
@@ -97,7 +96,6 @@ def build(
     refuse_doubled(scene)
     stages = Stages([stage.name for stage in stated], [float(stage.duration) for stage in stated], len(scene.tools))
     motion = motion_of(comm, scene.tools, stated, stages, bodies_size(scene.space), scene.section)
-    refuse_turned_grain(scene.contacts, turning(stated))
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     followed = loads_of(scene, stated, stages)
@@ -163,9 +161,6 @@ def _start(
     notes = left_out_notes(scene) + unmet_notes(scene) + deep
     if start:
         notes += begin(system, driven, start, scene)
-        turns = system.state.poses.turns
-        refuse_turned_grain(scene.contacts, [name for name, turn in zip(system.tools.names, turns, strict=True)
-                                             if not np.array_equal(turn, np.eye(3))])  # fmt: skip
     refuse_gaps(system, stated, driven, start is not None)
     return notes, overlaps
 

@@ -177,16 +177,6 @@ def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: 
         raise SceneError(f"contact '{contact.name}': in a plane scene curves of degree 1 are met by points=\"averages\"")
 
 
-def refuse_turned_grain(contacts: Sequence[ContactStatement], turning: Sequence[str]) -> None:
-    """Friction with a direction is that of a tool which keeps its own."""
-    for contact in contacts:
-        if isinstance(contact.master, Tool) and contact.master.name in turning and contact.friction.ratio != 1.0:
-            raise SceneError(
-                f"contact '{contact.name}': friction across= and along= is known on tools that do not turn, and the Motion "
-                f"of '{contact.master.name}' turns it; state one coefficient"
-            )
-
-
 def refuse_across(contacts: Sequence[ContactTerm], state: State) -> None:
     """What meets a plane mesh must be the same on both sides of its plane. Collective."""
     for contact in contacts:
@@ -355,7 +345,9 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"
         if at_surface > DEEPEST * height or behind > BEHIND * height:
-            raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves")
+            turned = isinstance(statement.master, RigidTool) and statement.master.profiled
+            more = ", or state its points the other way round: a profile is the tool on their right" if turned else ""
+            raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves{more}")
         if at_surface > REMARKABLE * height:
             remarks.append(f"{where}: the first step presses it out, and friction misses the way; start it outside")
         if at_surface > OVERLAP * height:

@@ -12,7 +12,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.moment import Moment
 from fenics_contact.assembly.term import FormTerm
 from fenics_contact.scene.directions import Group, Unit, chosen, normals, unit
-from fenics_contact.scene.functions import Drive, Path, Ramp, ramp
+from fenics_contact.scene.functions import AtPoints, Drive, Path, Place, Ramp, load_path, ramp, whole
 from fenics_contact.scene.statements import Body, Loading, MomentLoad, Spin, Swelling
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.materials import Material, swollen
@@ -71,34 +71,40 @@ def spin_of(scene: "Scene", speed: Drive, density: object, axis: Sequence[float]
     return Spin(path, about, through, stated)
 
 
-def swelling_of(scene: "Scene", body: Body | str, ratio: Drive) -> Swelling:
+def swelling_of(scene: "Scene", body: Body | str, ratio: Drive | Place) -> Swelling:
     """A stated Swelling. Collective."""
     name = body.group if isinstance(body, Body) else body
     if name not in [one.group for one in scene.bodies]:
         known = ", ".join(one.group for one in scene.bodies)
         raise SceneError(f"swell: {shown(name)} is no body of the scene; its bodies are {known}")
     if (name,) in [one.group for one in scene.swellings]:
-        raise SceneError(f"swell '{name}': it swells already; give one function of t for both")
+        raise SceneError(f"swell '{name}': it swells already; give one function for both")
     what = f"swelling of '{name}'"
-    path = swelling_path(scene, ratio, what)
-    if not isinstance(path, Ramp) and abs(float(path(0.0)) - 1.0) > 1e-12:  # rounding of a function
-        raise SceneError(f"{what} is {float(path(0.0)):g} at t = 0, where all is at rest; let its function start from 1")
-    return Swelling((name,), path)
+    path, nodes = swelling_path(scene, name, ratio, what)
+    if not isinstance(path, Ramp):
+        start = np.atleast_1d(whole(path, 0.0))
+        if abs(off := start[np.abs(start - 1.0).argmax()] - 1.0) > 1e-12:  # rounding of a function
+            raise SceneError(f"{what} is {1.0 + off:g} at t = 0, where all is at rest; let its function start from 1")
+    return Swelling((name,), path, nodes)
 
 
-def swelling_path(scene: "Scene", ratio: Drive, what: str) -> Path:
-    """The ratio reached, or a function of t, which is asked for positive numbers."""
+def swelling_path(scene: "Scene", body: str, ratio: Drive | Place, what: str) -> tuple[Path, Ints | None]:
+    """The ratio reached, or a function of t or of (X, t), which is asked for positive numbers, and the local nodes that it
+    gives values at, if it is one of places. Collective."""
     more = ", the volume without stress over that at the start"
     if not callable(ratio):
-        return Ramp(np.array(float(positive(ratio, what, more=more))))
-    path = ramp(scene.mesh.comm, ratio, what, ())
+        return Ramp(np.array(float(positive(ratio, what, more=more)))), None
+    mesh = scene.mesh
+    cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag(body)]
+    path, nodes = load_path(mesh, scene.space, cells, ratio, what, (), mesh.domain.topology.dim)
 
-    def checked(t: float) -> Floats:
-        value = path(t)
-        positive(float(value), f"{what} at t = {t:g}", more=more)
+    def checked(value: Floats, t: float) -> Floats:
+        positive(float(np.min(value)), f"{what} at t = {t:g}", more=more)
         return value
 
-    return checked
+    if isinstance(path, AtPoints):
+        return path.under(checked), nodes
+    return lambda t: checked(path(t), t), None
 
 
 def springs_of(
@@ -126,10 +132,14 @@ def field_loads(scene: "Scene", u: Function, loads: Sequence[Loading]) -> FieldL
     domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
     materials: dict[str, Material] = {body.group: body.material for body in scene.bodies}
     followed: list[tuple[Constant, Path]] = []
+    placed: list[tuple[Function, Ints, Path]] = []
     for swelling in (one for one in loads if isinstance(one, Swelling)):
-        ratio, (group,) = compat.Constant(domain, 1.0), swelling.group
+        ratio, (group,) = _ratio(scene, swelling), swelling.group
         materials[group] = swollen(materials[group], ratio)
-        followed.append((ratio, swelling.path))
+        if swelling.nodes is None:
+            followed.append((ratio, swelling.path))
+        else:
+            placed.append((ratio, swelling.nodes, swelling.path))
     terms: list[FormTerm] = []
     for spin in (one for one in loads if isinstance(one, Spin)):
         parts, weights = _spin(scene, spin)
@@ -146,10 +156,21 @@ def field_loads(scene: "Scene", u: Function, loads: Sequence[Loading]) -> FieldL
     def set_loads(t: float) -> None:
         for constant, path in followed:
             constant.value = float(path(t))
+        for function, nodes, path in placed:
+            function.x.array[nodes] = path(t)
         for term, path in moments:
             term.moment[:] = path(t)
 
     return FieldLoads(materials, terms, grounds, set_loads)
+
+
+def _ratio(scene: "Scene", swelling: Swelling) -> Constant | Function:
+    """What stands for a ratio in the forms: one number, or those at nodes, 1 at the start and off the body."""
+    if swelling.nodes is None:
+        return compat.Constant(scene.mesh.domain, 1.0)
+    ratio = compat.Function(compat.lagrange_space(scene.mesh.domain, scene.degree))
+    ratio.x.array[:] = 1.0
+    return ratio
 
 
 def _directions(spring: Spring) -> Floats:

@@ -5,7 +5,7 @@ import numbers
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 from mpi4py import MPI
@@ -72,14 +72,20 @@ def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,))
 
 
 def load_path(
-    mesh: NamedMesh, space: Space, facets: Ints | None, value: Drive | Place, what: str, shape: tuple[int, ...]
+    mesh: NamedMesh,
+    space: Space,
+    parts: Ints | None,
+    value: Drive | Place,
+    what: str,
+    shape: tuple[int, ...],
+    dim: int | None = None,
 ) -> tuple[Callable[[float], Floats], Ints | None]:
     """path(t) of a load, and where its value is a function value(X, t) the local nodes (n,) that the path gives values at:
-    all that facets of any rank have, or without facets all. Collective."""
+    all that the parts of any rank have, facets or what has the dimension `dim`, or without parts all. Collective."""
     if not callable(value) or not takes_place(value):
         return ramp(mesh.comm, cast(Drive, value), what, shape), None
     marks, X = compat.Function(space), space.tabulate_dof_coordinates()
-    marks.x.array.reshape(-1, 3)[... if facets is None else compat.locate_blocks(space, facets)] = 1.0
+    marks.x.array.reshape(-1, 3)[... if parts is None else compat.locate_blocks(space, parts, dim)] = 1.0
     compat.sum_to_owners(marks)
     compat.copy_to_ghosts(marks)
     nodes = np.flatnonzero(marks.x.array[::3]).astype(np.int32)
@@ -150,11 +156,17 @@ class AtPoints(Spread):
         wanted: Ints64 | None = None,
     ) -> None:
         self._comm, self._what, self._value, self._shape = comm, what, value, shape
+        self._checked: Callable[[Floats, float], Floats] | None = None
         parts = comm.allgather((keys, X))
         known, first = np.unique(np.concatenate([part[0] for part in parts]), return_index=True)
         self._X = np.concatenate([part[1] for part in parts])[first]
         self.count = len(known)
         self.mine = np.searchsorted(known, keys if wanted is None else wanted)  # which of all places are this rank's
+
+    def under(self, checked: Callable[[Floats, float], Floats]) -> Self:
+        """The same function whose values at t go through checked(values, t), which may refuse them."""
+        self._checked = checked
+        return self
 
     def everywhere(self, t: float) -> Floats:
         """Values (all places, ...) of the shape asked for."""
@@ -171,7 +183,7 @@ class AtPoints(Spread):
             )
         if not np.all(np.isfinite(values)):
             raise SceneError(f"{self._what} is not finite at t = {t:g}; mend its function")
-        return values
+        return values if self._checked is None else self._checked(values, t)
 
     def few(self, t: float) -> Floats:
         return thinned(self.everywhere(t))

@@ -23,7 +23,7 @@ def loads_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> list[Lo
     """All loads of a scene, their paths being their courses over stages. Collective."""
     loads = scene.loadings
     keys, parts = [(one.word, one.group) for one in loads], [dict[int, Part]() for _ in loads]
-    nodes = [one.nodes if isinstance(one, Load | Entering) else None for one in loads]
+    nodes = [one.nodes if isinstance(one, Load | Entering | Swelling) else None for one in loads]
     for i, stage in enumerate(stated):
         for key, value in stage.loads.items():
             what = stage.says(called(*key))
@@ -52,7 +52,7 @@ def _none(load: Loading) -> bool:
 def _path(scene: "Scene", load: Loading, value: Any, what: str) -> tuple[Path, Ints | None]:
     """What a stage says of a load, and the local nodes that it gives values at, if it is a function of places too."""
     if isinstance(load, Swelling):
-        return swelling_path(scene, value, what), None
+        return swelling_path(scene, load.group[0], value, what)
     if isinstance(load, Load) and load.word == "forces":
         return force_path(scene, value, what), None
     if isinstance(load, Load | Entering):
@@ -88,8 +88,11 @@ def force_path(scene: "Scene", vector: Drive, what: str) -> Path:
 
 def _over_stages(stages: Stages, load: Loading, parts: dict[int, Part], nodes: Ints | None) -> Loading:
     placed = [path for path in (load.path, *(part.way for part in parts.values())) if isinstance(path, AtPoints)]
-    origin, mine = np.full(load.shape, 1.0 if isinstance(load, Swelling) else 0.0), None
+    rest, mine = 1.0 if isinstance(load, Swelling) else 0.0, None
+    origin = np.full(load.shape, rest)
     if placed:
-        origin, mine = np.zeros((placed[0].count, *load.shape)), placed[0].mine
+        origin, mine = np.full((placed[0].count, *load.shape), rest), placed[0].mine
     path = Course(stages, load.path, parts, origin, mine)
-    return replace(load, path=path, nodes=nodes) if isinstance(load, Load | Entering) else replace(load, path=path)
+    if isinstance(load, Load | Entering | Swelling):
+        return replace(load, path=path, nodes=nodes)
+    return replace(load, path=path)

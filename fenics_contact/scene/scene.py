@@ -267,11 +267,11 @@ class Scene:
             raise SceneError("spin is stated twice; bodies turn about one axis, at a speed that may be a function of t")
         self.spin_stated = spin_of(self, speed, density, axis, point)
 
-    def swell(self, body: Body | str, ratio: Drive) -> None:
+    def swell(self, body: Body | str, ratio: Drive | Place) -> None:
         """A body's volume without stress over that at the start, J_s, by temperature or swelling: F = J_s^(1/3) F_e.
 
-        ratio: reached at t = 1 from 1, or a function of t; of a heated body (1 + alpha T)^3. An interference fit is a ring
-        drawn without interference that shrinks, or a hub that swells.
+        ratio: reached at t = 1 from 1, or a function of t or of (X, t), as of `pressure`, of the body's nodes; of a heated
+        body (1 + alpha T)^3. An interference fit is a ring drawn without interference that shrinks, or a hub that swells.
         """
         self.swellings.append(swelling_of(self, body, ratio))
 

@@ -182,12 +182,13 @@ class Spin:
 
 @dataclass(frozen=True)
 class Swelling:
-    """A body's volume without stress over that at the start, path(t); of a number, from 1 to there."""
+    """A body's volume without stress over that at the start, path(t), as of a Load; of a number, from 1 to there."""
 
     word: ClassVar[str] = "swell"
     shape: ClassVar[tuple[int, ...]] = ()
     group: tuple[str, ...]
     path: Path
+    nodes: Ints | None
 
 
 Loading = Load | Entering | MomentLoad | Spin | Swelling

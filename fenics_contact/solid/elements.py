@@ -160,9 +160,16 @@ def _mixed(
 
 def _energy(parts: Sequence[tuple[Material, Expr, Measure]]) -> Energy:
     """Strain energy of bodies (material, energy per volume, dx), and its rates with the ratios of those that swell."""
-    swelling = [(*material.swelling, density, dx) for material, density, dx in parts if material.swelling is not None]
-    rates = [(ratio, ufl.diff(density, variable) * dx) for ratio, variable, density, dx in swelling]
-    return Energy(sum(density * dx for _, density, dx in parts), rates)
+    numbers, fields = [], []
+    for material, density, dx in parts:
+        if material.swelling is not None:
+            ratio, variable = material.swelling
+            rate = ufl.diff(density, variable)
+            if isinstance(ratio, ufl.Coefficient):
+                fields.append((ratio, rate * ufl.TestFunction(ratio.function_space) * dx))
+            else:
+                numbers.append((ratio, rate * dx))
+    return Energy(sum(density * dx for _, density, dx in parts), numbers, fields)
 
 
 def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function], Expr]]:

@@ -16,11 +16,12 @@ from ufl.core.multiindex import MultiIndex
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from fenics_contact.solid.powers import power_sum
-from fenics_contact.types import Constant, Expr
+from fenics_contact.types import Constant, Expr, Function
 from fenics_contact.values import finite, function, positive, text
 
 CHAINS = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)  # of the series of the inverse Langevin function
-Swelling = tuple[Constant, Expr]  # volume without stress over that at the start, and the variable that energies have for it
+# volume without stress over that at the start, and the variable that energies have for it
+Swelling = tuple[Constant | Function, Expr]
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def with_pressure(material: Material, p: Expr) -> Isotropic:
     return _with_energy(material, lambda I1, I2, J: isochoric(I1, I2) + p * J)
 
 
-def swollen(material: Material, ratio: Constant) -> Material:
+def swollen(material: Material, ratio: Constant | Function) -> Material:
     """The law in a body whose volume without stress is `ratio`, J_s, times that at the start, by temperature or swelling.
 
     F = J_s^(1/3) F_e and the energy is psi(F_e) per volume without stress, J_s psi(F_e) per reference volume (Lubarda 2004,
