@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved is more than what straight cells cut off
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
 THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
-# Of the distance of slave nodes: a facet that deep in a tool between them no longer follows it, a force is off by several
-# percent (docs/choices.md); and where that is what keeps a step from converging
-BETWEEN, PIERCED = 0.15, 0.3
+# Of the distance of slave nodes: a facet that much deeper in a tool between them no longer follows it, and the force is too
+# small by a tenth and more (docs/choices.md); and where that is what keeps a step from converging
+BETWEEN, PIERCED = 0.1, 0.3
+FINER = "cells of a third of its radius"
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
@@ -170,8 +171,8 @@ def _depth_note(contact: Contact, state: State) -> str | None:
 
 def _held_better(contact: Contact) -> str:
     """What keeps a tool from coming in between the points of a slave surface."""
-    finer = "a finer mesh under the tool, cells of a third of its radius"
-    return f"take points=3 (Gauss points), or {finer}" if contact.surface.between else f"take more steps, or {finer}"
+    first = "points=3 (Gauss points)" if contact.surface.between else "more steps"
+    return f"take {first}, or a finer mesh under the tool, {FINER}"
 
 
 def _between(contact: Contact, state: State) -> tuple[float, str, str]:
@@ -188,7 +189,7 @@ def _between(contact: Contact, state: State) -> tuple[float, str, str]:
 def _between_note(contact: Contact, state: State) -> str | None:
     """None, or that a tool comes in between slave nodes. Collective."""
     share, text, place = _between(contact, state)
-    return f"{place}: {text}, and the force is too small: {_held_better(contact)}" if share > BETWEEN else None
+    return f"{place}: {text}; the force is too small: mesh it more finely, {FINER}" if share > BETWEEN else None
 
 
 def _pierced(contact: Contact, state: State) -> Finding | None:
