@@ -31,6 +31,14 @@ def test_more_steps_and_ranks_give_the_same(seed):
     assert two["class"] in GOOD, two["says"]
 
 
+@pytest.mark.parametrize("seed", [9080, pytest.param(9085, marks=pytest.mark.slow)])
+@pytest.mark.serial
+def test_bodies_that_a_step_would_have_thrown_away(seed):
+    """9080: forces of 1e-13 N counted as what holds a body far from all tools. 9085: a tool slips in between single points."""
+    found = judge(seed, thorough=False)
+    assert found["class"] in GOOD, found["says"]
+
+
 @pytest.mark.parallel
 def test_slips_around_a_middle_settle():
     """A block pressed on another one spreads: a node near the middle passed it in each solve and turned its slip around."""

@@ -1,7 +1,7 @@
 """Stabilisation of bodies and tools that nothing holds yet: soft springs whose far ends follow until they pull no more."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -108,5 +108,15 @@ class Grounding(SpringTerm):
     def trouble(self, state: State) -> Finding | None:
         if self._left * ALLOWED > 0.1:
             text = "the stabilisation still carries the load: no contact has been met that holds the bodies"
-            return Finding(RIGID_MOTION, text, remedy="close the gap, fix a surface, or turn the load towards the contact")
+            remedy = "close the gap, fix a surface, or turn the load towards the contact"
+            if single := [f"'{c.name}'" for c in self._system.contacts if _single(c.surface)]:
+                remedy = (
+                    f"take points=3 in contact {' and '.join(single)}, for a tool passes between single ones; or {remedy}"
+                )
+            return Finding(RIGID_MOTION, text, remedy=remedy)
         return None
+
+
+def _single(surface: Any) -> bool:
+    """Whether a contact has one Gauss point a facet."""
+    return surface.gradients is not None and surface.area.shape[1] == 1

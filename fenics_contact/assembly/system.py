@@ -302,7 +302,8 @@ class System:
         """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
         if not self.holds.reliant:
             return set()
-        least = max(ALLOWED * max(self.forces, self.force_scale), self.noise)
+        # a force that an unbalanced one may be as large as holds nothing
+        least = max(ALLOWED * max(self.forces, self.force_scale), TOLERANCE * self.scale)
         return set(self.holds.loose(lambda contact: contact.holding(self.state, least)))
 
     def adrift(self) -> Finding | None:
