@@ -34,7 +34,7 @@ def test_more_steps_and_ranks_give_the_same(seed):
 @pytest.mark.parametrize("seed", [9080, pytest.param(9085, marks=pytest.mark.slow)])
 @pytest.mark.serial
 def test_bodies_that_a_step_would_have_thrown_away(seed):
-    """9080: forces of 1e-13 N counted as what holds a body far from all tools. 9085: a tool slips in between single points."""
+    """9080: forces of 1e-13 N were what holds a body far from all tools. 9085: a tool slips in between single points."""
     found = judge(seed, thorough=False)
     assert found["class"] in GOOD, found["says"]
 
