@@ -104,7 +104,15 @@ def draw_failures():
             assert result.verdict.kind == kind, result.verdict.reason
             result.plot(*(field or ["contact_pressure"]), Path(folder) / "picture.png", view=view)
             print(f"{kind}: {result.verdict.reason}")
-            keep(Path(folder) / "picture.png", f"fails_{kind.replace(' ', '_').replace('-', '_')}.png", 560)
+            keep(Path(folder) / "picture.png", failure(kind), 560)
+    for draw in importlib.import_module("failures").DRAWN:
+        with tempfile.TemporaryDirectory() as folder:
+            keep(Path(folder) / "picture.png", failure(draw(Path(folder) / "picture.png")), 560)
+
+
+def failure(kind):
+    """Name of the picture of a kind of verdict."""
+    return f"fails_{re.sub('[ -]', '_', kind)}.png"
 
 
 def main(names):
