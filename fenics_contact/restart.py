@@ -104,6 +104,7 @@ class Keeper:
         if self._softened:
             self._softened.helps = content["softened"]
         self.verdict, self.rows, self.resumed = Verdict(**content["verdict"]), content["rows"], True
+        self.verdict.resumed.append(len(self.rows))
 
     @property
     def _path(self) -> Continuation | None:

@@ -224,6 +224,7 @@ def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdi
         "stages": stages_summary(history),
         "stabilisation": _stabilisation(system, scene.units),
         "damping": _damping(system, scene.units),
+        "resumed_after_steps": verdict.resumed,
         "iterations": verdict.iterations,
         "corrections": verdict.corrections,
         "augmentations": verdict.augmentations,

@@ -266,6 +266,9 @@ def test_the_log_counts_energy_in_the_summary_s_work_done():
     rows = [{"t": t, "external_work_Nmm": w, "energy_error_Nmm": e} for t, w, e in ((0.5, 1.0, 0.0), (1.0, 0.2, 0.1))]
     line = energy_line(Energies(0.2, 0.0, 0.0, {"top": 0.1}), energy_summary(rows, Units()), Units())
     assert line.startswith("work done 1.8 N mm") and "friction 5.56%" in line and "missing 5.56%" in line
+    shares = [float(share) for share in re.findall(r"([\d.]+)%", line)]
+    assert "in and out again 88.89%" in line and sum(shares) == pytest.approx(100.0, abs=0.02)
+    assert "in and out again" not in energy_line(Energies(1.0, 0, 0, {}), energy_summary(rows[:1], Units()), Units())
     assert energy_line(Energies(), {}, Units()) == "no work done"
 
 

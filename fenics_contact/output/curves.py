@@ -95,7 +95,8 @@ def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: b
     if len(ends) and not whole:
         near = AROUND * float(ends.max() - ends.min())
         axes.set_xlim(max(ends.min() - near, place.min()) - 0.1 * near, min(ends.max() + near, place.max()) + 0.1 * near)
-    axes.set_xlabel(labelled("way along the line", L), fontsize=LETTERS)
+    start = ", ".join(f"{table[f'{axis}_reference_{L}'][0]:.3g}" for axis in "xyz")
+    axes.set_xlabel(labelled(f"way along the line from what was at ({start})", L), fontsize=LETTERS)
     axes.set_ylabel(f"[{p}]" if rubs else labelled("pressure", p), fontsize=LETTERS)
     axes.tick_params(labelsize=LETTERS)
     return figure

@@ -18,6 +18,7 @@ from fenics_contact.output.names import energy_unit, plain_name
 from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
+UNSEEN = 5e-5  # of the work done: less is 0.00%
 GROSS = 1 / 3  # of the work done: more than a ball pressed in a single step misses, a quarter
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
@@ -99,7 +100,7 @@ def penalty_lines(summary: Summary, units: Units) -> list[str]:
         if peak > 0.0:
             where = ", ".join(f"{x:.4g}" for x in e[f"peak_pressure_at_{units.length}"])
             how = f"{change:+.2%}" if change is not None else "more than a third, which only a finer mesh can settle"
-            text += f", and its peak pressure, {peak:.4g} {units.pressure} at ({where}), by {how}"
+            text += f", and its peak pressure, {peak:.4g} {units.pressure} at ({where}) of the undeformed body, by {how}"
         lines.append(text)
     return lines
 
@@ -112,6 +113,8 @@ def energy_line(energies: Energies, summary: Summary, units: Units) -> str:
     done = summary[f"work_done_{energy_unit(units)}"]
     went = {"bodies": energies.strain, "penalties": energies.penalty, "friction": sum(energies.friction.values())}
     went |= {"damping": energies.damping, "missing": energies.error}
+    if (again := done - energies.external_work) > UNSEEN * done:
+        went["in and out again"] = again
     shares = ", ".join(f"{name} {part / done:.2%}" for name, part in went.items() if part)
     return f"work done {done:.4g} {unit}, in the end {energies.external_work:.4g} went in; of the work done: {shares}"
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from fenics_contact.assembly.finding import CYCLING, Finding, spot, tidied
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import SHORTENED, StepFailed
 from fenics_contact.types import Array
 
 LONGEST = 4  # period looked for
@@ -34,7 +34,7 @@ class StatusWatch:
                 return
             self.blame()
             self._finding = self._cycle(period)
-            shortened = "" if self.system.settles else ": increments shortened"
+            shortened = "" if self.system.settles else SHORTENED
             self.notes.append(f"{self._finding.reason} ({self._finding.place}){shortened}")
             self._seen.clear()
 

@@ -8,6 +8,7 @@ from fenics_contact.assembly.finding import CONVERGED, CYCLING, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
+SHORTENED = ": increments shortened"  # how the notes on such steps end
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
 
@@ -31,7 +32,8 @@ class Verdict:
     0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
-    not had yet; remarked: kinds of what terms have said, by their names; smallest: step [t] below which none is tried; size:
+    not had yet; remarked: kinds of what terms have said, by their names; resumed: numbers of the last steps before
+    the run was killed and gone on with; shortened: steps in which increments were, as the first of them notes; smallest: step [t] below which none is tried; size:
     largest step [t] to try next, endless while no step failed.
     """
 
@@ -51,6 +53,8 @@ class Verdict:
     causes: dict[str, int] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
     remarked: dict[str, list[str]] = field(default_factory=dict)
+    resumed: list[int] = field(default_factory=list)
+    shortened: int = 0
     smallest: float = 0.0
     size: float = math.inf
 
@@ -67,13 +71,15 @@ class Verdict:
             self.said.append(line)
 
     def cut_notes(self) -> list[str]:
-        """A note on why steps were cut back, if any were."""
+        """Notes on why steps were cut back, and on how many had increments shortened, if any were."""
+        more = self.shortened - 1
+        notes = [f"increments were shortened so in {more} later step{'s' * (more > 1)}"] if more > 0 else []
         if not self.causes:
-            return []
+            return notes
         most = sorted(self.causes.items(), key=lambda cause: -cause[1])
         times = "cut-back, which leaves" if self.cuts == 1 else "cut-backs, which leave"
         why = ", ".join(f"{cause} ({count} of {self.cuts})" for cause, count in most)
-        return [f"{self.cuts} {times} nothing in the result: {why}"]
+        return [*notes, f"{self.cuts} {times} nothing in the result: {why}"]
 
     def accept(self, report: StepReport, system: System) -> None:
         """A step has been accepted, which took what its report says; terms may remark on the state. Collective."""
@@ -88,7 +94,11 @@ class Verdict:
             remarks = term.remarks(system.state, said)
             notes += remarks.values()
             said += remarks
-        self.notes += [f"step {len(self.residuals)} to t = {self.t:.6g}: {note}" for note in notes]
+        for note in notes:
+            line = f"step {len(self.residuals)} to t = {self.t:.6g}: {note}"
+            again = note.endswith(SHORTENED) and self.shortened
+            self.shortened += note.endswith(SHORTENED)
+            (self.said if again else self.notes).append(line)
 
     def stop(self, finding: Finding, t: float, step: int | None = None) -> None:
         """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
