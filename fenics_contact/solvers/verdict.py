@@ -33,7 +33,7 @@ class Verdict:
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
     not had yet; remarked: kinds of what terms have said, by their names; resumed: numbers of the last steps before
-    the run was killed and gone on with; shortened: steps in which increments were, as the first of them notes; smallest: step
+    the run was killed and gone on with; shortened: steps in which increments were, as the first one notes; smallest: step
     [t] below which none is tried; size: largest step [t] to try next, endless while no step failed.
     """
 
