@@ -20,7 +20,7 @@ INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved 
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
 THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
 # Of the distance of slave nodes: a facet that much deeper in a tool between them no longer follows it, and the force is too
-# small by a tenth and more (docs/choices.md); and where that is what keeps a step from converging
+# small by 2 to 40 % (docs/choices.md); and where that is what keeps a step from converging
 BETWEEN, PIERCED = 0.1, 0.3
 FINER = "cells of a third of its radius"
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
