@@ -62,10 +62,18 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         found = _restless(system, goal) or _letting_go(system) or sliding(system, MOSTLY)
         return found or _unexplained(system, known, inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
-        ways = [known.remedy, *damping(system)]
-        short = goal is not None and goal - system.committed_t <= LONG  # more steps would not be shorter ones
-        return known._replace(remedy=" or ".join(ways[::-1] if short else ways))
+        if goal is None or goal - system.committed_t > LONG:
+            return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
+        # more steps would not be shorter ones; a force near the most that contacts can take may have no balance ahead
+        ways = [*damping(system), *_moved_instead(system), known.remedy]
+        return known._replace(remedy=" or ".join(ways))
     return found or known
+
+
+def _moved_instead(system: System) -> list[str]:
+    """The advice to move what forces push, in a list, where a tool is pushed."""
+    names = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(system.tools.free.any(axis=1))]
+    return [f"move {' and '.join(names)} instead of pushing"] if names else []
 
 
 def _unexplained(system: System, known: Finding, inverted: Finding | None, goal: float | None) -> Finding:
