@@ -209,11 +209,6 @@ def test_a_function_of_the_pressure_is_stated_with_its_range(mesh):
     refused(lambda: pressed(mesh, friction=lambda p: 0.3), "top", "friction", "coulomb(...) of this function", "up_to=")
 
 
-def test_directions_of_friction_are_those_of_a_tool(pair):
-    law = fc.coulomb(0.3, across=0.5, along=(1, 0, 0))
-    refused(lambda: stacked(pair, friction=law), "joint", "across=", "needs a tool")
-
-
 def test_friction_is_a_number_or_a_law(mesh):
     refused(lambda: pressed(mesh, friction="rough"), "top", "friction = 'rough'", "coulomb(...)")
 

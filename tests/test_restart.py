@@ -25,6 +25,7 @@ from fenics_contact import (
     Scene,
     SceneError,
     Travel,
+    coulomb,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
@@ -43,6 +44,7 @@ RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 ALL = [0.25, 0.5, 0.75, 1.0]
 # the same where rotations are free: their torques balance to the forces' 1e-11 times the bodies' size
 TURNING = 1e-9
+DIRECTED = coulomb(0.3, across=0.5, along=(1.0, 2.0, 0.0))
 SAME = 1e-10  # resumed against continuous: steps end at 1e-11 or, on one number of ranks, with the same iterates
 
 
@@ -61,7 +63,7 @@ def pushed_punch(degree=1, element="displacement", **options):
     return scene, {"push": {punch: lambda t: (20.0 * max(t - 0.25, 0.0), 0.0, -60.0 * t)}}
 
 
-def sliding_blocks(points, degree=1, **options):
+def sliding_blocks(points, degree=1, friction=0.3, **options):
     """A block pressed on another and dragged by half a facet of it: anchors on the master, slip."""
     lower, upper = ((6, 6, 2), (4, 4, 1)) if degree == 1 else ((4, 4, 1), (3, 3, 1))
     mesh = read_gmsh(two_blocks.build, lower_cells=lower, upper_cells=upper)
@@ -70,7 +72,7 @@ def sliding_blocks(points, degree=1, **options):
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 4.0 * max(t - 0.25, 0.0)))
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -1.0 * min(t / 0.25, 1.0)))
-    scene.contact("upper_bottom", "lower_top", 0.3, penalty=10.0, points=points, name="c", **options)
+    scene.contact("upper_bottom", "lower_top", friction, penalty=10.0, points=points, name="c", **options)
     return scene, {}
 
 
@@ -126,6 +128,8 @@ SCENES = {
     "blocks of degree 2": lambda: sliding_blocks(3, degree=2),
     "blocks of degree 2 by averages": lambda: sliding_blocks("averages", degree=2),
     "blocks by averages": lambda: sliding_blocks("averages"),
+    "blocks by averages, two directions": lambda: sliding_blocks("averages", friction=DIRECTED),
+    "blocks by Gauss points, two directions": lambda: sliding_blocks(2, friction=DIRECTED),
     "blocks by averages, augmented": lambda: sliding_blocks("averages", penetration=1e-3),
     "tetrahedra, stabilised": dropped_tetrahedra,
     "punch, augmented": lambda: pushed_punch(penetration=1e-4),
@@ -219,7 +223,9 @@ def folder(tmp_path):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("name", ["punch", "blocks by Gauss points", "blocks by averages"])
+@pytest.mark.parametrize(
+    "name", ["punch", "blocks by Gauss points", "blocks by averages", "blocks by averages, two directions"]
+)
 def test_a_resumed_run_equals_a_continuous_one(name, folder):
     continuous = numbers(carry(name, folder / "whole", ALL))
     carry(name, folder / "parts", ALL[:2])

@@ -9,7 +9,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.friction import turned
+from fenics_contact.contact.friction import Friction, turned
 from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -25,7 +25,9 @@ from fenics_contact.kernels.contact_pairs import (
     stiffened_anchors,
 )
 from fenics_contact.kernels.contact_tangent import add_tangents
+from fenics_contact.kernels.couplings import Pattern
 from fenics_contact.kernels.deformable_element import Pairs, PointLaws, Slaves, slave_points
+from fenics_contact.kernels.turning import add_turning_tangents
 from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64, Space
 
@@ -67,6 +69,16 @@ class OnFacets:
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
     master: MasterSurface | ToolSurface
     _comm: MPI.Comm
+
+    _led: tuple[Friction, Floats] | None = None
+
+    def _directed(self, friction: Friction) -> Floats:
+        """Parts (nf, m) of the master's nodes in its facets' directions of friction; (0, m) where they do not deform."""
+        if friction.ratio == 1.0:
+            return np.empty((0, self.master.facets[0].shape[1]))
+        if self._led is None or self._led[0] is not friction:
+            self._led = friction, self.master.directed(friction.along)
+        return self._led[1]
 
     def looks(self, state: State) -> Floats:
         raise NotImplementedError
@@ -214,7 +226,17 @@ class FacetPartner(OnFacets):
         law, nq = trial.law, self.surface.area.shape[1]
         penalties = np.repeat(law.eps_n, nq), np.repeat(law.eps_t, nq)
         touch = float(law.touch if touch is None else touch)
-        return *penalties, turned(law.friction, feet.pose), touch, trial.history.shift.reshape(-1), trial.judged
+        return *penalties, self.friction(feet, trial), touch, trial.history.shift.reshape(-1), trial.judged
+
+    def friction(self, feet: FacetFeet, trial: Trial) -> Friction:
+        """The law of friction at these feet, with what directions it has there."""
+        law, (nodes, parts) = turned(trial.law.friction, feet.pose), self._directions(feet, trial)
+        return law._replace(directions=np.einsum("qi,qic->qc", parts, feet.coords[nodes])) if len(parts) else law
+
+    def _directions(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Floats]:
+        """Nodes (np, m) of the points' directions of friction and their parts in them; (0, m): one holds for all."""
+        directed, nodes = self._directed(trial.law.friction), self._facets[0]
+        return (nodes[feet.projection[0]], directed[feet.projection[0]]) if len(directed) else (nodes[:0], directed)
 
     def _pairs(self, feet: FacetFeet, trial: Trial, area: Floats | None = None) -> Pairs:
         """What the kernels take of the pairs of points and facets."""
@@ -246,8 +268,13 @@ class FacetPartner(OnFacets):
 
     def _tangent(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
-        pairs = *self._pairs(feet, trial, trial.area), self._law(feet, trial)
-        rows, columns, blocks, missing = self._pattern.filled(lambda *out: add_tangents(*pairs, *out))
+        pairs, parts = (*self._pairs(feet, trial, trial.area), self._law(feet, trial)), self._directions(feet, trial)
+
+        def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
+            missing = add_tangents(*pairs, pattern, out)
+            return missing + (add_turning_tangents(*pairs, parts, (*pattern, *out)) if len(parts[1]) else 0)
+
+        rows, columns, blocks, missing = self._pattern.filled(add)
         if missing:
             raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
         return rows, columns, blocks

@@ -19,6 +19,7 @@ DECADES = 12  # below the largest pressure of its range: under less mu is that o
 PIECES = 64  # at first: two an octave and a half, so that no bend of a law is passed over
 NARROWEST = 1e-12  # of ln p: where a kink would long be met to EXACT, mu(p) jumps
 NO_TABLE = np.empty((0, POWER + 3))
+NO_DIRECTIONS = np.empty((0, 3))
 
 
 def coulomb(
@@ -38,11 +39,12 @@ def coulomb(
     grows as p^(2/3) (Hertz); above -1, so that more pressure allows more friction; reference: the pressure at which
     mu(p) = mu [pressure]; shear_limit: of the friction traction [pressure]; up_to: largest pressure that a function mu(p)
     holds for [pressure]; a state under more is refused, and under less than 1e-12 of it mu is that of the least; across:
-    the coefficient across the direction `along`, along which mu holds; along: direction (3,) on the tool, to which it is
-    fixed. `|T_T|` lies on the ellipse of both and acts against the way slid: slip is not associated with the ellipse.
-    SceneError for anything else.
+    the coefficient across the direction `along`, along which mu holds; along: direction (3,) on the master, a tool
+    or an undeformed body, to which it is fixed: on a body that of its facets, with which it turns and shears. `|T_T|` lies
+    on the ellipse of both and acts against the way slid: slip is not associated with the ellipse. SceneError for anything
+    else.
     """
-    law = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), NO_TABLE)
+    law = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), NO_TABLE, NO_DIRECTIONS)
     if shear_limit is not None:
         law = law._replace(shear=float(positive(shear_limit, "friction: shear_limit", more=", a pressure")))
     if callable(mu):
@@ -125,6 +127,7 @@ def friction_of(value: object, what: str = "friction") -> Friction:
 def stated(friction: Friction) -> float | dict[str, Any]:
     """Coulomb's mu, or the numbers of a friction law by name, a table as some of its pressures with their mu."""
     parts = friction._asdict()
+    del parts["directions"]  # each contact's own
     if len(table := parts.pop("table")) == 0:
         return friction.mu if friction == coulomb(friction.mu) else parts
     mu = table[:, 2:] @ np.ones(POWER + 1)
@@ -132,7 +135,7 @@ def stated(friction: Friction) -> float | dict[str, Any]:
 
 
 def turned(friction: Friction, pose: Pose | None) -> Friction:
-    """The law on a tool in a pose: its direction has turned along. None: of no tool, whose laws have no direction."""
+    """The law on a tool in a pose: its direction has turned along. None: of no tool."""
     if pose is None or friction.ratio == 1.0:
         return friction
     x, y, z = pose.turn @ friction.along

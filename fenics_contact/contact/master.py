@@ -13,7 +13,16 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.kernels.facets import MAX_NODES, Surface
 from fenics_contact.kernels.quadratic import LINE, STRIP, TRIANGLE
+from fenics_contact.kernels.vectors import Vector
 from fenics_contact.types import Floats, Ints, Ints64, Space
+
+# Derivatives of a facet's shape functions in its centre, by its number of corners: two tangents, of a plane cell's side one
+CENTRE = {
+    2: np.array([[-1.0, 1.0, 0.0, 0.0]]),
+    3: np.array([[-1.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0]]),
+    4: np.array([[-0.5, 0.5, 0.5, -0.5], [-0.5, -0.5, 0.5, 0.5]]),
+}
+NORMAL = 1e-6  # of a direction of length one: what lies less in a facet is normal to it
 
 
 class Meeting(Protocol):
@@ -174,6 +183,20 @@ class MasterSurface(_Surface):
         (near, far), (front, back) = np.split(x, 2), np.split(forces, 2)
         return 0.5 * (near + far), front + back
 
+    def directed(self, along: Vector) -> Floats:
+        """Parts (nf, m) of the facets' nodes in vectors of their directions of friction: `along`, of length one, as it lies
+        in a facet of the undeformed body, turns and shears with that; zeros where it is normal to the facet."""
+        nodes, size = self.corners
+        tangents = CENTRE[int(size.max(initial=4))]
+        R = np.einsum("ai,fic->fac", tangents, self.X[nodes])
+        metric = np.einsum("fac,fbc->fab", R, R)
+        parts = np.einsum("fab,fbc,c->fa", np.linalg.pinv(metric, hermitian=True), R, along)
+        length = np.linalg.norm(np.einsum("fa,fac->fc", parts, R), axis=1, keepdims=True)
+        parts = np.where(length > NORMAL, parts / np.maximum(length, NORMAL), 0.0) @ tangents
+        out = np.zeros(self.facets[0].shape)
+        out[:, : np.count_nonzero(tangents.any(axis=0))] = parts[:, tangents.any(axis=0)]
+        return out
+
     def pose(self, state: State) -> None:
         """None: a body is no tool."""
 
@@ -210,6 +233,10 @@ class ToolSurface(_Surface):
     def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length]."""
         return self.pose(state).placed(self.X)
+
+    def directed(self, along: Vector) -> Floats:
+        """None (0, m): directions of friction turn with a tool as a whole."""
+        return np.empty((0, self.facets[0].shape[1]))
 
     def pose(self, state: State) -> Pose:
         """Where the tool is."""

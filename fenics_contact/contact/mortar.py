@@ -5,10 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.facets import MARGIN, OnFacets, own, unit
-from fenics_contact.contact.friction import turned
+from fenics_contact.contact.friction import Friction, turned
 from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import Linearised, MortarFeet, Sights
@@ -121,10 +120,19 @@ class MortarPartner(OnFacets):
             last = self._last = feet, anchors, self._averages(feet, anchors)
         return last[2]
 
-    def _law(self, trial: Trial, pose: Pose | None) -> kernel.NodeLaws:
+    def _law(self, trial: Trial, friction: Friction) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()
         judged, body = trial.judged.reshape(-1, 4), self.surface.stiffness
-        return law.eps_n, law.eps_t, turned(law.friction, pose), float(law.touch), shift, judged, body
+        return law.eps_n, law.eps_t, friction, float(law.touch), shift, judged, body
+
+    def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
+        """The law of friction at these feet, with what directions it has there: sums over the samples around each node."""
+        law, directed, facet = turned(trial.law.friction, feet.pose), self._directed(trial.law.friction), feet.projection[0]
+        if not len(directed):
+            return law
+        at_samples = np.einsum("qi,qic->qc", directed[facet], feet.coords[self._facets[0][facet]])
+        share = np.where(self._seated(feet), self.samples.share, 0.0)
+        return law._replace(directions=np.einsum("nj,njc->nc", share, at_samples[self.samples.table]))
 
     def _share(self, trial: Trial) -> Floats:
         return (trial.area / self.surface.area).ravel()
@@ -135,7 +143,7 @@ class MortarPartner(OnFacets):
     def _tractions(self, feet: MortarFeet, trial: Trial) -> tuple[kernel.Averaged, Ints, Floats, Floats, Floats, Floats]:
         """Averages, and status, N, T_T, T_T^tr, excess of the slave nodes."""
         averaged = self._averaged(feet, trial.history.anchors)
-        return averaged, *kernel.node_tractions(self._law(trial, feet.pose), averaged, self._share(trial))
+        return averaged, *kernel.node_tractions(self._law(trial, self.friction(feet, trial)), averaged, self._share(trial))
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _, excess = self._tractions(feet, trial)
@@ -149,7 +157,7 @@ class MortarPartner(OnFacets):
     def _softened(self, averaged: kernel.Averaged, trial: Trial) -> Floats:
         """Penalties of the nodes (ns,) over those of nodes that are covered whole."""
         part = np.empty(len(averaged[0]))
-        kernel.softening(self._law(trial, None), averaged, part)  # in which no direction has a part
+        kernel.softening(self._law(trial, trial.law.friction), averaged, part)  # in which no direction has a part
         return part
 
     def add_forces(self, feet: MortarFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
@@ -173,13 +181,14 @@ class MortarPartner(OnFacets):
     def _tangent(self, feet: MortarFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats, Linearised]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair once, and what it knew."""
         averaged, _, N, T, _, _ = self._tractions(feet, trial)
-        rates, pressed, rubbed = kernel.node_rates(self._law(trial, feet.pose), averaged, self._share(trial))
+        law = self._law(trial, self.friction(feet, trial))
+        rates, pressed, rubbed = kernel.node_rates(law, averaged, self._share(trial))
         s, swung, anchors = self.samples, self._turned(feet), own(trial.history.anchors)
-        where = feet.coords, s.slaves, self._facets, feet.met
+        where, directed = (feet.coords, s.slaves, self._facets, feet.met), self._directed(trial.law.friction)
 
         def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
             missing = add_held_tangents(*where, swung, (pressed, rubbed, s.number), (*pattern, *out))
-            return missing + add_node_tangents(*where, anchors, swung, (rates, *averaged), (*pattern, *out))
+            return missing + add_node_tangents(*where, anchors, swung, (rates, *averaged, directed), (*pattern, *out))
 
         rows, columns, blocks, missing = self._pattern.filled(add)
         if missing:
@@ -206,7 +215,8 @@ class MortarPartner(OnFacets):
         then, law, anchors = before.feet, trial.law, trial.history.anchors
         where = then.coords, self.samples.slaves, self._facets, then.met
         means = self._averages(then, anchors)
-        change = foreseen_averages(*where, own(anchors), means, self._turned(then), feet.coords - then.coords)
+        motion = feet.coords - then.coords, self._directed(law.friction)
+        change = foreseen_averages(*where, own(anchors), means, self._turned(then), motion)
         averaged = self._averaged(feet, anchors)
         part = self._softened(averaged, trial)
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]

@@ -4,6 +4,7 @@ from typing import Any, Protocol
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
@@ -55,6 +56,8 @@ class Partner(Protocol):
         """Places and forces (n, 3) at the slave's nodes, which all ranks' together are what acts on the slave body, as
         `add_forces` adds it [length, force]."""
         ...
+
+    def friction(self, feet: Any, trial: Trial) -> Friction: ...
 
     def tangent(self, feet: Any, trial: Trial) -> Blocks: ...
 

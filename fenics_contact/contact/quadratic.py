@@ -18,15 +18,17 @@ from fenics_contact.kernels.deformable_element import Pairs, PointLaws
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.quadratic import add_lifted, foot_shapes, quadratic_rays
 from fenics_contact.kernels.status import OPEN
+from fenics_contact.kernels.turning import add_turning_tangents
 from fenics_contact.types import Anchors, Floats, Ints, Ints64
 
-SLAVE, MASTER, ANCHOR, CORNERS = 0, 3, 6, 7  # corners of a pair's flat facets: of the slave's, the master's, the anchor
+# corners of a pair's flat facets: of the slave's, the master's, the anchor; behind them the direction of friction, if any
+SLAVE, MASTER, ANCHOR, CORNERS = 0, 3, 6, 7
 
 
 class Touching(NamedTuple):
     """Flat facets that touch those of the pairs `at` (n,), numbers of slave points: `pairs` and laws as the kernels take
-    them; nodes (n, k) of slave facet, master facet and anchor (-1: none), lift (n, CORNERS, k): their parts in the corners;
-    rows: how many of the nodes forces act on."""
+    them; nodes (n, k) of slave facet, master facet and anchor (-1: none), lift (n, corners, k): their parts in the corners,
+    CORNERS or one more, a direction; rows: how many of the nodes forces act on."""
 
     at: Ints64
     pairs: Pairs
@@ -62,19 +64,22 @@ class QuadraticPartner(FacetPartner):
         _, weights, areas, gradients = self._slaves(area)
         facets, (facet, _, _, _, gap, normal) = self._facets[0], feet.projection
         anchor_nodes, anchor_weights = own(trial.history.anchors)
-        n, k, m = len(at), weights.shape[1], facets.shape[1]
-        N, lift = np.empty((n, 3, m)), np.zeros((n, CORNERS, k + 2 * m))
+        n, k, m, directed = len(at), weights.shape[1], facets.shape[1], self._directed(trial.law.friction)
+        corners = CORNERS + (len(directed) > 0)
+        N, lift = np.empty((n, 3, m)), np.zeros((n, corners, k + 2 * m))
         foot_shapes(at, self._facets, feet.projection, N)
         lift[:, SLAVE:MASTER, :k] = weights[at][:, None]
         lift[:, SLAVE + 1 : SLAVE + 1 + gradients.shape[1], :k] += gradients[at]
         lift[:, MASTER:ANCHOR, k : k + m] = N[:, :1]
         lift[:, MASTER + 1 : ANCHOR, k : k + m] += N[:, 1:]
         lift[:, ANCHOR, k + m :] = anchor_weights[at]
+        if len(directed):
+            lift[:, CORNERS, k : k + m] = directed[facet[at]]
         nodes = np.column_stack([self._nodes[at], facets[facet[at]], anchor_nodes[at]])
         coords = np.einsum("qcn,qnx->qcx", lift, feet.coords[nodes])
         if gradients.shape[1] == 1:  # sides of a plane mesh go on along z
             coords[:, [SLAVE + 2, MASTER + 2]] += ACROSS
-        numbers = np.arange(CORNERS * n).reshape(n, CORNERS)
+        numbers = np.arange(corners * n).reshape(n, corners)
         slaves = (
             np.ascontiguousarray(numbers[:, SLAVE:MASTER]),
             np.tile([1.0, 0.0, 0.0], (n, 1)),
@@ -97,6 +102,8 @@ class QuadraticPartner(FacetPartner):
 
     def _law_at(self, feet: FacetFeet, trial: Trial, at: Ints64, touch: float | None = None) -> PointLaws:
         eps_n, eps_t, friction, touch, shift, judged = self._law(feet, trial, touch)
+        if len(friction.directions):
+            friction = friction._replace(directions=friction.directions[at])
         return eps_n[at], eps_t[at], friction, touch, shift[at], judged[at] if len(judged) else judged
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
@@ -104,10 +111,10 @@ class QuadraticPartner(FacetPartner):
         touching = self._touching(feet, trial, self._pressing(feet, trial), trial.area)
         at, n = touching.at, len(touching.at)
         traction, excess, status = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int32)
-        at_corners = np.zeros((CORNERS * n, 3))
+        at_corners = np.zeros_like(touching.pairs[0])
         flat.add_forces(*touching.pairs, self._law_at(feet, trial, at), (at_corners, status, traction, excess))
         forces, rows = np.zeros_like(feet.coords), touching.rows
-        at_nodes = np.einsum("qcn,qcx->qnx", touching.lift[:, :, :rows], at_corners.reshape(n, CORNERS, 3))
+        at_nodes = np.einsum("qcn,qcx->qnx", touching.lift[:, :, :rows], at_corners.reshape(*touching.lift.shape[:2], 3))
         np.add.at(forces, touching.nodes[:, :rows], at_nodes)
         shape = self.surface.area.shape
         every = np.zeros((shape[0] * shape[1], 3)), np.full(shape, OPEN, dtype=np.int32), np.zeros(shape)
@@ -117,14 +124,17 @@ class QuadraticPartner(FacetPartner):
 
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         touching = self._touching(feet, trial, self._pressing(feet, trial), trial.area)
-        n, law = len(touching.at), self._law_at(feet, trial, touching.at)
-        numbers = np.arange(CORNERS * n)
-        first = numbers // CORNERS * CORNERS  # each pair's corners are coupled with one another
-        columns = (first[:, None] + np.arange(CORNERS)).ravel()
-        pattern = numbers, CORNERS * numbers, CORNERS * (numbers + 1), columns
-        blocks = np.zeros((len(columns), 3, 3))
-        add_tangents(*touching.pairs, law, pattern, (blocks, np.zeros(len(columns), dtype=bool)))
-        matrices = blocks.reshape(n, CORNERS, CORNERS, 3, 3)
+        (n, corners, _), law = touching.lift.shape, self._law_at(feet, trial, touching.at)
+        numbers = np.arange(corners * n)
+        first = numbers // corners * corners  # each pair's corners are coupled with one another
+        columns = (first[:, None] + np.arange(corners)).ravel()
+        pattern = numbers, corners * numbers, corners * (numbers + 1), columns
+        out = np.zeros((len(columns), 3, 3)), np.zeros(len(columns), dtype=bool)
+        add_tangents(*touching.pairs, law, pattern, out)
+        if corners > CORNERS:
+            parts = numbers.reshape(n, corners)[:, CORNERS:], np.ones((n, 1))
+            add_turning_tangents(*touching.pairs, law, parts, (*pattern, *out))
+        matrices = out[0].reshape(n, corners, corners, 3, 3)
         lifted = matrices, touching.lift, touching.nodes, touching.rows
         rows, others, values, missing = self._pattern.filled(lambda *out: add_lifted(*lifted, *out))
         if missing:
@@ -145,7 +155,7 @@ class QuadraticPartner(FacetPartner):
         """Anchors of all points: of the pairs those on the corners of the facets that touch theirs, unless these are the
         old ones; of others the old."""
         (nodes, weights), k, at = (part.copy() for part in old), self._nodes.shape[1], touching.at
-        renewed = new[0][:, 0] % CORNERS == MASTER
+        renewed = new[0][:, 0] % touching.lift.shape[1] == MASTER
         m, which = nodes.shape[1], at[renewed]
         nodes[which] = touching.nodes[renewed, k : k + m]
         of_corners = touching.lift[renewed, MASTER:ANCHOR, k : k + m]

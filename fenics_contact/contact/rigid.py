@@ -8,6 +8,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, tool_blocks
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.friction import Friction, turned
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.contact.trial import Law, Response, Trial
@@ -96,6 +97,10 @@ class RigidPartner:
         if friction.ratio != 1.0:  # its direction is seen in the tool's frame, with which it turns
             friction = friction._replace(along=tuple(self.tool.axes.T @ friction.along))
         return law.eps_n, law.eps_t, self.surface.stiffness, friction, float(law.touch if touch is None else touch)
+
+    def friction(self, feet: RigidFeet, trial: Trial) -> Friction:
+        """The law of friction where the tool is."""
+        return turned(trial.law.friction, feet.pose)
 
     # -- forces and tangent ---------------------------------------------------------------------------------------
     def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats]:

@@ -12,7 +12,7 @@ from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import ROUNDED
 from fenics_contact.assembly.term import State
 from fenics_contact.contact import findings
-from fenics_contact.contact.friction import allowed, stated, turned
+from fenics_contact.contact.friction import allowed, stated
 from fenics_contact.contact.measures import contact_measures, stored_energy
 from fenics_contact.contact.multipliers import Multipliers
 from fenics_contact.contact.partner import Partner
@@ -263,8 +263,7 @@ class Contact:
 
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
-        law = turned(self.trial.law.friction, self.partner.feet(state).pose)
-        return allowed(law, *self.split_traction(state))
+        return allowed(self.partner.friction(self.partner.feet(state), self.trial), *self.split_traction(state))
 
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
         """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""

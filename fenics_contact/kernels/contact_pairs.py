@@ -9,7 +9,7 @@ from numba import njit
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.deformable_element import Anchors, Pair, PointLaws, Slaves, place, place_apart, slide_anchor
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.law import Gaps, Law, Traction, excess, traction, without
+from fenics_contact.kernels.law import Gaps, Law, Traction, excess, friction_at, traction, without
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
@@ -32,7 +32,7 @@ def presses(q: int, projection: Projection, law: PointLaws) -> bool:
 @njit(cache=True)
 def point_law(q: int, law: PointLaws, anchors: Anchors) -> Law:
     """The Law of point q: without friction where it has no anchor."""
-    return Law(law[0][q], law[1][q], law[2] if anchors[0][q, 0] >= 0 else without(law[2]), law[3])
+    return Law(law[0][q], law[1][q], friction_at(law[2], q) if anchors[0][q, 0] >= 0 else without(law[2]), law[3])
 
 
 @njit(cache=True)

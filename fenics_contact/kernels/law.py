@@ -23,7 +23,8 @@ class Friction(NamedTuple):
     and |T_T| <= shear [pressure], 0: no such limit. A table (m, 2 + c) of mu(p) stands in the place of that power, mu being
     its greatest: from ln p in column 0 to ln p in column 1 a polynomial in 2 (ln p - middle)/width, its highest power first.
 
-    ratio: mu over the coefficient across the unit vector `along`. |T_T| is then sqrt((t_a)^2 + ratio^2 (t_b)^2) of the parts
+    ratio: mu over the coefficient across the unit vector `along`, or across each point's own, directions (np, 3) of any
+    length; (0, 3): `along` holds for all. |T_T| is then sqrt((t_a)^2 + ratio^2 (t_b)^2) of the parts
     of T_T along that vector and across: the ellipse of Mroz & Stupkiewicz (1994, doi:10.1016/0020-7683(94)90167-8). Slip is
     not associated with it: friction acts against the way slid.
     """
@@ -35,6 +36,7 @@ class Friction(NamedTuple):
     ratio: float
     along: Vector
     table: Floats
+    directions: Floats
 
 
 class Law(NamedTuple):
@@ -115,7 +117,18 @@ def _tabulated(table: Floats, place: float) -> tuple[float, float]:
 @njit(cache=True)
 def without(friction: Friction) -> Friction:
     """No friction."""
-    return Friction(0.0, 1.0, 0.0, 0.0, 1.0, ZERO, friction.table)
+    return Friction(0.0, 1.0, 0.0, 0.0, 1.0, ZERO, friction.table, friction.directions)
+
+
+@njit(cache=True, error_model="numpy")
+def friction_at(friction: Friction, q: int) -> Friction:
+    """The friction of point q: along its own direction where each has one."""
+    f = friction
+    if len(f.directions) == 0:
+        return f
+    d = row(f.directions, q)
+    along = times(1.0 / max(norm(d), 1e-300), d)
+    return Friction(f.mu, f.reference, f.exponent, f.shear, f.ratio, along, f.table, f.directions)
 
 
 @njit(cache=True, error_model="numpy")
@@ -133,7 +146,7 @@ def friction_limits(friction: Friction, pressures: Floats, tractions: Floats, li
     """Fill limits (n,) of the sizes of friction tractions (n, 3), in the directions they have, under pressures (n,)."""
     for i in range(len(limits)):
         t, limits[i] = row(tractions, i), friction_limit(friction, pressures[i])[0]
-        taken = strength_taken(friction, t)
+        taken = strength_taken(friction_at(friction, i), t)
         if taken > 0.0:
             limits[i] *= norm(t) / taken
 
@@ -195,6 +208,17 @@ def _size_rate(friction: Friction, t: Vector) -> Vector:
         return t
     square = friction.ratio * friction.ratio
     return plus(times(square, t), times((1.0 - square) * dot(friction.along, t), friction.along))
+
+
+@njit(cache=True, error_model="numpy")
+def direction_rate(friction: Friction, t: Vector, length: float) -> tuple[Vector, Vector, Vector]:
+    """dT_T/dd by rows of a friction traction t that slips, where the unit vector `along` is d of a length over it.
+
+    t keeps its direction and its size |T_T|, of which the ellipse turns: d|T_T|/d(along) = (1 - ratio^2) (along.t) t/|T_T|.
+    """
+    part, size = dot(friction.along, t), strength_taken(friction, t)
+    rate = times((friction.ratio * friction.ratio - 1.0) * part / (size * size * length), less(t, part, friction.along))
+    return times(t[0], rate), times(t[1], rate), times(t[2], rate)
 
 
 @njit(cache=True)

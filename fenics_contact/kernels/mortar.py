@@ -29,7 +29,18 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.law import FREE, Friction, Gaps, Law, excess, partials, traction, without
+from fenics_contact.kernels.law import (
+    FREE,
+    Friction,
+    Gaps,
+    Law,
+    direction_rate,
+    excess,
+    friction_at,
+    partials,
+    traction,
+    without,
+)
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import (
     ZERO,
@@ -162,7 +173,8 @@ def softening(law: NodeLaws, averaged: Averaged, part: Floats) -> None:
 def _node_law(A: int, law: NodeLaws, averaged: Averaged) -> Law:
     """The Law of node A: without friction where none of its samples has an anchor."""
     part = _series(A, law, averaged)[0]
-    return Law(part * law[0][A], part * law[1][A], law[2] if averaged[3][A] > 0.0 else without(law[2]), law[3])
+    friction = friction_at(law[2], A) if averaged[3][A] > 0.0 else without(law[2])
+    return Law(part * law[0][A], part * law[1][A], friction, law[3])
 
 
 @njit(cache=True, error_model="numpy")
@@ -211,10 +223,11 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
 
 @njit(cache=True, error_model="numpy")
 def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats, Floats, Floats]:
-    """rates (ns, 4, 5) of N and T_T with gap, way and share, and N (ns,), T_T (ns, 3) that the judged gaps and ways mean."""
-    gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
+    """rates (ns, 4, 8) of N and T_T with gap, way, share and direction of friction, the last none where one holds for all,
+    and N (ns,), T_T (ns, 3) that the judged gaps and ways mean."""
+    gaps, ways, shift, judged, directions = averaged[0], averaged[1], law[4], law[5], law[2].directions
     n = len(gaps)
-    rates, N, T = np.zeros((n, 4, 5)), np.zeros(n), np.zeros((n, 3))
+    rates, N, T = np.zeros((n, 4, 8)), np.zeros(n), np.zeros((n, 3))
     for A in range(n):
         if gaps[A] == np.inf:
             continue
@@ -234,19 +247,23 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
         if found.status == STICK and len(judged) > 0:
             for a in range(3):
                 T[A, a] = share[A] * numbers.eps_t * judged[A, 1 + a]
-        _put_rows(rates, A, weight * share[A], by.w[0], by.w[1], by.w[2])
+        _put_rows(rates, A, 1, weight * share[A], by.w[0], by.w[1], by.w[2])
         slope = _series(A, law, averaged)[1]  # both penalties grow alike: so does what sticks, and what slips with N
         rates[A, 0, 4] = slope * N[A]
         for a in range(3):
             by_N = rates[A, 1 + a, 0] / (share[A] * numbers.eps_n) * N[A] if share[A] > 0.0 else 0.0
             rates[A, 1 + a, 4] = slope * (T[A, a] if found.status == STICK else by_N)
+        length = norm(row(directions, A)) if len(directions) > 0 else 0.0
+        if found.status == SLIP and length > 0.0:
+            one, two, three = direction_rate(numbers.friction, found.tangential, length)
+            _put_rows(rates, A, 5, share[A], one, two, three)
     return rates, N, T
 
 
 @njit(cache=True)
-def _put_rows(rates: Floats, A: int, share: float, one: Vector, two: Vector, three: Vector) -> None:
+def _put_rows(rates: Floats, A: int, at: int, share: float, one: Vector, two: Vector, three: Vector) -> None:
     for b in range(3):
-        rates[A, 1, 1 + b], rates[A, 2, 1 + b], rates[A, 3, 1 + b] = share * one[b], share * two[b], share * three[b]
+        rates[A, 1, at + b], rates[A, 2, at + b], rates[A, 3, at + b] = share * one[b], share * two[b], share * three[b]
 
 
 @njit(cache=True, error_model="numpy")

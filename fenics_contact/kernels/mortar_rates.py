@@ -24,10 +24,11 @@ def add_node_tangents(
     met: Met,
     anchors: Anchors,
     turned: Turned,
-    changing: tuple[Floats, Floats, Floats, Floats, Floats, Floats],
+    changing: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats],
     matrix: Matrix,
 ) -> int:
-    """Add R_A M_A S_A; changing: (rates (ns, 4, 5) M, averaged of kernels/mortar.py). Returns blocks without a place."""
+    """Add R_A M_A S_A; changing: (rates M of `node_rates`, averaged of kernels/mortar.py, directed (nf, l): parts of the
+    master facets' nodes in their directions of friction, (0, l) where one holds for all). Returns blocks without a place."""
     starts, facets, places = slaves[5], slaves[6], slaves[7]
     slot_starts, slot_nodes, turns, lengths = turned
     nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
@@ -36,10 +37,10 @@ def add_node_tangents(
     groups = len(slot_starts) - 1
     known_groups, group_stamp, these = np.empty(groups, np.int64), np.full(groups, -1), np.empty(groups, np.int64)
     rates, leaned = np.zeros((len(coords), 5, 3)), np.zeros((groups, 5, 3))
-    gaps, ways, areas, anchored, whole = changing[1:]
+    gaps, ways, areas, anchored, whole, directed = changing[1:]
     forces, rubs, acted = np.zeros((len(coords), 3)), np.zeros((len(coords), 3, 3)), np.zeros(len(coords), np.bool_)
     changed, added, missing = np.empty((4, 3 * len(coords))), np.empty((3, 3 * len(coords))), 0
-    order = np.empty(len(coords), np.int64)
+    order, led = np.empty(len(coords), np.int64), np.zeros(len(coords))
     for A in range(len(starts) - 1):
         M, rough = changing[0][A], False
         if M[0, 0] == 0.0:
@@ -70,6 +71,8 @@ def add_node_tangents(
                     at = known[corners[j]]
                     _spread(rates, at, -N, by_gap, by_way, push, drags)
                     _act(forces, rubs, acted, at, -share * N, foot.n)
+                    if len(directed) > 0:
+                        led[at] += around * directed[met[0][q], j]
                     if has_anchor:
                         _drag(rates, at, by_way * N, foot.n)
                         n = join(anchors[0][a, j], known, stamp, A, here, n)
@@ -111,12 +114,14 @@ def add_node_tangents(
                         changed[a, 3 * j + b] += (
                             M[a, 1] * rates[j, 1, b] + M[a, 2] * rates[j, 2, b] + M[a, 3] * rates[j, 3, b]
                         )
+                    if len(directed) > 0:
+                        changed[a, 3 * j + b] += M[a, 5 + b] * led[j]
         sort_columns(here, n, matrix[0], order)
         for i in range(n):
             if acted[i]:
                 _couple(forces[i], rubs[i], changed, 3 * n, rough, added)
                 missing += insert_row(here[i], here, order, n, added, matrix)
-        rates[:n], leaned[:ng], forces[:n], rubs[:n], acted[:n] = 0.0, 0.0, 0.0, 0.0, False
+        rates[:n], leaned[:ng], forces[:n], rubs[:n], acted[:n], led[:n] = 0.0, 0.0, 0.0, 0.0, False, 0.0
     return missing
 
 
@@ -228,14 +233,18 @@ def foreseen_averages(
     anchors: Anchors,
     averaged: Averaged,
     turned: Turned,
-    moved: Floats,
+    motion: tuple[Floats, Floats],
 ) -> Floats:
-    """Changes (ns, 5) of mean gaps, mean ways and covered shares, linearised, when the nodes move by moved (nx, 3)."""
+    """Changes (ns, 8) of mean gaps, mean ways, covered shares and directions of friction, linearised, when the nodes move.
+
+    motion: (moved (nx, 3), directed as in add_node_tangents).
+    """
+    moved, directed = motion
     starts, facets, places = slaves[5], slaves[6], slaves[7]
     slot_starts, slot_nodes, turns, lengths = turned
     nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
     count, m = shapes.shape
-    tilts, changes = np.zeros((len(slot_starts) - 1, 3)), np.zeros((len(starts) - 1, 5))
+    tilts, changes = np.zeros((len(slot_starts) - 1, 3)), np.zeros((len(starts) - 1, 8))
     for g in range(len(tilts)):
         for slot in range(slot_starts[g], slot_starts[g + 1]):
             for a in range(3):
@@ -258,6 +267,10 @@ def foreseen_averages(
                 a, here = q * m + c, ZERO
                 for j in range(surface[0].shape[1]):
                     here = less(here, -met[9][q, 0, j], row(moved, surface[0][met[0][q], j]))
+                    if len(directed) > 0:
+                        led = weights[f, s] * shapes[s, c] * directed[met[0][q], j]
+                        for b in range(3):
+                            changes[A, 5 + b] += led * moved[surface[0][met[0][q], j], b]
                 has_anchor = anchors[0][a, 0] >= 0
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords)) if has_anchor else ZERO
                 push, turn, drags, swings = _sample_rates(foot, w)

@@ -100,8 +100,6 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             )
         if degree != 1 and points == 1:
             raise SceneError(f"{what}: one point does not hold a facet of degree 2, which has more nodes; use points=2 or 3")
-        if contact.friction.ratio != 1.0:
-            raise SceneError(f"{what}: friction with across= needs a tool as master, whose directions do not deform")
     if isinstance(master, RigidTool) and points == "averages":
         raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
