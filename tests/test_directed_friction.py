@@ -17,12 +17,34 @@ CHOICES = {"averages": (1, "averages"), "corners": (1, "corners"), "nodes": (1, 
 
 
 @pytest.fixture(scope="module")
+def aslant():
+    return read_gmsh(tetrahedra)
+
+
+@pytest.fixture(scope="module")
 def mesh():
-    """A block of 2 x 2 x 1 over the middle of a sheet of 9 x 9 x 1, whose cells lie aslant to its own."""
+    """A block of 2 x 2 x 1 over the middle of a sheet of 9 x 9 x 1."""
     return read_gmsh(
         two_blocks.build, lower=(9, 9, 1), lower_cells=(5, 5, 1), lower_origin=(-4.5, -4.5, -1), upper=(2, 2, 1),
         upper_cells=(2, 2, 1), upper_origin=(-1, -1, 0),
     )  # fmt: skip
+
+
+def tetrahedra(lower=9.0, upper=(-1.0, -1.0, 0.0), edge=2.0):
+    """The same of tetrahedra, at other places if so asked."""
+    sheet = (-0.5 * lower, -0.5 * lower, -1.0), (lower, lower, 1.0)
+    for name, (low, size) in {"lower": sheet, "upper": (upper, (2.0, 2.0, 1.0))}.items():
+        volume = gmsh.model.occ.addBox(*low, *size)
+        gmsh.model.occ.synchronize()
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
+        for _, face in gmsh.model.getBoundary([(3, volume)], oriented=False):
+            z = gmsh.model.occ.getCenterOfMass(2, face)[2]
+            if abs(z - low[2] - 0.5 * size[2]) > 0.1:
+                side = f"{name}_{'top' if z > low[2] + 0.1 else 'bottom'}"
+                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), side)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", edge)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", edge)
+    gmsh.model.mesh.generate(3)
 
 
 def led(motion):
@@ -57,8 +79,10 @@ def turned_and_sheared(turn, shear):
 
 @pytest.mark.parallel
 @pytest.mark.parametrize("name", CHOICES)
-@pytest.mark.parametrize(("turn", "shear"), [(0.0, 0.0), (2.1, 0.0), (0.6, 0.4)])
-def test_directions_turn_and_shear_with_the_body(mesh, name, turn, shear):
+@pytest.mark.parametrize(
+    ("cells", "turn", "shear"), [("hex", 0.0, 0.0), ("hex", 2.1, 0.0), ("hex", 0.6, 0.4), ("tet", 0.6, 0.4)]
+)
+def test_directions_turn_and_shear_with_the_body(mesh, aslant, name, cells, turn, shear):
     """N / sqrt((cos/mu_1)^2 + (sin/mu_2)^2) against the way, from the direction R F a on."""
     degree, points = CHOICES[name]
     a, way = np.array([2.0, 1.0, 0.0]), np.array([0.4, 0.2, 0.0])
@@ -66,7 +90,7 @@ def test_directions_turn_and_shear_with_the_body(mesh, name, turn, shear):
     def sheet(X, s):
         return X @ turned_and_sheared(s * turn, s * shear).T
 
-    result = drawn(mesh, directed(a), sheet, way[:2], points, degree)
+    result = drawn(mesh if cells == "hex" else aslant, directed(a), sheet, way[:2], points, degree)
     there = turned_and_sheared(turn, shear) @ a
     between = np.arctan2(way[1], way[0]) - np.arctan2(there[1], there[0])
     last = np.array([result.history[-1][f"joint_force_{axis}_N"] for axis in "xyz"])
@@ -124,27 +148,13 @@ def test_newton_keeps_its_order(mesh):
 # ---- tangent
 
 
-def tetrahedra():
-    """Two blocks of tetrahedra, one over the middle of the other."""
-    for name, low, size in (("lower", (-1.5, -1.5, -1.0), (3.0, 3.0, 1.0)), ("upper", (-1.1, -0.9, 0.01), (2.0, 2.0, 1.0))):
-        volume = gmsh.model.occ.addBox(*low, *size)
-        gmsh.model.occ.synchronize()
-        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
-        for _, face in gmsh.model.getBoundary([(3, volume)], oriented=False):
-            z = gmsh.model.occ.getCenterOfMass(2, face)[2]
-            if abs(z - low[2] - 0.5 * size[2]) > 0.1:
-                side = f"{name}_{'top' if z > low[2] + 0.1 else 'bottom'}"
-                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), side)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", 1.0)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 1.0)
-    gmsh.model.mesh.generate(3)
-
-
 def slipping(cells, degree, points, friction):
     """A System of two roughened blocks, one pressed into the other, committed, of which the upper one then slides on."""
-    blocks = {"lower_cells": (3, 3, 1), "upper_cells": (2, 2, 1)}
     size = {"lower": (3, 3, 1), "lower_origin": (-1.5, -1.5, -1), "upper": (2, 2, 1), "upper_origin": (-1.1, -0.9, 0)}
-    mesh = read_gmsh(tetrahedra) if cells == "tet" else read_gmsh(two_blocks.build, **size, **blocks)
+    if cells == "tet":
+        mesh = read_gmsh(tetrahedra, lower=3.0, upper=(-1.1, -0.9, 0.01), edge=1.0)
+    else:
+        mesh = read_gmsh(two_blocks.build, **size, lower_cells=(3, 3, 1), upper_cells=(2, 2, 1))
     scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 5.0)), Body(mesh, "upper", neo_hooke(1.0, 5.0)), degree=degree)
     scene.fix("lower_bottom")
     scene.fix("upper_top")

@@ -187,7 +187,7 @@ class MasterSurface(_Surface):
         """Parts (nf, m) of the facets' nodes in vectors of their directions of friction: `along`, of length one, as it lies
         in a facet of the undeformed body, turns and shears with that; zeros where it is normal to the facet."""
         nodes, size = self.corners
-        tangents = CENTRE[int(size.max(initial=4))]
+        tangents = CENTRE[int(size[0]) if len(size) else 4]
         R = np.einsum("ai,fic->fac", tangents, self.X[nodes])
         metric = np.einsum("fac,fbc->fab", R, R)
         parts = np.einsum("fab,fbc,c->fa", np.linalg.pinv(metric, hermitian=True), R, along)
