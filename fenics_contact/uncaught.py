@@ -16,9 +16,7 @@ from fenics_contact.agreement import PATIENCE, Lost
 from fenics_contact.types import Ints64
 
 ECHO = 5.0  # seconds that the other ranks give rank 0 to say what they would say too
-LAST_WORDS = (
-    1.0  # seconds in which mpirun passes on what a rank has written, before it hears that it ends all and no more is
-)
+LAST_WORDS = 1.0  # seconds in which mpirun passes on what a rank has written, before it hears of the end and no more is
 TAG = 31_007  # of the messages between ranks that have failed; far from small numbers, which a script may use
 PACKAGE = str(Path(__file__).parent)
 OF_USERS = tuple(f"{PACKAGE}/{folder}/" for folder in ("demos", "meshes"))
