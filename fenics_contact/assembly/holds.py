@@ -45,6 +45,10 @@ class Holds:
         """Numbers of the bodies that supports alone do not hold along all axes."""
         return [i for i, axes in enumerate(self._supported) if len(axes) < len(AXES)]
 
+    def contacts_of(self, body: int) -> list[ContactTerm]:
+        """Contacts of a body of this number."""
+        return [contact for contact, met in self._ties if body in met]
+
     def loose(self, axes_of: Callable[[ContactTerm], set[str]]) -> dict[int, str]:
         """{number of a body: letters of the axes along which nothing holds it}, where there are such.
 

@@ -8,6 +8,7 @@ from fenics_contact.assembly.finding import MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.holding import undecided
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
 from fenics_contact.solvers.verdict import StepFailed, Verdict
@@ -81,6 +82,7 @@ def run(
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.size *= 2.0
             verdict.accept(report, system)
+            verdict.remark(undecided(system), system)
             on_step(report, time.perf_counter() - start, goal == target)
     return verdict
 

@@ -23,6 +23,7 @@ MOSTLY = 0.25  # the same where nothing else explains a failure: held by little 
 # Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
 # cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
 USED_UP = 0.99
+NEARLY = 0.97  # the same, of contacts of one body that slide one instead of the other as the steps happen to fall
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 
@@ -185,6 +186,26 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
     return Finding(SLIDES, f"{text}; {end}", where, remedy)
+
+
+def undecided(system: System) -> dict[str, str]:
+    """{name: a note} of each body that contacts alone hold, several of them, and the friction of all is all but used up: on
+    the way that what moves prescribes one of them must slide, and hardly anything says which. Collective."""
+    found, least = {}, ALLOWED * max(system.forces, system.force_scale)
+    for body in system.holds.reliant:
+        contacts = [contact for contact in system.holds.contacts_of(body) if contact.rough and closed(system, contact)]
+        if len(contacts) < 2:
+            continue
+        grips = [system.comm.allreduce(np.array(contact.grip(system.state))) for contact in contacts]
+        if all(taken > NEARLY * most > NEARLY * least for taken, most in grips):
+            name, words = system.bodies[body][0], " and ".join(f"'{contact.name}'" for contact in contacts)
+            shares = ", ".join(f"{taken / most:.3f}" for taken, most in grips)
+            found[name] = (
+                f"contacts {words} hold body '{name}', and the friction of all of them is all but used up, T / (mu N) = "
+                f"{shares}: the path may branch here, for hardly anything says which of them slides; compare with twice the "
+                "steps, hold the body along that way, or let the frictions differ"
+            )
+    return found
 
 
 def _pushed(system: System, motions: Motions, held: Floats) -> bool:
