@@ -17,6 +17,7 @@ from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import box
 
 what, rank = sys.argv[1], MPI.COMM_WORLD.rank
+fenics_contact.uncaught.PATIENCE = 5.0  # seconds that a rank waits for the others before it ends them
 scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", neo_hooke(1.0, 5.0)))
 scene.fix("zmin")
 

@@ -191,12 +191,13 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
 def undecided(system: System) -> dict[str, str]:
     """{name: a note} of each body that contacts alone hold, several of them, and the friction of all is all but used up: on
     the way that what moves prescribes one of them must slide, and hardly anything says which. Collective."""
-    found, least = {}, ALLOWED * max(system.forces, system.force_scale)
+    found = {}
     for body in system.holds.reliant:
         contacts = [contact for contact in system.holds.contacts_of(body) if contact.rough and closed(system, contact)]
         if len(contacts) < 2:
             continue
         grips = [system.comm.allreduce(np.array(contact.grip(system.state))) for contact in contacts]
+        least = ALLOWED * max(system.forces, system.force_scale)
         if all(taken > NEARLY * most > NEARLY * least for taken, most in grips):
             name, words = system.bodies[body][0], " and ".join(f"'{contact.name}'" for contact in contacts)
             shares = ", ".join(f"{taken / most:.3f}" for taken, most in grips)
