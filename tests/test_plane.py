@@ -240,9 +240,16 @@ def test_hertz(plane):
         field, tool = under_hertz(flamant(force, E, nu), a, line=True), rigid_cylinder(R, (0.0, R, 0.0), (0.0, 0.0, 1.0))
         scene.fix("block_xmin", "x")
         force /= 2
+    known = {}
+
+    def far(X):
+        if (key := X.tobytes()) not in known:  # thousands of integrals
+            known[key] = field(X[:, [0, 2, 1]])
+        return known[key]
+
     for side in ("block_xmax", "block_ymin"):
         for axis, column in (("x", 0), ("y", 2)):
-            scene.prescribe(side, axis, lambda X, t, c=column: t * field(X[:, [0, 2, 1]])[:, c])
+            scene.prescribe(side, axis, lambda X, t, c=column: t * far(X)[:, c])
     scene.contact("block_ymax", tool, name="top", penalty=Penalty(factor=300.0))
     result = solve(scene, move={tool: (0.0, -depth, 0.0)}, steps=2, progress=False).require()
     row = result.history[-1]
