@@ -2,6 +2,8 @@
 
 import gc
 import os
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -9,10 +11,24 @@ import pytest
 # starts, whose own mpirun then fails. So the process that hands out tests to others must not import it.
 SEVERAL = int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1"))) > 1
 
+# Each rank is a session of pytest's own, which deletes the folders of older ones: of one root two would delete the same.
+if SEVERAL:
+    _rank = os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0"))
+    _root = Path(tempfile.gettempdir()) / f"pytest-{os.getuid()}-rank-{_rank}"
+    _root.mkdir(exist_ok=True)
+    os.environ["PYTEST_DEBUG_TEMPROOT"] = str(_root)
+
 # Freeing a mesh or a space frees its communicator, for which ranks may wait for each other: Python's collector, which comes
 # by at another time on each rank, must not do it in the middle of a test.
 if SEVERAL:
     gc.disable()
+
+
+def pytest_collection_finish():
+    """What all tests have imported by now stays: no collection need look through it again."""
+    if SEVERAL:
+        gc.collect()
+        gc.freeze()
 
 
 @pytest.fixture(autouse=True)
