@@ -187,14 +187,15 @@ class MasterSurface(_Surface):
         """Parts (nf, m) of the facets' nodes in vectors of their directions of friction: `along`, of length one, as it lies
         in a facet of the undeformed body, turns and shears with that; zeros where it is normal to the facet."""
         nodes, size = self.corners
-        tangents = CENTRE[int(size[0]) if len(size) else 4]
+        count = int(size[0]) if len(size) else 4
+        tangents = CENTRE[count]
         R = np.einsum("ai,fic->fac", tangents, self.X[nodes])
         metric = np.einsum("fac,fbc->fab", R, R)
         parts = np.einsum("fab,fbc,c->fa", np.linalg.pinv(metric, hermitian=True), R, along)
         length = np.linalg.norm(np.einsum("fa,fac->fc", parts, R), axis=1, keepdims=True)
         parts = np.where(length > NORMAL, parts / np.maximum(length, NORMAL), 0.0) @ tangents
         out = np.zeros(self.facets[0].shape)
-        out[:, : np.count_nonzero(tangents.any(axis=0))] = parts[:, tangents.any(axis=0)]
+        out[:, :count] = parts[:, :count]
         return out
 
     def pose(self, state: State) -> None:

@@ -42,6 +42,14 @@ def _present_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> T
     return traction(point_law(q, law, anchors), Gaps(press, press), pair.n, pair.w)
 
 
+@njit(cache=True)
+def judged_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> tuple[Law, Gaps, Traction]:
+    """Law, gaps and Traction of point q under the pressure that decides its status: what the tangent is that of."""
+    g = law[5][q] if len(law[5]) > 0 else pair.g + law[4][q]
+    numbers, gaps = point_law(q, law, anchors), Gaps(g, g)
+    return numbers, gaps, traction(numbers, gaps, pair.n, pair.w)
+
+
 @njit(cache=True, error_model="numpy")
 def add_forces(
     coords: Floats,

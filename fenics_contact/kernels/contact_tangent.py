@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import Projection
-from fenics_contact.kernels.contact_pairs import point_law, presses
+from fenics_contact.kernels.contact_pairs import judged_traction, presses
 from fenics_contact.kernels.couplings import Pattern, equal_rows, felt_nodes, find
 from fenics_contact.kernels.deformable_element import (
     DRAG,
@@ -25,7 +25,7 @@ from fenics_contact.kernels.deformable_element import (
     traction_rate,
 )
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.law import Gaps, partials, traction
+from fenics_contact.kernels.law import partials
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.kernels.vectors import Four, dot
@@ -51,7 +51,6 @@ def add_tangents(
     """
     points, k = slaves[0].shape
     corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
-    shift, judged = law[4], law[5]
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
     beta, dn, rates = np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 9))
     share, spread = np.zeros((4, k + 8)), np.zeros((3, 9 * (k + 8)))
@@ -71,9 +70,7 @@ def add_tangents(
                 continue
             done[q] = True
             pair = place(q, coords, slaves, surface, projection, anchors)
-            g = judged[q] if len(judged) > 0 else pair.g + shift[q]
-            numbers, gaps = point_law(q, law, anchors), Gaps(g, g)
-            found = traction(numbers, gaps, pair.n, pair.w)
+            numbers, gaps, found = judged_traction(q, pair, law, anchors)
             if found.status == OPEN:
                 continue
             if ray:

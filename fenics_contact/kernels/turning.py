@@ -7,11 +7,11 @@ direction stated on the undeformed body. Arrays as in kernels/contact_pairs.py.
 from numba import njit
 
 from fenics_contact.kernels.closest_point import Projection
-from fenics_contact.kernels.contact_pairs import point_law, presses
+from fenics_contact.kernels.contact_pairs import judged_traction, presses
 from fenics_contact.kernels.couplings import find
 from fenics_contact.kernels.deformable_element import Anchors, PointLaws, Slaves, place_apart
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.law import Gaps, direction_rate, traction
+from fenics_contact.kernels.law import direction_rate
 from fenics_contact.kernels.mortar_tangent import Matrix
 from fenics_contact.kernels.status import SLIP
 from fenics_contact.kernels.vectors import Vector, norm, row
@@ -39,9 +39,7 @@ def add_turning_tangents(
         if not presses(q, projection, law):
             continue
         pair = place_apart(q, coords, slaves, surface, projection, anchors)
-        g = law[5][q] if len(law[5]) > 0 else pair.g + law[4][q]
-        numbers = point_law(q, law, anchors)
-        found = traction(numbers, Gaps(g, g), pair.n, pair.w)
+        numbers, _, found = judged_traction(q, pair, law, anchors)
         length = norm(row(law[2].directions, q))
         if found.status != SLIP or length == 0.0:
             continue

@@ -133,12 +133,10 @@ def _open_contacts(system: System, names: set[str]) -> str:
 
 
 def contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
-    """Contacts of bodies and tools of these names. Collective."""
-    blocks = [nodes for name, nodes in system.bodies if name in names]
-    touching = [
-        system.comm.allreduce(sum(contact.partner.touches(nodes) for nodes in blocks)) for contact in system.contacts
-    ]
-    return [c for c, touched in zip(system.contacts, touching, strict=True) if touched or c.master_name in names]
+    """Contacts of bodies and tools of these names."""
+    bodies = [i for i, (name, _) in enumerate(system.bodies) if name in names]
+    touching = [contact for i in bodies for contact in system.holds.contacts_of(i)]
+    return [contact for contact in system.contacts if contact in touching or contact.master_name in names]
 
 
 def _lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
