@@ -82,7 +82,7 @@ def run(
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.size *= 2.0
             verdict.accept(report, system)
-            verdict.remark(undecided(system), system)
+            verdict.remark(undecided(system, verdict.remarked), system)
             on_step(report, time.perf_counter() - start, goal == target)
     return verdict
 

@@ -1,6 +1,6 @@
 """Bodies and pushed tools that nothing holds any more: free rigid motions, and those that friction alone resists."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -186,21 +186,27 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     return Finding(SLIDES, f"{text}; {end}", where, remedy)
 
 
-def undecided(system: System) -> dict[str, str]:
-    """{name: a note} of each body that contacts alone hold, several of them, and the friction of all is all but used up: on
-    the way that what moves prescribes one of them must slide, and hardly anything says which. Collective."""
+def undecided(system: System, told: Collection[str]) -> dict[str, str]:
+    """{place: a note} of each body that contacts alone hold, several of them, and the friction of all is all but used up: on
+    the way that what moves prescribes one of them must slide, and hardly anything says which. Collective.
+
+    told: places that have had theirs.
+    """
     found = {}
     for body in system.holds.reliant:
+        place = f"body '{system.bodies[body][0]}'"
+        if place in told:
+            continue
         contacts = [contact for contact in system.holds.contacts_of(body) if contact.rough and closed(system, contact)]
         if len(contacts) < 2:
             continue
         grips = [system.comm.allreduce(np.array(contact.grip(system.state))) for contact in contacts]
         least = ALLOWED * max(system.forces, system.force_scale)
         if all(taken > NEARLY * most > NEARLY * least for taken, most in grips):
-            name, words = system.bodies[body][0], " and ".join(f"'{contact.name}'" for contact in contacts)
+            words = " and ".join(f"'{contact.name}'" for contact in contacts)
             shares = ", ".join(f"{taken / most:.3f}" for taken, most in grips)
-            found[name] = (
-                f"contacts {words} hold body '{name}', and the friction of all of them is all but used up, T / (mu N) = "
+            found[place] = (
+                f"contacts {words} hold {place}, and the friction of all of them is all but used up, T / (mu N) = "
                 f"{shares}: the path may branch here, for hardly anything says which of them slides; compare with twice the "
                 "steps, hold the body along that way, or let the frictions differ"
             )

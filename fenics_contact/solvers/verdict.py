@@ -33,7 +33,7 @@ class Verdict:
     0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
-    not had yet; remarked: kinds of what has been said of terms and bodies, by their names; resumed: numbers of the last
+    not had yet; remarked: kinds of what has been said of terms and bodies, by name or place; resumed: numbers of the last
     steps before the run was killed and gone on with; shortened: steps in which increments were, as the first one notes;
     smallest: step [t] below which none is tried; size: largest step [t] to try next, endless while no step failed.
     """
@@ -102,11 +102,10 @@ class Verdict:
             (self.said if again else self.notes).append(line)
 
     def remark(self, words: Mapping[str, str], system: System) -> None:
-        """Note what is found of bodies, by their names, in the step accepted last: of each once."""
-        for name, note in words.items():
-            if not (said := self.remarked.setdefault(f"body '{name}'", [])):
-                said.append(note)
-                self.notes.append(f"step {len(self.residuals)} to t = {system.state.t:.6g}: {note}")
+        """Note what is found at places, {place: note}, in the step accepted last."""
+        for place, note in words.items():
+            self.remarked[place] = [note]
+            self.notes.append(f"step {len(self.residuals)} to t = {system.state.t:.6g}: {note}")
 
     def stop(self, finding: Finding, t: float, step: int | None = None) -> None:
         """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
