@@ -56,7 +56,7 @@ class LinearSolver:
         self.negative: int | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
-        modes = lambda matrix: _soft_modes(system, matrix)  # noqa: E731
+        modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = None if afresh or size <= REUSE_ABOVE else choice
         self._solver = ReusingSolver(system.comm, size, system.symmetric, method, modes, system.timers, afresh, trials)
@@ -256,12 +256,12 @@ class _Held:
         return self._scale * (self._right.T @ motions), unheld
 
 
-def _soft_modes(system: System, matrix: Mat) -> Any:
+def _soft_modes(system: System, matrix: Mat, product: Mat) -> Any:
     """Near-null space of the eliminated tangent: rigid motions of the deformed mesh that fade where something holds them.
 
     Where a penalty or a support holds a node the motions cost energy, and a coarse grid made from them can correct nothing
     around it: a frictional punch then takes hundreds of iterations, or fails. Jacobi's relaxation takes them away there and
-    leaves them alone elsewhere, where the tangent hardly resists them.
+    leaves them alone elsewhere, where the tangent hardly resists them. product: the matrix, which may multiply faster.
     """
     owned = system.space.dofmap.index_map.size_local
     X = system.space.tabulate_dof_coordinates()[:owned] + system.vector.array_r.reshape(-1, 3)
@@ -282,7 +282,7 @@ def _soft_modes(system: System, matrix: Mat) -> Any:
     force = step.duplicate()
     for i, vector in enumerate(vectors):
         for _ in range(SWEEPS):
-            matrix.mult(vector, force)
+            product.mult(vector, force)
             force.pointwiseMult(force, step)
             vector.axpy(-1.0, force)
         for other in vectors[:i]:

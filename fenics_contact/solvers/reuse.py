@@ -1,14 +1,16 @@
 """PETSc solver for a sequence of similar matrices: an old factorisation or hierarchy preconditions while it pays."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.assembly.block_operator import BlockJacobi, Blocks
 from fenics_contact.solvers.choice import Choice
+from fenics_contact.solvers.multigrid import multigrid
 from fenics_contact.timing import Timers
 from fenics_contact.types import Mat, Solver, Vec
 
@@ -25,6 +27,12 @@ BUILD_COST = {"direct": 15, "iterative": 35}
 CHANGED = 2.0
 # Below this many unknowns a factorisation costs no more than the handful of iterations it would save.
 REUSE_ABOVE = 3_000
+AGGREGATION = {
+    "pc_gamg_threshold": 0.005,
+    "pc_gamg_aggressive_coarsening": 1,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_pc_type": "jacobi",
+}
 LONGEST = 400  # iterations of a solve with a new preconditioner
 LONGEST_IF_SMALL = 100  # the same up to SMALL unknowns, where a factorisation costs no more than that
 SMALL = 30_000
@@ -64,8 +72,9 @@ class ReusingSolver:
     """Solves with a matrix that changes little from one solve to the next.
 
     method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation);
-    near_null_space: function of the matrix to PETSc's NullSpace, for the latter. The matrix is one of blocks; what is
-    factorised or coarsened is a copy by scalars, made when it is due, so that PETSc keeps the old one meanwhile. builds,
+    near_null_space: function of the matrix, and of itself as one that multiplies faster, to PETSc's NullSpace, for the
+    latter. The matrix is one of blocks; what is factorised or coarsened is a copy by scalars, made when it is due;
+    multigrid's finest level smooths with the matrix itself, which may have changed since. builds,
     iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing; choice: the
     Choice that is asked for the method of each new preconditioner, None: it stays.
     """
@@ -76,7 +85,7 @@ class ReusingSolver:
         size: int,
         symmetric: bool,
         method: str,
-        near_null_space: Callable[[Mat], Any] | None,
+        near_null_space: Callable[[Mat, Mat], Any] | None,
         timers: Timers,
         afresh: bool = False,
         choice: Choice | None = None,
@@ -85,7 +94,9 @@ class ReusingSolver:
         self._near_null_space = near_null_space
         self.builds = self.iterations = self._cause = self._space = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
-        self._copy: Mat = None
+        self._copy: Mat = None  # what is factorised
+        self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
+        self._jacobi: BlockJacobi | None = None
         self._pattern: int | None = None
         self._reuse: Reuse | None = None
         self._objects: tuple[Any, ...] = ()
@@ -94,21 +105,16 @@ class ReusingSolver:
     def use(self, method: str) -> None:
         """Change to a method; drops what is kept."""
         self.method, self._copy, self._reuse = method, None, None
-        self._make()
+        self._drop()
+        if method == "direct":
+            self._factors()
 
-    def _make(self) -> None:
-        """New PETSc objects; the old ones go at once, for Python alone never frees what several ranks share."""
+    def _drop(self) -> None:
+        """Free PETSc's objects at once, for Python alone never frees what several ranks share."""
         for thing in self._objects:
             thing.destroy()
+        self._objects, self._blocks, self._jacobi = (), None, None
         PETSc.garbage_cleanup(self.comm)
-        pc = PETSc.PC().create(self.comm)
-        pc.setOptionsPrefix(PREFIX)
-        (self._multigrid if self.method == "iterative" else self._factors)(pc)
-        krylov = "cg" if self.symmetric else "gmres"
-        self._krylov = self._ksp(pc, krylov)
-        self._fresh = self._krylov if self.method == "iterative" else self._ksp(pc, "preonly")
-        pc.setFromOptions()
-        self._objects = (self._krylov, self._fresh, pc)
 
     def _ksp(self, pc: Any, kind: str) -> Solver:
         ksp = PETSc.KSP().create(self.comm)
@@ -119,32 +125,44 @@ class ReusingSolver:
         if kind != "preonly":
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         if kind == "gmres":
+            # without it an ill-conditioned solve loses the basis' orthogonality, and PETSc gives up at the restart
+            _unless_given({"ksp_gmres_cgs_refinement_type": "refine_ifneeded"})
             ksp.setGMRESRestart(100)
             ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.setFromOptions()
         return ksp
 
-    def _factors(self, pc: Any) -> None:
+    def _factors(self) -> None:
+        pc = PETSc.PC().create(self.comm)
+        pc.setOptionsPrefix(PREFIX)
         pc.setType("cholesky" if self.symmetric else "lu")
         pc.setFactorSolverType("mumps")
         if not self.symmetric:
             PETSc.Options()[PREFIX + "mat_mumps_icntl_33"] = 1  # the determinant
+        self._krylov, self._fresh = self._ksp(pc, "cg" if self.symmetric else "gmres"), self._ksp(pc, "preonly")
+        pc.setFromOptions()
+        self._objects = (self._krylov, self._fresh, pc)
 
-    def _multigrid(self, pc: Any) -> None:
+    def _coarsened(self, matrix: Mat) -> None:
+        """A new hierarchy of a matrix."""
+        _unless_given(AGGREGATION)
         options = PETSc.Options()
-        for key, value in (
-            ("pc_gamg_threshold", 0.005),
-            ("pc_gamg_aggressive_coarsening", 1),
-            ("mg_levels_ksp_type", "chebyshev"),
-            ("mg_levels_pc_type", "jacobi"),
-            ("mg_levels_ksp_max_it", 3),
-        ):
-            if not options.hasName(PREFIX + key):
-                options[PREFIX + key] = value
         # a third of a set-up saved on one process; PETSc reads this one without a prefix
         if self.comm.size == 1 and not options.hasName("matptap_via"):
             options["matptap_via"] = "rap"
-        pc.setType("gamg")
+        self._drop()
+        scalars, self._blocks = matrix.convert("aij", out=PETSc.Mat()), Blocks(matrix)
+        self._objects = (self._blocks,)
+        scalars.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
+        if self._near_null_space is not None:
+            scalars.setNearNullSpace(self._near_null_space(matrix, self._blocks.mat))
+        pc, self._jacobi = multigrid(self._blocks, scalars, PREFIX)
+        self._krylov = self._fresh = self._ksp(pc, "cg" if self.symmetric else "gmres")
+        self._copy = pc.getOperators()[1]
+        self._objects = (self._krylov, pc, self._blocks)
+        self._fresh.setOperators(self._blocks.mat, self._copy)
+        self._fresh.setUp()
+        scalars.destroy()
 
     def solve(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         """out = matrix^-1 rhs to a relative residual; returns PETSc's reason, negative on failure, the same on all ranks.
@@ -170,14 +188,14 @@ class ReusingSolver:
     def _tried(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         reason = -1
         if self._reuses and self._reuse is not None and self._worth_trying(matrix, self._reuse):
-            reason = self._run(self._krylov, matrix, rhs, out, tolerance, self._reuse.limit(tolerance))
+            reason = self._run(self._krylov, matrix, pattern, rhs, out, tolerance, self._reuse.limit(tolerance))
         if reason < 0:
             # PETSc counts the changes of each matrix by itself: another one may have as many behind it
             kept = self._reuse is not None and pattern == self._pattern and self._state == matrix.stateGet()
             if not kept and (error := self._build(matrix, pattern)):
                 return error
             longest = self.choice.longest(self.method) if self.choice else None
-            reason = self._run(self._fresh, matrix, rhs, out, tolerance, longest or self._longest)
+            reason = self._run(self._fresh, matrix, pattern, rhs, out, tolerance, longest or self._longest)
         return reason
 
     def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
@@ -195,25 +213,25 @@ class ReusingSolver:
             if (method := self.choice.next(self.method)) != self.method:
                 self.use(method)
         with self.timers("factorisation"):
-            if self.method == "iterative":  # PETSc keeps the soft modes of the first set-up: it needs a new object
-                self._make()
-            if pattern != self._pattern and self._copy is not None:
-                self._copy.destroy()  # leaves an empty handle, which convert fills anew
-            self._copy = matrix.convert("aij", out=self._copy or PETSc.Mat())
-            self._pattern, self._state = pattern, matrix.stateGet()
-            if self.symmetric:
-                self._copy.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-            if self.method == "iterative" and self._near_null_space is not None:
-                self._copy.setNearNullSpace(self._near_null_space(matrix))
+            error = _code(lambda: self._prepare(matrix, pattern))
             self._diagonal = matrix.getDiagonal().array_r.copy()
+            self._pattern, self._state = pattern, matrix.stateGet()
             self._reuse = Reuse(BUILD_COST[self.method])
             self.builds += 1
-            self._fresh.setOperators(matrix, self._copy)
-            return _code(self._set_up)
+            return error
 
-    def _set_up(self) -> None:
-        pc = self._fresh.getPC()
+    def _prepare(self, matrix: Mat, pattern: int) -> None:
+        """Factorise or coarsen a matrix. PETSc.Error where that fails."""
+        if self.method == "iterative":
+            self._coarsened(matrix)
+            return
+        if pattern != self._pattern and self._copy is not None:
+            self._copy.destroy()  # leaves an empty handle, which convert fills anew
+        self._copy = matrix.convert("aij", out=self._copy or PETSc.Mat())
+        self._copy.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
+        self._fresh.setOperators(matrix, self._copy)
         if self._by_mumps():
+            pc = self._fresh.getPC()
             pc.setFactorSetUpSolverType()
             factors = pc.getFactorMatrix()
             factors.setOptionsPrefix(PREFIX)  # set up this early it has none
@@ -232,9 +250,13 @@ class ReusingSolver:
             self.choice.spent(now - self._mark, digits)
             self._mark = now
 
-    def _run(self, ksp: Solver, matrix: Mat, rhs: Vec, out: Vec, tolerance: float, limit: int) -> int:
+    def _run(self, ksp: Solver, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float, limit: int) -> int:
         with self.timers("solve"):
-            ksp.setOperators(matrix, self._copy)
+            if self._blocks is not None:
+                self._blocks.use(matrix, pattern)
+            if self._jacobi is not None:
+                self._jacobi.renew()  # an old one of a row that has become stiff would have the smoother diverge
+            ksp.setOperators(self._blocks.mat if self._blocks else matrix, self._copy)
             ksp.setTolerances(rtol=tolerance, max_it=limit)
             if error := _code(lambda: ksp.solve(rhs, out)):
                 return error
@@ -259,6 +281,14 @@ class ReusingSolver:
     def _infog(self) -> int:
         factorised = self.method == "direct" and self._reuse is not None and self._by_mumps()
         return self._fresh.getPC().getFactorMatrix().getMumpsInfog(1) if factorised else 0
+
+
+def _unless_given(settings: Mapping[str, Any]) -> None:
+    """PETSc options that a user's own, with the same prefix, override."""
+    options = PETSc.Options()
+    for key, value in settings.items():
+        if not options.hasName(PREFIX + key):
+            options[PREFIX + key] = value
 
 
 def _code(call: Callable[[], object]) -> int:

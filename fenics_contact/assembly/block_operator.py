@@ -1,0 +1,167 @@
+"""Matrices of 3x3 blocks as operators of Krylov's method and of multigrid's smoother, by our own products."""
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+from weakref import WeakMethod
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact.kernels.block_products import add_product, diagonal_product, inverses
+from fenics_contact.types import Array, Floats, Mat
+
+_PETSC = ctypes.CDLL(PETSc.__file__)  # petsc4py gives no access to the entries of a matrix without copies
+_INT = ctypes.c_int64 if np.dtype(PETSc.IntType).itemsize == 8 else ctypes.c_int32
+_HANDLE = ctypes.c_void_p
+_PRODUCT = ctypes.CFUNCTYPE(ctypes.c_int, _HANDLE, _HANDLE, _HANDLE)
+_MULT = 3  # PETSc's number of the operation y = A x
+_INSERT, _FORWARD = 1, 0  # PETSc's numbers of a scatter's modes
+_GONE = 85  # PETSC_ERR_ARG_NULL
+_Rows = tuple[Array, Array, Floats]  # offsets, columns, blocks by columns, flat
+
+
+class Blocks:
+    """y = A x with a matrix of 3x3 blocks, whose entries are not copied, as a PETSc Mat of type shell, `mat`.
+
+    PETSc's own kernel reads the entries past the caches, which takes two to four times as long. `use` gives the matrix, on
+    the same processes; one by scalars is converted. Shells and not Mats of type python: PETSc frees what ranks share when it
+    ends, after Python. Collective.
+    """
+
+    def __init__(self, matrix: Mat) -> None:
+        self._made: list[Any] = []  # what it must free
+        self._known: tuple[int, int] | None = None
+        self.mat = PETSc.Mat().create(matrix.comm)
+        self.mat.setSizes(matrix.getSizes())
+        self.mat.setType("shell")
+        self.mat.setUp()
+        self._product = _product(self._multiply)
+        _called("MatShellSetOperation", _HANDLE(self.mat.handle), _MULT, self._product)
+        self.use(matrix)
+
+    def use(self, matrix: Mat, pattern: int | None = None) -> None:
+        """Multiply by this matrix from now on. pattern: number that changes with its nonzero pattern, None: not known."""
+        if pattern is not None and (matrix.handle, pattern) == self._known:
+            return
+        self._free()
+        blocked = matrix.getType().endswith("baij")
+        self._known = (matrix.handle, pattern) if blocked and pattern is not None else None
+        if not blocked:
+            matrix = matrix.convert("baij", out=PETSc.Mat())
+            self._made.append(matrix)
+        self._matrix, self._others, self._scatter = matrix, None, None
+        if matrix.comm.size == 1:
+            self._own = _rows(_HANDLE(matrix.handle))
+            return
+        own, others, ghosts = _HANDLE(), _HANDLE(), _HANDLE()
+        _called("MatMPIBAIJGetSeqBAIJ", _HANDLE(matrix.handle), *map(ctypes.byref, (own, others, ghosts)))
+        self._own, self._others = _rows(own), _rows(others)
+        rows, columns = _INT(), _INT()
+        _called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
+        count = columns.value // 3
+        places = PETSc.IS().createBlock(3, _array(ghosts, _INT, count), comm=matrix.comm)
+        x = matrix.createVecRight()
+        self._ghosts = PETSc.Vec().createSeq(3 * count)
+        self._scatter = PETSc.Scatter().create(x, places, self._ghosts, None)
+        x.destroy(), places.destroy()
+        self._made += [self._ghosts, self._scatter]
+
+    def inverses(self, out: Floats) -> None:
+        """The inverse of every block on the diagonal into out (9 rows,), by columns; not finite where it is singular."""
+        inverses(*self._own, out)
+
+    @property
+    def rows(self) -> int:
+        """Block rows of this process."""
+        return len(self._own[0]) - 1
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self._free()
+        self.mat.destroy()
+
+    def _free(self) -> None:
+        for thing in self._made:
+            thing.destroy()
+        self._made, self._known = [], None
+
+    def _multiply(self, x: int, y: int) -> None:
+        size = 3 * self.rows
+        scatter = [_HANDLE(one.handle) for one in (self._scatter, self._ghosts)] if self._scatter else []
+        if scatter:
+            _called("VecScatterBegin", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
+        with _entries(x, size) as given, _entries(y, size, written=True) as out:
+            out[:] = 0.0
+            add_product(*self._own, given, out)
+        if scatter and self._others:
+            _called("VecScatterEnd", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
+            with _entries(y, size, written=True) as out:
+                add_product(*self._others, self._ghosts.array_r, out)
+
+
+class BlockJacobi:
+    """y = D^-1 x with the 3x3 blocks on the diagonal of a matrix, as a PC of type shell; must live as long as that."""
+
+    def __init__(self, pc: Any, blocks: Blocks) -> None:
+        self._blocks, self._inverses, self._product = blocks, np.zeros(9 * blocks.rows), _product(self._multiply)
+        pc.setType("shell")
+        _called("PCShellSetApply", _HANDLE(pc.handle), self._product)
+        self.renew()
+
+    def renew(self) -> None:
+        """Invert the blocks as they are now."""
+        self._blocks.inverses(self._inverses)
+
+    def _multiply(self, x: int, y: int) -> None:
+        size = len(self._inverses) // 3
+        with _entries(x, size) as given, _entries(y, size, written=True) as out:
+            diagonal_product(self._inverses, given, out)
+
+
+class _entries:
+    """A process's entries of a vector by its handle, in a with statement."""
+
+    def __init__(self, vector: int, size: int, written: bool = False) -> None:
+        self._vector, self._size, self._kind = _HANDLE(vector), size, "" if written else "Read"
+        self._pointer = _HANDLE()
+
+    def __enter__(self) -> Floats:
+        _called(f"VecGetArray{self._kind}", self._vector, ctypes.byref(self._pointer))
+        return _array(self._pointer, ctypes.c_double, self._size)
+
+    def __exit__(self, *_: object) -> None:
+        _called(f"VecRestoreArray{self._kind}", self._vector, ctypes.byref(self._pointer))
+
+
+def _product(multiply: Callable[[int, int], None]) -> Any:
+    """A function of (object, x, y) that PETSc can call as long as the method's object lives, which may hold it."""
+    method = WeakMethod(multiply)  # no cycle: what ranks share would wait for Python's collector
+
+    def product(_: int, x: int, y: int) -> int:
+        if known := method():
+            known(x, y)
+        return 0 if known else _GONE
+
+    return _PRODUCT(product)
+
+
+def _rows(matrix: ctypes.c_void_p) -> _Rows:
+    """The block rows of a process's own matrix, where PETSc holds them."""
+    count, done = _INT(), ctypes.c_int()
+    offsets, columns, blocks = _HANDLE(), _HANDLE(), _HANDLE()
+    _called("MatGetRowIJ", matrix, _INT(0), 0, 1, *map(ctypes.byref, (count, offsets, columns, done)))
+    _called("MatSeqBAIJGetArray", matrix, ctypes.byref(blocks))
+    starts = _array(offsets, _INT, count.value + 1)
+    return starts, _array(columns, _INT, starts[-1]), _array(blocks, ctypes.c_double, 9 * starts[-1])
+
+
+def _array(address: ctypes.c_void_p, kind: Any, size: int) -> Array:
+    """PETSc's memory as an array: numpy's own way leaves a cycle of objects behind each time."""
+    return np.frombuffer((kind * size).from_address(address.value), dtype=kind) if size else np.empty(0, dtype=kind)
+
+
+def _called(name: str, *arguments: object) -> None:
+    """Call a function of PETSc. RuntimeError with its error code."""
+    if code := getattr(_PETSC, name)(*arguments):
+        raise RuntimeError(f"{name}: PETSc's error {code}")
