@@ -165,6 +165,23 @@ def test_the_cheaper_solver_is_found_by_trial():
 
 
 @pytest.mark.parallel
+def test_a_trial_ends_once_its_solves_alone_cost_more():
+    choice = Choice(COMM, {"direct": 1.0, "iterative": 1.0})
+    assert not choice.lost("direct")
+    choice.spent(1.0)
+    for _ in range(5):
+        choice.spent(0.1, 8.0)
+    assert choice.next("direct") == "iterative" and not choice.lost("iterative")
+    rate = choice.rates["direct"]
+    choice.spent(50.0)  # a hierarchy, which is paid already
+    choice.spent(0.9 * rate * 8.0, 8.0)
+    assert not choice.lost("iterative")
+    choice.spent(1.2 * rate * 8.0, 8.0)
+    assert choice.lost("iterative")
+    assert choice.next("iterative") == "direct" and not choice.lost("direct")
+
+
+@pytest.mark.parallel
 def test_a_solver_that_grows_dear_is_given_up():
     choice = Choice(COMM, {"direct": 1.0, "iterative": 1.0})
     choice.spent(1.0, 40.0), choice.spent(0.0, 0.0)

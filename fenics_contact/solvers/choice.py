@@ -10,8 +10,8 @@ from fenics_contact.assembly.system import System
 from fenics_contact.types import Floats
 
 # Seconds of one core of 2020: of a factorisation per flop-like (3 s)^3 with s nodes in the separators of the bodies, and of
-# Krylov's method per solve and unknown, its hierarchies included. From frictional punches of 2e4 and 5e4 unknowns.
-FACTORISATION, KRYLOV = 0.5e-9, 44e-6
+# Krylov's method per solve and unknown, its hierarchies included. From frictional scenes of 1e4 to 6e4 unknowns.
+FACTORISATION, KRYLOV = 0.5e-9, 9e-6
 # Bulk over shear modulus above which multigrid's iterations grow as the square root of the ratio.
 SLOWED_ABOVE = 20.0
 QUADRATIC = 2.0  # how much dearer multigrid is per unknown of degree 2
@@ -54,13 +54,14 @@ class Choice:
     """The cheaper of the two, per digit of accuracy. foreseen: seconds per solve by method.
 
     A preconditioner's cost is known when it is given up: `next` is asked then. Once the other method may pay for its own
-    trial it serves for one preconditioner, too; from then on the cheaper of the two does, by what each took last.
+    trial it serves for one preconditioner, too, unless it has `lost` before; from then on the cheaper of the two does, by
+    what each took last.
     """
 
     def __init__(self, comm: MPI.Comm, foreseen: Mapping[str, float]) -> None:
         self._comm, self._foreseen = comm, foreseen
         self.rates: dict[str, float] = {}  # seconds per digit of a method's last preconditioner
-        self._seconds = self._digits = 0.0
+        self._seconds = self._solving = self._digits = 0.0
         self._solves = 0
 
     @property
@@ -80,11 +81,16 @@ class Choice:
 
     def spent(self, seconds: float, digits: float = 0.0) -> None:
         """Count time, and a solve by its digits."""
-        self._seconds, self._digits, self._solves = (
-            self._seconds + seconds,
-            self._digits + digits,
-            self._solves + (digits > 0),
-        )
+        self._seconds, self._digits = self._seconds + seconds, self._digits + digits
+        if digits > 0.0:
+            self._solving, self._solves = self._solving + seconds, self._solves + 1
+
+    def lost(self, method: str) -> bool:
+        """Whether a method on trial takes more for its solves alone than the other one in all. Collective."""
+        other = self.rates.get(OTHER[method])
+        if other is None or method in self.rates or not self._digits:
+            return False
+        return max(self._comm.allgather(self._solving)) > other * self._digits
 
     def next(self, method: str) -> str:
         """The method of the preconditioner that is due, after those of `method`. Collective."""
@@ -97,5 +103,5 @@ class Choice:
             wanted = self._solves >= EARLIEST * dearer
         else:
             wanted = self.rates[other] < BETTER * self.rates[method]
-        self._seconds = self._digits = 0.0
+        self._seconds = self._solving = self._digits = 0.0
         return other if wanted else method

@@ -187,7 +187,8 @@ class ReusingSolver:
 
     def _tried(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         reason = -1
-        if self._reuses and self._reuse is not None and self._worth_trying(matrix, self._reuse):
+        lost = self.choice is not None and self.choice.lost(self.method)
+        if self._reuses and self._reuse is not None and not lost and self._worth_trying(matrix, self._reuse):
             reason = self._run(self._krylov, matrix, pattern, rhs, out, tolerance, self._reuse.limit(tolerance))
         if reason < 0:
             # PETSc counts the changes of each matrix by itself: another one may have as many behind it
@@ -218,7 +219,8 @@ class ReusingSolver:
             self._pattern, self._state = pattern, matrix.stateGet()
             self._reuse = Reuse(BUILD_COST[self.method])
             self.builds += 1
-            return error
+        self._lap()
+        return error
 
     def _prepare(self, matrix: Mat, pattern: int) -> None:
         """Factorise or coarsen a matrix. PETSc.Error where that fails."""
