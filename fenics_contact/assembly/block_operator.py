@@ -9,7 +9,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.kernels.block_products import add_product, diagonal_product, inverses
-from fenics_contact.types import Array, Floats, Mat
+from fenics_contact.types import Array, Floats, Mat, Vec
 
 _PETSC = ctypes.CDLL(PETSc.__file__)  # petsc4py gives no access to the entries of a matrix without copies
 _INT = ctypes.c_int64 if np.dtype(PETSc.IntType).itemsize == 8 else ctypes.c_int32
@@ -30,8 +30,11 @@ class Blocks:
     """
 
     def __init__(self, matrix: Mat) -> None:
-        self._made: list[Any] = []  # what it must free
-        self._known: tuple[int, int] | None = None
+        self._made: list[Mat] = []  # from a matrix by scalars
+        self._known: tuple[int, int, int | None, int | None] | None = None
+        self._others: _Rows | None = None  # columns that other processes own, and how their entries come here
+        self._scatter: Any = None
+        self._ghosts: Vec = None
         self.mat = PETSc.Mat().create(matrix.comm)
         self.mat.setSizes(matrix.getSizes())
         self.mat.setType("shell")
@@ -41,22 +44,31 @@ class Blocks:
         self.use(matrix)
 
     def use(self, matrix: Mat, pattern: int | None = None) -> None:
-        """Multiply by this matrix from now on. pattern: number that changes with its nonzero pattern, None: not known."""
-        if pattern is not None and (matrix.handle, pattern) == self._known:
-            return
-        self._free()
-        blocked = matrix.getType().endswith("baij")
-        self._known = (matrix.handle, pattern) if blocked and pattern is not None else None
-        if not blocked:
-            matrix = matrix.convert("baij", out=PETSc.Mat())
+        """Multiply by this matrix from now on; again after PETSc has rearranged it: new couplings, a conversion.
+
+        pattern: number that changes with its nonzero pattern, None: not known.
+        """
+        if not matrix.getType().endswith("baij"):
+            self._free()
+            matrix, pattern = matrix.convert("baij", out=PETSc.Mat()), None
             self._made.append(matrix)
-        self._matrix, self._others, self._scatter = matrix, None, None
         if matrix.comm.size == 1:
             self._own = _rows(_HANDLE(matrix.handle))
-            return
-        own, others, ghosts = _HANDLE(), _HANDLE(), _HANDLE()
-        _called("MatMPIBAIJGetSeqBAIJ", _HANDLE(matrix.handle), *map(ctypes.byref, (own, others, ghosts)))
-        self._own, self._others = _rows(own), _rows(others)
+        else:
+            own, others, ghosts = _HANDLE(), _HANDLE(), _HANDLE()
+            _called("MatMPIBAIJGetSeqBAIJ", _HANDLE(matrix.handle), *map(ctypes.byref, (own, others, ghosts)))
+            self._own, self._others = _rows(own), _rows(others)
+            known = None if pattern is None else (matrix.handle, pattern, others.value, ghosts.value)
+            if matrix.comm.tompi4py().allreduce(known is None or known != self._known):
+                self._reach(matrix, others, ghosts)
+                self._known = known
+        self._matrix = matrix
+
+    def _reach(self, matrix: Mat, others: ctypes.c_void_p, ghosts: ctypes.c_void_p) -> None:
+        """Make the exchange of the entries that other processes own."""
+        for thing in (self._scatter, self._ghosts):
+            if thing is not None:
+                thing.destroy()
         rows, columns = _INT(), _INT()
         _called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
         count = columns.value // 3
@@ -65,7 +77,6 @@ class Blocks:
         self._ghosts = PETSc.Vec().createSeq(3 * count)
         self._scatter = PETSc.Scatter().create(x, places, self._ghosts, None)
         x.destroy(), places.destroy()
-        self._made += [self._ghosts, self._scatter]
 
     def inverses(self, out: Floats) -> None:
         """The inverse of every block on the diagonal into out (9 rows,), by columns; not finite where it is singular."""
@@ -79,12 +90,14 @@ class Blocks:
     def destroy(self) -> None:
         """Free PETSc's objects."""
         self._free()
-        self.mat.destroy()
+        for thing in (self._scatter, self._ghosts, self.mat):
+            if thing is not None:
+                thing.destroy()
 
     def _free(self) -> None:
         for thing in self._made:
             thing.destroy()
-        self._made, self._known = [], None
+        self._made = []
 
     def _multiply(self, x: int, y: int) -> None:
         size = 3 * self.rows

@@ -1,0 +1,145 @@
+"""Our own products with matrices of 3x3 blocks, as PETSc sees them."""
+
+import gc
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact.assembly.block_operator import BlockJacobi, Blocks
+from fenics_contact.meshes import box, two_blocks
+from fenics_contact.solvers.multigrid import multigrid
+
+COMM = MPI.COMM_WORLD
+RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
+pytestmark = pytest.mark.parallel
+
+
+def tangent(cells=4):
+    """System of two blocks in frictional contact with its tangent, unsymmetric, assembled in a state of no meaning."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(2 * cells, 2 * cells, 2), upper_cells=(cells + 1, cells + 1, 2))
+    scene = Scene(*(Body(mesh, name, RUBBER) for name in ("lower", "upper")))
+    scene.fix("lower_bottom")
+    scene.prescribe("upper_top", "z", -0.4)
+    scene.contact("upper_bottom", "lower_top", 0.3, name="c")
+    system = scene.system()
+    system.begin_step(1.0)
+    system.state.u.x.array[:] = 0.03 * np.sin(system.space.tabulate_dof_coordinates()).ravel()
+    system.assemble_residual()
+    system.assemble_tangent()
+    return system
+
+
+def some(system):
+    x = system.new_vector()
+    first, end = x.getOwnershipRange()
+    x.array_w[:] = np.cos(np.arange(first, end))
+    return x
+
+
+def apart(a, b):
+    difference = a.copy()
+    difference.axpy(-1.0, b)
+    return difference.norm() / b.norm()
+
+
+@pytest.mark.parametrize("kind", ["baij", "aij"])
+def test_the_product_is_petsc_s(kind):
+    system = tangent()
+    x, ours, theirs = some(system), system.new_vector(), system.new_vector()
+    matrix = system.matrix if kind == "baij" else system.matrix.convert("aij", out=PETSc.Mat())
+    blocks = Blocks(matrix)
+    for _ in range(2):
+        matrix.mult(x, theirs)
+        blocks.mat.mult(x, ours)
+        assert apart(ours, theirs) < 1e-14
+        matrix.scale(2.0)  # the entries are the matrix' own; one by scalars must be given again
+        blocks.use(matrix, 1)
+    blocks.destroy()
+
+
+def test_another_matrix_can_be_given():
+    system, other = tangent(), tangent(3)
+    blocks = Blocks(system.matrix)
+    larger = system.matrix.copy()
+    larger.shift(7.0)
+    x, ours, theirs = some(system), system.new_vector(), system.new_vector()
+    for pattern, matrix in enumerate([larger, system.matrix, larger]):
+        blocks.use(matrix, pattern)
+        matrix.mult(x, theirs)
+        blocks.mat.mult(x, ours)
+        assert apart(ours, theirs) < 1e-14
+    blocks.destroy()
+    del system
+    gc.collect()
+    x, ours, theirs = some(other), other.new_vector(), other.new_vector()
+    blocks = Blocks(other.matrix)
+    other.matrix.mult(x, theirs)
+    blocks.mat.mult(x, ours)
+    assert apart(ours, theirs) < 1e-14
+    blocks.destroy()
+
+
+def test_the_blocks_on_the_diagonal_are_inverted():
+    system = tangent()
+    system.matrix.shift(1e-3)
+    blocks, pc = Blocks(system.matrix), PETSc.PC().create(COMM)
+    pc.setOperators(blocks.mat)
+    jacobi = BlockJacobi(pc, blocks)
+    x, back = some(system), system.new_vector()
+    pc.apply(x, back)
+    inverse = system.matrix.invertBlockDiagonal().reshape(-1, 3, 3)
+    expected = np.einsum("nij,nj->ni", inverse, x.array_r.reshape(-1, 3)).ravel()
+    np.testing.assert_allclose(back.array_r, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+    system.matrix.scale(4.0)
+    jacobi.renew()
+    pc.apply(x, back)
+    np.testing.assert_allclose(back.array_r, expected / 4.0, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+    pc.destroy(), blocks.destroy()
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_cycle_is_linear_and_lowers_the_error(levels):
+    """Of a matrix that is all in one level, too: fewer unknowns than PETSc coarsens."""
+    count = 1 if levels == 1 else 7
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(count, count, count)), "box", RUBBER))
+    scene.fix("zmin")
+    system = scene.system()
+    system.assemble_residual()
+    system.assemble_tangent()
+    matrix = system.supports.eliminated(system.matrix, 1.0)
+    scalars = matrix.convert("aij", out=PETSc.Mat())
+    blocks = Blocks(matrix)
+    pc, _kept = multigrid(blocks, scalars, "test_")
+    assert (pc.getType() == "mg") == (levels > 1)
+    x = some(system)
+    once, twice, right = system.new_vector(), system.new_vector(), system.new_vector()
+    matrix.mult(x, right)
+    pc.apply(right, once)
+    assert apart(once, x) < 0.9
+    right.scale(-3.0)
+    pc.apply(right, twice)
+    once.scale(-3.0)
+    assert apart(twice, once) < 1e-12
+    pc.destroy(), blocks.destroy(), scalars.destroy()
+
+
+@pytest.mark.parametrize("option", [("fc_pc_type", "jacobi"), ("fc_cycle_mg_levels_ksp_max_it", 2)])
+def test_options_of_the_user_s_own_reach_petsc(option):
+    """Another preconditioner, or another cycle: the same forces."""
+    found = []
+    for given in (False, True):
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(4, 4, 4)), "box", RUBBER))
+        scene.fix("zmin")
+        plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
+        scene.contact("zmax", plate, name="lid")
+        if given:
+            PETSc.Options()[option[0]] = option[1]
+        try:
+            result = solve(scene, move={plate: (0, 0, -0.2)}, steps=2, linear="iterative", progress=False).require()
+        finally:
+            PETSc.Options().delValue(option[0])
+        found.append((result.history[-1]["lid_force_z_N"], result.summary["method"]["krylov_iterations"]))
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-7) and found[0][1] != found[1][1]
