@@ -175,7 +175,7 @@ class Creeping:
     """A system, and its stepper, that no step carries on, only a jump."""
 
     damping, terms, committed_t, stages = True, (), 0.0, Stages(("",), (1.0,), 0)
-    holds = SimpleNamespace(reliant=[])
+    holds, tools = SimpleNamespace(reliant=[]), SimpleNamespace(free=np.zeros((0, 6), dtype=bool))
 
     def __init__(self, rests):
         self.state, self.rests, self.jumps, self.steps = SimpleNamespace(t=0.0), rests, [], 0

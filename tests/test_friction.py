@@ -14,7 +14,6 @@ from fenics_contact import (
     Stage,
     coulomb,
     from_elastic,
-    neo_hooke,
     read_gmsh,
     rigid_plane,
     rigid_punch,
@@ -347,18 +346,3 @@ def test_a_pushed_tool_is_in_balance_and_equals_the_moved_one(block, target):
 
     _, moved = pressed_block(block, move=path)
     np.testing.assert_allclose(moved[:, pushed], expected[:, pushed], atol=1e-6 * 400)  # required
-
-
-@pytest.mark.parallel
-@pytest.mark.parametrize(("below", "told"), [(MU, True), (2.0 * MU, False)])
-def test_a_block_between_two_contacts_that_may_both_slide_is_told(below, told):
-    """A lid draws a block along a floor: of one friction, which of the two slides is decided by nothing."""
-    scene = Scene(Body(read_gmsh(box.build, size=(4.0, 2.0, 1.0), cells=(4, 2, 2)), "box", neo_hooke(1.0, 5.0)))
-    scene.fix("ymin", "y")
-    lid = rigid_plane((0, 0, 1.0), (0, 0, -1.0), name="lid")
-    scene.contact("zmin", rigid_plane(), below, name="below")
-    scene.contact("zmax", lid, MU, name="above")
-    path = lambda t: (0.8 * max(0.0, 2.0 * t - 1.0), 0.0, -0.1 * min(1.0, 2.0 * t))  # noqa: E731
-    verdict = solve(scene, move={lid: path}, steps=10, progress=False).require().verdict
-    notes = [note for note in verdict.notes if "the path may branch here" in note]
-    assert len(notes) == told and all("'below' and 'above' hold body 'box'" in note for note in notes)

@@ -11,10 +11,10 @@ from fenics_contact.types import Floats
 
 # Seconds of one core of 2020: of a factorisation per flop-like (3 s)^3 with s nodes in the separators of the bodies, and of
 # Krylov's method per solve and unknown, its hierarchies included. From frictional scenes of 1e4 to 6e4 unknowns.
-FACTORISATION, KRYLOV = 0.5e-9, 9e-6
+FACTORISATION, KRYLOV = 0.5e-9, 6e-6
 # Bulk over shear modulus above which multigrid's iterations grow as the square root of the ratio.
 SLOWED_ABOVE = 20.0
-QUADRATIC = 2.0  # how much dearer multigrid is per unknown of degree 2
+QUADRATIC = 3.5  # how much dearer multigrid is per unknown of degree 2
 DOUBT = 6.0  # foreseen costs that differ by less are measured
 EARLIEST = 5  # solves before the other one is tried, times how much dearer it is foreseen to be
 TRIAL = 80  # iterations of a solve on trial: more than that is no gain

@@ -8,7 +8,7 @@ from fenics_contact.assembly.finding import MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
-from fenics_contact.solvers.holding import undecided
+from fenics_contact.solvers.holding import thrown, undecided
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
 from fenics_contact.solvers.verdict import StepFailed, Verdict
@@ -90,7 +90,7 @@ def run(
 def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
     """The report of a step to a state that may be accepted; StepFailed."""
     report = stepper.step(system, goal)
-    if wrong := system.objection():
+    if wrong := system.objection() or thrown(system):
         raise StepFailed.of(wrong)
     if wandered(system, report):
         words = snapped(system, goal)

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding
 from fenics_contact.assembly.holds import ALLOWED
-from fenics_contact.assembly.system import System
+from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.assembly.term import ContactTerm, Term
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
 from fenics_contact.solvers.softness import damping
@@ -23,7 +23,11 @@ MOSTLY = 0.25  # the same where nothing else explains a failure: held by little 
 # Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
 # cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
 USED_UP = 0.99
-NEARLY = 0.97  # the same, of contacts of one body that slide one instead of the other as the steps happen to fall
+NEARLY = 0.9  # the same, of contacts that slide one instead of the other as the steps happen to fall
+PULLS = 0.1  # of the largest work of a contact: what does less has no part in a motion
+ALIKE = 0.95  # of the share of its friction that one side carries: how near the other one's must be for either to slide
+FELT = 0.02  # of the friction that contacts may carry, times the way: less work has nothing to do with their sliding
+THROWN = 0.1  # of the bodies' size: how far a tool that nothing pushes goes within a step only if it is thrown
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 
@@ -179,38 +183,89 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     alone = "alone" if rest == HELD else f"gives all but {np.abs(values).min():.0%} of what"
     text = f"friction {alone} holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
-        ways = damping(system)
-        return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, ways[0]) if ways else None
+        bodies = {system.bodies[i][0] for i in system.holds.reliant} >= {name for name, _ in parts}
+        springs = bodies and not (system.stabilised or system.damping)
+        remedy = " or ".join((["solve(..., stabilise=True)"] if springs else []) + damping(system))
+        return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
     return Finding(SLIDES, f"{text}; {end}", where, remedy)
 
 
 def undecided(system: System, told: Collection[str]) -> dict[str, str]:
-    """{place: a note} of each body that contacts alone hold, several of them, and the friction of all is all but used up: on
-    the way that what moves prescribes one of them must slide, and hardly anything says which. Collective.
+    """{place: a note} of contacts that hold bodies or free tools between them, no load against them, and that have all but
+    used up their friction: on the way that what moves prescribes one of them must slide, and hardly anything says which.
 
-    told: places that have had theirs.
+    Then a rigid motion of what they hold on which they pull against each other, and no load pulls, is resisted by little of
+    what would resist it if all points stuck, or less than nothing. told: places that have had theirs. Collective.
     """
+    if not (system.holds.reliant or system.tools.free.any()):
+        return {}
+    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
+    grips = [system.comm.allreduce(np.array(contact.grip(system.state))) for contact in rough]
+    least = ALLOWED * max(system.forces, system.force_scale)
+    near = [i for i, (taken, most) in enumerate(grips) if taken > NEARLY * most > NEARLY * least]
+    if len(near) < 2 or all(any(f"'{rough[i].name}'" in place for place in told) for i in near):
+        return {}
+    motions = rigid_motions(system)
+    now, stuck = _resisted(system, motions, {}), _energies(system, rough, motions, {})
+    values, vectors = _lowest(now, stuck)
+    works = np.array([_works(system, [rough[i]], motions) for i in near])
     found = {}
-    for body in system.holds.reliant:
-        place = f"body '{system.bodies[body][0]}'"
-        if place in told:
+    most = np.array([grips[i][1] for i in near])
+    for motion in vectors[:, values < MOSTLY].T:
+        work = works @ motion
+        pulls = np.abs(work) > PULLS * np.abs(work).max()
+        # of what each side may carry along that way: the side that carries more of it slides
+        sides = [
+            abs(work[side].sum()) / most[side].sum() for side in (pulls & (work > 0.0), pulls & (work < 0.0)) if side.any()
+        ]
+        felt = max(sides) > FELT * _reach(system, motions, motion)
+        if len(sides) < 2 or not felt or min(sides) < ALIKE * max(sides) or _pushed(system, motions, motion[:, None]):
             continue
-        contacts = [contact for contact in system.holds.contacts_of(body) if contact.rough and closed(system, contact)]
-        if len(contacts) < 2:
-            continue
-        grips = [system.comm.allreduce(np.array(contact.grip(system.state))) for contact in contacts]
-        least = ALLOWED * max(system.forces, system.force_scale)
-        if all(taken > NEARLY * most > NEARLY * least for taken, most in grips):
-            words = " and ".join(f"'{contact.name}'" for contact in contacts)
-            shares = ", ".join(f"{taken / most:.3f}" for taken, most in grips)
+        pulling = [i for i, one in zip(near, pulls, strict=True) if one]
+        place = "contacts " + " and ".join(f"'{rough[i].name}'" for i in pulling)
+        held = _parts(motions, motion[:, None])
+        owners = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in held)
+        shares = ", ".join(f"{grips[i][0] / grips[i][1]:.3f}" for i in pulling)
+        if place not in told:
             found[place] = (
-                f"contacts {words} hold {place}, and the friction of all of them is all but used up, T / (mu N) = "
-                f"{shares}: the path may branch here, for hardly anything says which of them slides; compare with twice the "
-                "steps, hold the body along that way, or let the frictions differ"
+                f"{place} hold {owners}, and the friction of all of them is all but used up, T / (mu N) = {shares}: "
+                "the path may branch here, for hardly anything says which of them slides; compare with twice the steps, "
+                f"hold {owners} along that way, or let the frictions differ by a tenth"
             )
     return found
+
+
+def _reach(system: System, motions: Motions, combined: Floats) -> float:
+    """The largest displacement of a combination of motions. Collective."""
+    du, dq = system.new_vector(), np.zeros_like(system.state.q)
+    for share, (_, motion, _) in zip(combined, motions, strict=True):
+        du.axpy(share, motion.du)
+        dq += share * motion.dq
+    return max(du.norm(PETSc.NormType.NORM_INFINITY), np.abs(dq).max(initial=0.0))
+
+
+def thrown(system: System) -> Finding | None:
+    """A finding of a free tool that no load pushes, and that has lost every contact in this step and gone far: Newton's
+    method took it somewhere, where nothing holds it, and any place would be as good. Collective."""
+    q = system.accepted[-1][1]
+    least = max(ALLOWED * max(system.forces, system.force_scale), TOLERANCE * system.scale)
+    loads = system.tools.forces(system.state.t)
+    for i, name in enumerate(system.tools.names):
+        free = system.tools.free[i] & (np.abs(loads[i]) <= least)
+        way = np.abs(np.where(free, system.state.q[i] - q[i], 0.0))[:3].max()
+        tied = system.comm.allreduce(len(system.supports.ties.of(i)))
+        if tied or way < THROWN * system.extent:
+            continue
+        if not any(contact.holding(system.state, least) for contact in contacts_of(system, {name})):
+            text = f"it has lost every contact and moved by {way / system.extent:.2g} of the bodies' size within the step"
+            return Finding(RIGID_MOTION, text, f"tool '{name}'", _first(damping(system)))
+    return None
+
+
+def _first(ways: list[str]) -> str:
+    return ways[0] if ways else "hold it along that way, or end the path before"
 
 
 def _pushed(system: System, motions: Motions, held: Floats) -> bool:
@@ -235,6 +290,11 @@ def _energies(system: System, rough: list[ContactTerm], motions: Motions, fricti
     """Work of motions with each other's resistance if rough contacts had other coefficients of friction: endless ones, but
     for those of `frictions`. Collective."""
     trials: dict[Term, Any] = {contact: contact.trial.with_friction(frictions.get(contact, ENDLESS)) for contact in rough}
+    return _resisted(system, motions, trials)
+
+
+def _resisted(system: System, motions: Motions, trials: dict[Term, Any]) -> Floats:
+    """Work of motions with each other's resistance by the tangent, with these trial states of contacts. Collective."""
     system.assemble_tangent(trials=trials)
     matrix = supported(system)
     forces = [resistance(system, motion, matrix) for _, motion, _ in motions]
