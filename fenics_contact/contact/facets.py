@@ -10,6 +10,7 @@ from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, turned
+from fenics_contact.contact.joints import Directions
 from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.pair_pattern import PairPattern
@@ -70,15 +71,13 @@ class OnFacets:
     master: MasterSurface | ToolSurface
     _comm: MPI.Comm
 
-    _led: tuple[Friction, Floats] | None = None
+    _led: Directions | None = None
 
-    def _directed(self, friction: Friction) -> Floats:
-        """Parts (nf, m) of the master's nodes in its facets' directions of friction; (0, m) where they do not deform."""
-        if friction.ratio == 1.0:
-            return np.empty((0, self.master.facets[0].shape[1]))
-        if self._led is None or self._led[0] is not friction:
-            self._led = friction, self.master.directed(friction.along)
-        return self._led[1]
+    def _directed(self, friction: Friction) -> Directions | None:
+        """The master's directions of friction; None where one coefficient holds, or one direction for all."""
+        if friction.ratio != 1.0 and (self._led is None or self._led.friction is not friction):
+            self._led = Directions(self.master, friction)
+        return self._led if friction.ratio != 1.0 and self._led is not None and len(self._led.parts) else None
 
     def looks(self, state: State) -> Floats:
         raise NotImplementedError
@@ -235,8 +234,10 @@ class FacetPartner(OnFacets):
 
     def _directions(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Floats]:
         """Nodes (np, m) of the points' directions of friction and their parts in them; (0, m): one holds for all."""
-        directed, nodes = self._directed(trial.law.friction), self._facets[0]
-        return (nodes[feet.projection[0]], directed[feet.projection[0]]) if len(directed) else (nodes[:0], directed)
+        if (directed := self._directed(trial.law.friction)) is None:
+            return self._facets[0][:0], np.empty((0, self._facets[0].shape[1]))
+        leading = directed.leading(feet.projection)
+        return self._facets[0][leading], directed.parts[leading]
 
     def _pairs(self, feet: FacetFeet, trial: Trial, area: Floats | None = None) -> Pairs:
         """What the kernels take of the pairs of points and facets."""

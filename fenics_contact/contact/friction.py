@@ -70,10 +70,10 @@ def _with_directions(law: Friction, across: float | None, along: Sequence[float]
         raise SceneError("friction: shear_limit= is the same in all directions; it goes without across= and along=")
     first, second = positive(law.mu, "friction, with across=,"), positive(across, "friction: across")
     way = finite(along, "friction: along", (3,))
-    length = np.linalg.norm(way)
-    if length == 0.0:
+    largest = np.abs(way).max()
+    if largest == 0.0:
         raise SceneError("friction: along has the length zero; give a direction")
-    x, y, z = way / length
+    x, y, z = way / largest / np.linalg.norm(way / largest)  # its square may be beyond what a number holds
     return law._replace(ratio=float(first / second), along=(float(x), float(y), float(z)))
 
 

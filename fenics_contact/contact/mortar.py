@@ -127,12 +127,19 @@ class MortarPartner(OnFacets):
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there: sums over the samples around each node."""
-        law, directed, facet = turned(trial.law.friction, feet.pose), self._directed(trial.law.friction), feet.projection[0]
-        if not len(directed):
+        law, (parts, facet) = turned(trial.law.friction, feet.pose), self._leading(feet, trial.law.friction)
+        if not len(parts):
             return law
-        at_samples = np.einsum("qi,qic->qc", directed[facet], feet.coords[self._facets[0][facet]])
+        at_samples = np.einsum("qi,qic->qc", parts[facet], feet.coords[self._facets[0][facet]])
         share = np.where(self._seated(feet), self.samples.share, 0.0)
         return law._replace(directions=np.einsum("nj,njc->nc", share, at_samples[self.samples.table]))
+
+    def _leading(self, feet: MortarFeet, friction: Friction) -> tuple[Floats, Ints64]:
+        """Parts (nf, m) of nodes in their facets' directions of friction, and the samples' facets (nq,) that hold there."""
+        directed = self._directed(friction)
+        if directed is None:
+            return np.empty((0, self._facets[0].shape[1])), feet.projection[0]
+        return directed.parts, directed.leading(feet.projection)
 
     def _share(self, trial: Trial) -> Floats:
         return (trial.area / self.surface.area).ravel()
@@ -184,11 +191,12 @@ class MortarPartner(OnFacets):
         law = self._law(trial, self.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._share(trial))
         s, swung, anchors = self.samples, self._turned(feet), own(trial.history.anchors)
-        where, directed = (feet.coords, s.slaves, self._facets, feet.met), self._directed(trial.law.friction)
+        where = feet.coords, s.slaves, self._facets, feet.met
+        directed = self._leading(feet, trial.law.friction)
 
         def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
             missing = add_held_tangents(*where, swung, (pressed, rubbed, s.number), (*pattern, *out))
-            return missing + add_node_tangents(*where, anchors, swung, (rates, *averaged, directed), (*pattern, *out))
+            return missing + add_node_tangents(*where, anchors, swung, (rates, *averaged, *directed), (*pattern, *out))
 
         rows, columns, blocks, missing = self._pattern.filled(add)
         if missing:
@@ -215,7 +223,7 @@ class MortarPartner(OnFacets):
         then, law, anchors = before.feet, trial.law, trial.history.anchors
         where = then.coords, self.samples.slaves, self._facets, then.met
         means = self._averages(then, anchors)
-        motion = feet.coords - then.coords, self._directed(law.friction)
+        motion = feet.coords - then.coords, *self._leading(then, law.friction)
         change = foreseen_averages(*where, own(anchors), means, self._turned(then), motion)
         averaged = self._averaged(feet, anchors)
         part = self._softened(averaged, trial)

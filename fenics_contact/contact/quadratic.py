@@ -65,7 +65,7 @@ class QuadraticPartner(FacetPartner):
         facets, (facet, _, _, _, gap, normal) = self._facets[0], feet.projection
         anchor_nodes, anchor_weights = own(trial.history.anchors)
         n, k, m, directed = len(at), weights.shape[1], facets.shape[1], self._directed(trial.law.friction)
-        corners = CORNERS + (len(directed) > 0)
+        corners = CORNERS + (directed is not None)
         N, lift = np.empty((n, 3, m)), np.zeros((n, corners, k + 2 * m))
         foot_shapes(at, self._facets, feet.projection, N)
         lift[:, SLAVE:MASTER, :k] = weights[at][:, None]
@@ -73,8 +73,8 @@ class QuadraticPartner(FacetPartner):
         lift[:, MASTER:ANCHOR, k : k + m] = N[:, :1]
         lift[:, MASTER + 1 : ANCHOR, k : k + m] += N[:, 1:]
         lift[:, ANCHOR, k + m :] = anchor_weights[at]
-        if len(directed):
-            lift[:, CORNERS, k : k + m] = directed[facet[at]]
+        if directed is not None:
+            lift[:, CORNERS, k : k + m] = directed.parts[facet[at]]
         nodes = np.column_stack([self._nodes[at], facets[facet[at]], anchor_nodes[at]])
         coords = np.einsum("qcn,qnx->qcx", lift, feet.coords[nodes])
         if gradients.shape[1] == 1:  # sides of a plane mesh go on along z

@@ -13,7 +13,7 @@ from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of
 from fenics_contact.kernels.mortar_tangent import Matrix, Turned, insert_row, join, sort_columns
 from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, of_nodes, plus, row, times
-from fenics_contact.types import Bools, Floats
+from fenics_contact.types import Bools, Floats, Ints64
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,11 +24,12 @@ def add_node_tangents(
     met: Met,
     anchors: Anchors,
     turned: Turned,
-    changing: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats],
+    changing: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Ints64],
     matrix: Matrix,
 ) -> int:
     """Add R_A M_A S_A; changing: (rates M of `node_rates`, averaged of kernels/mortar.py, directed (nf, l): parts of the
-    master facets' nodes in their directions of friction, (0, l) where one holds for all). Returns blocks without a place."""
+    master facets' nodes in their directions of friction, (0, l) where one holds for all, and the samples' facets (nq,) that
+    count for these). Returns blocks without a place."""
     starts, facets, places = slaves[5], slaves[6], slaves[7]
     slot_starts, slot_nodes, turns, lengths = turned
     nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
@@ -37,7 +38,7 @@ def add_node_tangents(
     groups = len(slot_starts) - 1
     known_groups, group_stamp, these = np.empty(groups, np.int64), np.full(groups, -1), np.empty(groups, np.int64)
     rates, leaned = np.zeros((len(coords), 5, 3)), np.zeros((groups, 5, 3))
-    gaps, ways, areas, anchored, whole, directed = changing[1:]
+    gaps, ways, areas, anchored, whole, directed, leading = changing[1:]
     forces, rubs, acted = np.zeros((len(coords), 3)), np.zeros((len(coords), 3, 3)), np.zeros(len(coords), np.bool_)
     changed, added, missing = np.empty((4, 3 * len(coords))), np.empty((3, 3 * len(coords))), 0
     order, led = np.empty(len(coords), np.int64), np.zeros(len(coords))
@@ -72,7 +73,8 @@ def add_node_tangents(
                     _spread(rates, at, -N, by_gap, by_way, push, drags)
                     _act(forces, rubs, acted, at, -share * N, foot.n)
                     if len(directed) > 0:
-                        led[at] += around * directed[met[0][q], j]
+                        n = join(surface[0][leading[q], j], known, stamp, A, here, n)
+                        led[known[surface[0][leading[q], j]]] += around * directed[leading[q], j]
                     if has_anchor:
                         _drag(rates, at, by_way * N, foot.n)
                         n = join(anchors[0][a, j], known, stamp, A, here, n)
@@ -233,13 +235,13 @@ def foreseen_averages(
     anchors: Anchors,
     averaged: Averaged,
     turned: Turned,
-    motion: tuple[Floats, Floats],
+    motion: tuple[Floats, Floats, Ints64],
 ) -> Floats:
     """Changes (ns, 8) of mean gaps, mean ways, covered shares and directions of friction, linearised, when the nodes move.
 
-    motion: (moved (nx, 3), directed as in add_node_tangents).
+    motion: (moved (nx, 3), directed and their facets as in add_node_tangents).
     """
-    moved, directed = motion
+    moved, directed, leading = motion
     starts, facets, places = slaves[5], slaves[6], slaves[7]
     slot_starts, slot_nodes, turns, lengths = turned
     nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
@@ -268,9 +270,9 @@ def foreseen_averages(
                 for j in range(surface[0].shape[1]):
                     here = less(here, -met[9][q, 0, j], row(moved, surface[0][met[0][q], j]))
                     if len(directed) > 0:
-                        led = weights[f, s] * shapes[s, c] * directed[met[0][q], j]
+                        led = weights[f, s] * shapes[s, c] * directed[leading[q], j]
                         for b in range(3):
-                            changes[A, 5 + b] += led * moved[surface[0][met[0][q], j], b]
+                            changes[A, 5 + b] += led * moved[surface[0][leading[q], j], b]
                 has_anchor = anchors[0][a, 0] >= 0
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords)) if has_anchor else ZERO
                 push, turn, drags, swings = _sample_rates(foot, w)
