@@ -457,6 +457,22 @@ def test_what_slides_along_a_tool_is_not_pushed_beyond_balance():
 
 
 @pytest.mark.parallel
+def test_friction_alone_holds_no_body_that_a_hub_leads():
+    """Soft blocks between two hubs on their ways: endless friction would resist them far more than their own ends do."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 2))
+    scene = Scene(*(Body(mesh, name, neo_hooke(mu=0.5, K=2.0)) for name in ("lower", "upper")))
+    below, above = rigid_hub("below", (0, 0, 0)), rigid_hub("above", (0, 0, 2))
+    scene.tie("lower_bottom", below)
+    scene.tie("upper_top", above)
+    scene.contact("upper_bottom", "lower_top", 0.1, name="c")
+    way = lambda t: (6.0 * max(2.0 * t - 1.0, 0.0), 0.0, -1.0 * min(2.0 * t, 1.0))  # noqa: E731
+    system = solve(scene, move={below: (0, 0, 0), above: way}, steps=6, progress=False).require().system
+    taken, most = system.comm.allreduce(np.array(system.contacts[0].grip(system.state)))
+    assert taken > 0.99 * most  # all of it slides
+    assert sliding(system) is None
+
+
+@pytest.mark.parallel
 def test_a_good_penalty_gives_no_verdict():
     scene, _ = pressed(None)
     result = solve(scene, steps=5, progress=False)

@@ -176,6 +176,9 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     if not held.size:
         return None
     parts = _parts(motions, held)
+    reliant = {system.bodies[i][0] for i in system.holds.reliant}
+    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in parts):
+        return None  # supports hold them, though more softly than endless friction would
     contacts = [contact for contact in contacts_of(system, {name for name, _ in parts}) if contact in used]
     taken, most = np.sum([grips[contact] for contact in contacts], axis=0)
     names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
@@ -183,8 +186,7 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     alone = "alone" if rest == HELD else f"gives all but {np.abs(values).min():.0%} of what"
     text = f"friction {alone} holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
-        bodies = {system.bodies[i][0] for i in system.holds.reliant} >= {name for name, _ in parts}
-        springs = bodies and not (system.stabilised or system.damping)
+        springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damping)
         remedy = " or ".join((["solve(..., stabilise=True)"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
