@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, coulomb, neo_hooke, read_gmsh, solve
+from fenics_contact import Body, Scene, SceneError, coulomb, neo_hooke, read_gmsh, solve
 from fenics_contact.contact.joints import NEAR, Joints
 from fenics_contact.meshes import two_blocks
 
@@ -66,6 +66,17 @@ def test_a_direction_may_have_any_length():
     for length in (1e-200, 1e-160, 3.0, 1e200):
         law = coulomb(0.3, across=0.5, along=(0.6 * length, 0.8 * length, 0.0))
         assert law.along == pytest.approx((0.6, 0.8, 0.0), rel=1e-15)
+
+
+@pytest.mark.parallel
+def test_a_direction_normal_to_the_whole_master_is_refused():
+    mesh = read_gmsh(two_blocks.build, lower_cells=(3, 3, 1), upper_cells=(2, 2, 1))
+    scene = Scene(*(Body(mesh, name, neo_hooke(mu=20.0, K=40.0)) for name in ("lower", "upper")))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    scene.contact("upper_bottom", "lower_top", friction=coulomb(0.3, across=0.5, along=(0, 0, 2)), name="c")
+    with pytest.raises(SceneError, match=r"along=\(0, 0, 1\) is normal to the whole master"):
+        solve(scene, steps=1, progress=False)
 
 
 @pytest.mark.parallel

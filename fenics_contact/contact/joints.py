@@ -9,6 +9,7 @@ from fenics_contact.contact.master import MasterSurface, ToolSurface
 from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.facets import MAX_NODES
 from fenics_contact.types import Array, Floats, Ints64
+from fenics_contact.values import SceneError
 
 NEAR = 1e-3  # of the facets' coordinates: feet nearer to an edge have one facet for both sides
 SIDES = {3: ((0, 1), (1, 2), (2, 0)), 4: ((0, 1), (1, 2), (2, 3), (3, 0))}
@@ -18,12 +19,15 @@ class Directions:
     """The directions of friction that a master's facets carry along.
 
     friction: with one at the start, see `MasterSurface.directed`; parts (nf, m): of the facets' nodes in vectors of their
-    directions, (0, m) of a tool, which has one for all.
+    directions, (0, m) of a tool, which has one for all. SceneError where the direction is normal to all facets.
     """
 
     def __init__(self, master: MasterSurface | ToolSurface, friction: Friction) -> None:
         nodes, size = master.facets
         self.friction, self.parts = friction, master.directed(friction.along)
+        if len(self.parts) and not self.parts.any():
+            way = "({:g}, {:g}, {:g})".format(*friction.along)
+            raise SceneError(f"friction: along={way} is normal to the whole master, on which it says no direction")
         straight = len(self.parts) and nodes.shape[1] == MAX_NODES
         self._joints = Joints(nodes, size, master.X, friction.along) if straight else None
 
