@@ -8,7 +8,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact.assembly import block_operator
 from fenics_contact.assembly.block_operator import BlockJacobi, Blocks
+from fenics_contact.kernels.block_products import add_product
 from fenics_contact.meshes import box, two_blocks
 from fenics_contact.solvers.multigrid import multigrid
 
@@ -143,3 +145,25 @@ def test_options_of_the_user_s_own_reach_petsc(option):
             PETSc.Options().delValue(option[0])
         found.append((result.history[-1]["lid_force_z_N"], result.summary["method"]["krylov_iterations"]))
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-7) and found[0][1] != found[1][1]
+
+
+@pytest.mark.parametrize("at", [3, 60])
+def test_an_interrupt_within_a_product_ends_the_solve(monkeypatch, at):
+    """While the hierarchy is made, and while it serves."""
+    calls = []
+
+    def interrupted(*given):
+        calls.append(0)
+        if len(calls) == at:
+            raise KeyboardInterrupt
+        add_product(*given)
+
+    monkeypatch.setattr(block_operator, "add_product", interrupted)
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(4, 4, 4)), "box", RUBBER))
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.2)
+    with pytest.raises(KeyboardInterrupt):
+        solve(scene, steps=4, linear="iterative", progress=False)
+    assert len(calls) >= at
+    monkeypatch.setattr(block_operator, "add_product", add_product)
+    assert solve(scene, steps=1, linear="iterative", progress=False).converged  # nothing of it is left

@@ -17,7 +17,7 @@ _HANDLE = ctypes.c_void_p
 _PRODUCT = ctypes.CFUNCTYPE(ctypes.c_int, _HANDLE, _HANDLE, _HANDLE)
 _MULT = 3  # PETSc's number of the operation y = A x
 _INSERT, _FORWARD = 1, 0  # PETSc's numbers of a scatter's modes
-_GONE = 85  # PETSC_ERR_ARG_NULL
+_stopped: list[BaseException] = []
 _Rows = tuple[Array, Array, Floats]  # offsets, columns, blocks by columns, flat
 
 
@@ -104,11 +104,14 @@ class Blocks:
         scatter = [_HANDLE(one.handle) for one in (self._scatter, self._ghosts)] if self._scatter else []
         if scatter:
             _called("VecScatterBegin", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
-        with _entries(x, size) as given, _entries(y, size, written=True) as out:
-            out[:] = 0.0
-            add_product(*self._own, given, out)
-        if scatter and self._others:
-            _called("VecScatterEnd", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
+        try:
+            with _entries(x, size) as given, _entries(y, size, written=True) as out:
+                out[:] = 0.0
+                add_product(*self._own, given, out)
+        finally:  # one that has begun must end, or it can never be freed
+            if scatter:
+                _called("VecScatterEnd", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
+        if self._others is not None:
             with _entries(y, size, written=True) as out:
                 add_product(*self._others, self._ghosts.array_r, out)
 
@@ -152,11 +155,27 @@ def _product(multiply: Callable[[int, int], None]) -> Any:
     method = WeakMethod(multiply)  # no cycle: what ranks share would wait for Python's collector
 
     def product(_: int, x: int, y: int) -> int:
-        if known := method():
-            known(x, y)
-        return 0 if known else _GONE
+        known = method()
+        try:
+            if known is not None and not _stopped:
+                known(x, y)
+        except BaseException as stop:  # ctypes would print it and go on, an interrupt too
+            _stopped.append(stop)
+        if (
+            known is None or _stopped
+        ):  # no error: PETSc's multigrid cannot be freed after one; what is no number ends a solve
+            _called("VecSet", _HANDLE(y), ctypes.c_double(np.nan))
+        return 0
 
     return _PRODUCT(product)
+
+
+def raise_stopped() -> None:
+    """Raise what has ended a product since, an interrupt for instance, which PETSc knows as a result that is no number."""
+    if _stopped:
+        stop = _stopped[0]
+        _stopped.clear()
+        raise stop
 
 
 def _rows(matrix: ctypes.c_void_p) -> _Rows:

@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.assembly.block_operator import BlockJacobi, Blocks
+from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, raise_stopped
 from fenics_contact.solvers.choice import Choice
 from fenics_contact.solvers.multigrid import multigrid
 from fenics_contact.timing import Timers
@@ -295,8 +295,10 @@ def _unless_given(settings: Mapping[str, Any]) -> None:
 
 def _code(call: Callable[[], object]) -> int:
     """0, or PETSc's error code as a negative number: PETSc raises the same on all ranks."""
+    code = 0
     try:
         call()
     except PETSc.Error as error:
-        return -abs(error.ierr)
-    return 0
+        code = -abs(error.ierr)
+    raise_stopped()
+    return code
