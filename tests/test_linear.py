@@ -14,7 +14,7 @@ from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_
 from fenics_contact.meshes import box
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
-from fenics_contact.solvers.choice import OTHER, Choice, foreseen_costs
+from fenics_contact.solvers.choice import EARLIEST, OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.reuse import ReusingSolver
 from fenics_contact.timing import Timers
@@ -157,7 +157,8 @@ def test_the_cheaper_solver_is_found_by_trial():
     foreseen = {"direct": 1.0, "iterative": 2.0}
     worse, better = (2.0, 0.5), (1.0, 0.1)
     wrong = taken(foreseen, {"direct": worse, "iterative": better}, 60)
-    assert wrong[:10] == ["direct"] * 10 and wrong[-40:] == ["iterative"] * 40  # tried after ten solves, kept
+    early = 2 * EARLIEST  # it was foreseen to be twice as dear
+    assert wrong[:early] == ["direct"] * early and wrong[early + 3 :] == ["iterative"] * (57 - early)
     right = taken(foreseen, {"direct": better, "iterative": worse}, 60)
     assert right.count("iterative") == 3  # one preconditioner on trial
     sure = taken({"direct": 1.0, "iterative": 7.0}, {"direct": worse, "iterative": better}, 60)
@@ -169,9 +170,11 @@ def test_a_trial_ends_once_its_solves_alone_cost_more():
     choice = Choice(COMM, {"direct": 1.0, "iterative": 1.0})
     assert not choice.lost("direct")
     choice.spent(1.0)
-    for _ in range(5):
+    for solve_number in range(EARLIEST):
+        assert not choice.due("direct"), solve_number
         choice.spent(0.1, 8.0)
-    assert choice.next("direct") == "iterative" and not choice.lost("iterative")
+    assert choice.due("direct")
+    assert choice.next("direct") == "iterative" and not choice.due("iterative") and not choice.lost("iterative")
     rate = choice.rates["direct"]
     choice.spent(50.0)  # a hierarchy, which is paid already
     choice.spent(0.9 * rate * 8.0, 8.0)
@@ -185,7 +188,7 @@ def test_a_trial_ends_once_its_solves_alone_cost_more():
 def test_a_solver_that_grows_dear_is_given_up():
     choice = Choice(COMM, {"direct": 1.0, "iterative": 1.0})
     choice.spent(1.0, 40.0), choice.spent(0.0, 0.0)
-    for _ in range(5):
+    for _ in range(EARLIEST):
         choice.spent(0.1, 8.0)
     assert choice.next("direct") == "iterative"
     choice.spent(4.0, 80.0)
@@ -211,6 +214,7 @@ def test_costs_are_foreseen_from_the_shape_of_the_bodies():
 def test_a_run_that_changes_its_solver_gives_the_same(monkeypatch):
     """Both solvers take turns: nothing of one is left in the other, and the summary tells of both."""
     monkeypatch.setattr(Choice, "next", lambda self, method: self.rates.update({method: 1.0}) or OTHER[method])
+    monkeypatch.setattr(Choice, "due", lambda self, method: True)
     monkeypatch.setattr(linear_solver, "REUSE_ABOVE", 0)
     monkeypatch.setattr(reuse, "REUSE_ABOVE", 0)
     found = []

@@ -174,7 +174,7 @@ def no_room():
     scene = cube(cells=(10, 10, 10))
     scene.fix("zmin")
     scene.prescribe("zmax", "z", -0.2)
-    return scene, {}
+    return scene, {"linear": "direct"}
 
 
 def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
@@ -511,8 +511,8 @@ def test_every_cut_back_has_its_reason(capsys):
 def test_memory():
     PETSc.Options()["fc_mat_mumps_icntl_23"] = 1  # MB per process
     try:
-        scene, _ = no_room()
-        verdict = solve(scene, steps=5, progress=False).verdict
+        scene, options = no_room()
+        verdict = solve(scene, steps=5, progress=False, **options).verdict
     finally:
         PETSc.Options().delValue("fc_mat_mumps_icntl_23")
     assert verdict.kind == "out of memory" and verdict.step == 1 and verdict.cuts == 0

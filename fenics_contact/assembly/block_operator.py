@@ -18,15 +18,16 @@ _PRODUCT = ctypes.CFUNCTYPE(ctypes.c_int, _HANDLE, _HANDLE, _HANDLE)
 _MULT = 3  # PETSc's number of the operation y = A x
 _INSERT, _FORWARD = 1, 0  # PETSc's numbers of a scatter's modes
 _stopped: list[BaseException] = []
-_Rows = tuple[Array, Array, Floats]  # offsets, columns, blocks by columns, flat
+_Rows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
 
 
 class Blocks:
     """y = A x with a matrix of 3x3 blocks, whose entries are not copied, as a PETSc Mat of type shell, `mat`.
 
     PETSc's own kernel reads the entries past the caches, which takes two to four times as long. `use` gives the matrix, on
-    the same processes; one by scalars is converted. Shells and not Mats of type python: PETSc frees what ranks share when it
-    ends, after Python. Collective.
+    the same processes; one by scalars is converted. `rounded`: the matrix as `use` found it, in single precision, of which
+    a product reads half as much: a preconditioner needs no more. Shells and not Mats of type python: PETSc frees what ranks
+    share when it ends, after Python. Collective.
     """
 
     def __init__(self, matrix: Mat) -> None:
@@ -35,12 +36,9 @@ class Blocks:
         self._others: _Rows | None = None  # columns that other processes own, and how their entries come here
         self._scatter: Any = None
         self._ghosts: Vec = None
-        self.mat = PETSc.Mat().create(matrix.comm)
-        self.mat.setSizes(matrix.getSizes())
-        self.mat.setType("shell")
-        self.mat.setUp()
-        self._product = _product(self._multiply)
-        _called("MatShellSetOperation", _HANDLE(self.mat.handle), _MULT, self._product)
+        self._singles = [np.empty(0, dtype=np.float32) for _ in range(2)]  # blocks of the own columns, of the others
+        self._products = [_product(multiply) for multiply in (self._multiply, self._multiply_rounded)]
+        self.mat, self.rounded = (_shell(matrix, product) for product in self._products)
         self.use(matrix)
 
     def use(self, matrix: Mat, pattern: int | None = None) -> None:
@@ -63,6 +61,11 @@ class Blocks:
                 self._reach(matrix, others, ghosts)
                 self._known = known
         self._matrix = matrix
+        for place, rows in enumerate((self._own, self._others)):
+            if rows is not None and len(self._singles[place]) != len(rows[2]):
+                self._singles[place] = np.empty(len(rows[2]), dtype=np.float32)
+            if rows is not None:
+                self._singles[place][:] = rows[2]
 
     def _reach(self, matrix: Mat, others: ctypes.c_void_p, ghosts: ctypes.c_void_p) -> None:
         """Make the exchange of the entries that other processes own."""
@@ -90,7 +93,7 @@ class Blocks:
     def destroy(self) -> None:
         """Free PETSc's objects."""
         self._free()
-        for thing in (self._scatter, self._ghosts, self.mat):
+        for thing in (self._scatter, self._ghosts, self.mat, self.rounded):
             if thing is not None:
                 thing.destroy()
 
@@ -100,6 +103,14 @@ class Blocks:
         self._made = []
 
     def _multiply(self, x: int, y: int) -> None:
+        self._multiplied(x, y, self._own, self._others)
+
+    def _multiply_rounded(self, x: int, y: int) -> None:
+        own, others = self._singles
+        beside = None if self._others is None else (*self._others[:2], others)
+        self._multiplied(x, y, (*self._own[:2], own), beside)
+
+    def _multiplied(self, x: int, y: int, own: _Rows, others: _Rows | None) -> None:
         size = 3 * self.rows
         scatter = [_HANDLE(one.handle) for one in (self._scatter, self._ghosts)] if self._scatter else []
         if scatter:
@@ -107,13 +118,13 @@ class Blocks:
         try:
             with _entries(x, size) as given, _entries(y, size, written=True) as out:
                 out[:] = 0.0
-                add_product(*self._own, given, out)
+                add_product(*own, given, out)
         finally:  # one that has begun must end, or it can never be freed
             if scatter:
                 _called("VecScatterEnd", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
-        if self._others is not None:
+        if others is not None:
             with _entries(y, size, written=True) as out:
-                add_product(*self._others, self._ghosts.array_r, out)
+                add_product(*others, self._ghosts.array_r, out)
 
 
 class BlockJacobi:
@@ -148,6 +159,16 @@ class _entries:
 
     def __exit__(self, *_: object) -> None:
         _called(f"VecRestoreArray{self._kind}", self._vector, ctypes.byref(self._pointer))
+
+
+def _shell(matrix: Mat, product: Any) -> Mat:
+    """A matrix of the sizes of another one whose product is a function that PETSc can call."""
+    shell = PETSc.Mat().create(matrix.comm)
+    shell.setSizes(matrix.getSizes())
+    shell.setType("shell")
+    shell.setUp()
+    _called("MatShellSetOperation", _HANDLE(shell.handle), _MULT, product)
+    return shell
 
 
 def _product(multiply: Callable[[int, int], None]) -> Any:

@@ -1,24 +1,31 @@
 """Products with matrices of 3x3 blocks, which PETSc stores by columns: its own kernel takes two to four times as long."""
 
+import numpy as np
 from numba import njit
 
 from fenics_contact.types import Array, Floats
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"})
 def add_product(offsets: Array, columns: Array, blocks: Floats, x: Floats, y: Floats) -> None:
-    """y += A x. offsets (rows + 1,), columns (n,): of the block rows; blocks (9 n,); x, y: three entries per block."""
+    """y += A x. offsets (rows + 1,), columns (n,): of the block rows; blocks (9 n,), in either precision; x, y: three
+    entries per block.
+
+    As fast as memory can be read: nine sums, none of which waits for another one, and indices that cannot be negative, which
+    Numba would look for at each entry.
+    """
+    blocks, x, y = blocks.reshape(-1, 9), x.reshape(-1, 3), y.reshape(-1, 3)
     for i in range(len(offsets) - 1):
-        a = b = c = 0.0
-        for k in range(offsets[i], offsets[i + 1]):
-            p, q = 9 * k, 3 * columns[k]
-            u, v, w = x[q], x[q + 1], x[q + 2]
-            a += blocks[p] * u + blocks[p + 3] * v + blocks[p + 6] * w
-            b += blocks[p + 1] * u + blocks[p + 4] * v + blocks[p + 7] * w
-            c += blocks[p + 2] * u + blocks[p + 5] * v + blocks[p + 8] * w
-        y[3 * i] += a
-        y[3 * i + 1] += b
-        y[3 * i + 2] += c
+        a = b = c = d = e = f = g = h = m = 0.0
+        for k in range(np.uint64(offsets[i]), np.uint64(offsets[i + 1])):
+            block, part = blocks[k], x[np.uint64(columns[k])]
+            u, v, w = part[0], part[1], part[2]
+            a, b, c = a + block[0] * u, b + block[1] * u, c + block[2] * u
+            d, e, f = d + block[3] * v, e + block[4] * v, f + block[5] * v
+            g, h, m = g + block[6] * w, h + block[7] * w, m + block[8] * w
+        y[i, 0] += a + d + g
+        y[i, 1] += b + e + h
+        y[i, 2] += c + f + m
 
 
 @njit(cache=True, error_model="numpy")

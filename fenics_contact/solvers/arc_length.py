@@ -150,7 +150,7 @@ class ArcLength:
             if report.iterations >= self.limit:
                 raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
             try:
-                correction = self._correction(system, side, arc.length, _forcing(size))
+                correction = self._correction(system, side, arc.length, _forcing(size, self.tolerance))
             except LinearFailure as failure:
                 raise StepFailed(*failure.args) from None
             before = _shorten(system, _advance(system, correction), before)

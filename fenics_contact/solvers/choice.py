@@ -11,12 +11,12 @@ from fenics_contact.types import Floats
 
 # Seconds of one core of 2020: of a factorisation per flop-like (3 s)^3 with s nodes in the separators of the bodies, and of
 # Krylov's method per solve and unknown, its hierarchies included. From frictional scenes of 1e4 to 6e4 unknowns.
-FACTORISATION, KRYLOV = 0.5e-9, 6e-6
+FACTORISATION, KRYLOV = 0.5e-9, 2e-6
 # Bulk over shear modulus above which multigrid's iterations grow as the square root of the ratio.
 SLOWED_ABOVE = 20.0
-QUADRATIC = 3.5  # how much dearer multigrid is per unknown of degree 2
-DOUBT = 6.0  # foreseen costs that differ by less are measured
-EARLIEST = 5  # solves before the other one is tried, times how much dearer it is foreseen to be
+QUADRATIC = 3.4  # how much dearer multigrid is per unknown of degree 2
+DOUBT = 4.0  # foreseen costs that differ by less are measured
+EARLIEST = 10  # solves before the other one is tried, times how much dearer it is foreseen to be
 TRIAL = 80  # iterations of a solve on trial: more than that is no gain
 BETTER = 0.8  # of the present one's cost: what the other must stay below to take its place
 OTHER = {"direct": "iterative", "iterative": "direct"}
@@ -54,8 +54,8 @@ class Choice:
     """The cheaper of the two, per digit of accuracy. foreseen: seconds per solve by method.
 
     A preconditioner's cost is known when it is given up: `next` is asked then. Once the other method may pay for its own
-    trial it serves for one preconditioner, too, unless it has `lost` before; from then on the cheaper of the two does, by
-    what each took last.
+    trial, which is `due` then, it serves for one preconditioner, too, unless it has `lost` before; from then on the
+    cheaper of the two does, by what each took last.
     """
 
     def __init__(self, comm: MPI.Comm, foreseen: Mapping[str, float]) -> None:
@@ -85,6 +85,12 @@ class Choice:
         if digits > 0.0:
             self._solving, self._solves = self._solving + seconds, self._solves + 1
 
+    def due(self, method: str) -> bool:
+        """Whether the other method shall be tried now, although what `method` has made may serve on."""
+        other = OTHER[method]
+        dearer = max(self._foreseen[other] / self._foreseen[method], 1.0)
+        return self.doubtful and other not in self.rates and self._solves >= EARLIEST * dearer
+
     def lost(self, method: str) -> bool:
         """Whether a method on trial takes more for its solves alone than the other one in all. Collective."""
         other = self.rates.get(OTHER[method])
@@ -97,11 +103,8 @@ class Choice:
         seconds = max(self._comm.allgather(self._seconds))
         if not self.doubtful or not self._digits:
             return method
+        due = self.due(method)
         self.rates[method], other = seconds / self._digits, OTHER[method]
-        if other not in self.rates:
-            dearer = max(self._foreseen[other] / self._foreseen[method], 1.0)
-            wanted = self._solves >= EARLIEST * dearer
-        else:
-            wanted = self.rates[other] < BETTER * self.rates[method]
+        wanted = due or self.rates.get(other, np.inf) < BETTER * self.rates[method]
         self._seconds = self._solving = self._digits = 0.0
         return other if wanted else method

@@ -213,6 +213,8 @@ class LinearSolver:
         if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
             text = f"the direct solver could not get the memory it needs (MUMPS {code})"
             return text, MEMORY, "", 'use linear="iterative", more ranks on more machines, or a coarser mesh'
+        if self.method == "iterative":
+            return (f'the iterative linear solver stopped (PETSc\'s reason {reason}), where linear="auto" would factorise',)
         return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)
 
 

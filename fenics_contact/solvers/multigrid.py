@@ -21,9 +21,9 @@ OPTIONS = {
 def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJacobi | None]:
     """A V-cycle as PC of the hierarchy that PETSc makes of a matrix by scalars, and what must live as long.
 
-    blocks: the matrix that the finest level smooths with; scalars: with the near null space, needed no more afterwards.
-    Options with `prefix` reach PETSc's aggregation, those with `prefix` + "cycle_" the cycle; another PC that they name is
-    made of `scalars` as it is, and nothing else must live. Raises PETSc.Error. Collective.
+    blocks: the matrix that the finest level smooths with, rounded; scalars: with the near null space, needed no more
+    afterwards. Options with `prefix` reach PETSc's aggregation, those with `prefix` + "cycle_" the cycle; another PC that
+    they name is made of `scalars` as it is, and nothing else must live. Raises PETSc.Error. Collective.
     """
     hierarchy = PETSc.PC().create(scalars.comm)
     hierarchy.setOptionsPrefix(prefix)
@@ -50,7 +50,7 @@ def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJaco
             smoother.setNormType(PETSc.KSP.NormType.NONE)
             smoother.setTolerances(max_it=SWEEPS)
         if level + 1 == levels:
-            smoother.setOperators(blocks.mat)
+            smoother.setOperators(blocks.rounded)
             jacobi = BlockJacobi(smoother.getPC(), blocks)
         else:
             matrix.setOption(PETSc.Mat.Option.USE_INODES, False)

@@ -18,6 +18,7 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
+LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
@@ -67,7 +68,7 @@ class Newton:
         patient = bool(system.contacts) and not system.foresees and not system.condensed
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
-            du, dq = solve_once(system, self.linear, du, dq, _forcing(before))
+            du, dq = solve_once(system, self.linear, du, dq, _forcing(before, self.tolerance))
             report.iterations += 1
             system.release()
             size = _finite_residual(system)
@@ -109,7 +110,7 @@ class Newton:
         """
         zeros = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
         try:
-            du, dq = self.linear.solve(*zeros, _forcing(size), again=True)
+            du, dq = self.linear.solve(*zeros, _forcing(size, self.tolerance), again=True)
         except LinearFailure:
             return size
         report.corrections += 1
@@ -179,13 +180,17 @@ class Incremental:
     settle = step
 
 
-def _forcing(residual: float) -> float:
-    """How far an iterative solve must go: a tenth of what Newton's quadratic convergence can gain from this residual.
+def _forcing(residual: float, tolerance: float) -> float:
+    """How far an iterative solve must go: a tenth of what Newton's quadratic convergence can gain from this residual, nor
+    farther than a tenth of what it is to reach.
 
     (Dembo, Eisenstat & Steihaug 1982, doi:10.1137/0719025.) The predictor, which has no residual yet, gets 1e-5, for
     its right-hand side may hold a penalty times the travel of a tool, many times the forces.
     """
-    return 1e-5 if residual == np.inf else float(np.clip(0.1 * residual, TIGHTEST, 1e-4))
+    if residual == np.inf:
+        return 1e-5
+    wanted = max(0.1 * residual, 0.1 * tolerance / max(residual, tolerance))
+    return float(np.clip(wanted, TIGHTEST, LOOSEST))
 
 
 def solve_once(system: System, linear: LinearSolver, du: Floats, dq: Floats, tolerance: float = TIGHTEST) -> Solution:

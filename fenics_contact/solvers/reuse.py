@@ -187,8 +187,8 @@ class ReusingSolver:
 
     def _tried(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         reason = -1
-        lost = self.choice is not None and self.choice.lost(self.method)
-        if self._reuses and self._reuse is not None and not lost and self._worth_trying(matrix, self._reuse):
+        change = self.choice is not None and (self.choice.lost(self.method) or self.choice.due(self.method))
+        if self._reuses and self._reuse is not None and not change and self._worth_trying(matrix, self._reuse):
             reason = self._run(self._krylov, matrix, pattern, rhs, out, tolerance, self._reuse.limit(tolerance))
         if reason < 0:
             # PETSc counts the changes of each matrix by itself: another one may have as many behind it
@@ -200,9 +200,15 @@ class ReusingSolver:
         return reason
 
     def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
-        """Whether what is kept should still serve."""
+        """Whether what is kept should still serve.
+
+        A hierarchy does until it grows dear: its smoother knows the new rows, and the plate without contact coarsens much as
+        the pressed one does. A factorisation knows none of the rows that have changed.
+        """
         if reuse.stale:
             return False
+        if self.method == "iterative":
+            return True
         growth = np.abs(matrix.getDiagonal().array_r / self._diagonal)
         changed = self.comm.allreduce(int(((growth > CHANGED) | (growth < 1 / CHANGED)).sum()))
         return 2 * changed < reuse.build_cost
