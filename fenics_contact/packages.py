@@ -1,6 +1,7 @@
 """The modules that the package needs and the Debian packages that bring them: a missing one is named with its package."""
 
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 
 NAMES = ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "numpy", "gmsh", "numba", "matplotlib", "tqdm", "scipy", "meshio")
@@ -38,4 +39,9 @@ def module(name: str) -> ModuleType:
     return import_module(name)
 
 
-require(*(name for name in PACKAGES if name not in ("scipy", "meshio")))  # of the studies, and of one kind of mesh file
+# those of the studies and of one kind of mesh file are required where they are used; of one that is only loaded once
+# something is drawn it is enough that it is there
+LATER = ("scipy", "meshio", "matplotlib")
+require(*(name for name in PACKAGES if name not in LATER))
+if find_spec("matplotlib") is None:
+    require("matplotlib")

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
@@ -14,6 +14,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.curves import history_figure, line_figure
 from fenics_contact.output.history import Summary
+from fenics_contact.output.late import figures
 from fenics_contact.output.lines import Along, Table, line, zones
 from fenics_contact.output.pictures import Drawing, picture_format, save
 from fenics_contact.output.plot import drawing, refuse_backend, refuse_limits
@@ -26,6 +27,9 @@ from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Array, Floats, Function
 from fenics_contact.values import SceneError, finite
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Target = str | PathLike[str] | None  # of a picture
 
@@ -139,7 +143,7 @@ class Result:
         limits: tuple[float, float] | None = None,
         title: str | None = None,
         backend: str | None = None,
-    ) -> Figure | None:
+    ) -> "Figure | None":
         """Picture of the final state: deformed bodies coloured by a field, with the tools.
 
         field: "contact_pressure" (where the scene has contacts the default), "friction_traction", "gap" or "status" on the
@@ -157,11 +161,11 @@ class Result:
         """
         refuse_limits(limits)
         found = self.drawing(field, mirror=mirror, view=view, backend=backend)
-        return self._figure(path, lambda: found.figure(limits, title) if found else Figure())
+        return self._figure(path, lambda: found.figure(limits, title) if found else figures.Figure())
 
     def plot_history(
         self, x: str, y: str | Sequence[str], path: Target = None, *, factors: tuple[float, float] = (1.0, 1.0)
-    ) -> Figure | None:
+    ) -> "Figure | None":
         """Curves of history columns y over the column x, as "force over travel"; units come from the columns' names.
 
         factors: of x and y, (-1, -1) for what goes downwards; names say them. Where the run has stages, the end of each is
@@ -183,14 +187,14 @@ class Result:
         *,
         cut: Mapping[str, float] | None = None,
         whole: bool = False,
-    ) -> Figure | None:
+    ) -> "Figure | None":
         """Pressure and friction along a line of a contact, see `line`, and where its zones end, with what is near these or
         the whole line. A Figure on rank 0, None on the others. Collective."""
         table, units = self.line(contact, along, cut), self.scene.units
         ends = zones(table, units, self._surface(contact).least_pressure())
         return self._figure(path, lambda: line_figure(table, ends, units, whole))
 
-    def _figure(self, path: Target, make: Callable[[], Figure]) -> Figure | None:
+    def _figure(self, path: Target, make: "Callable[[], Figure]") -> "Figure | None":
         """A figure that rank 0 makes and, given a path, saves; the others wait for it. Collective."""
         comm, figure = self.system.comm, None
         kind = "" if path is None else picture_format(Path(path))

@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
-from matplotlib.patches import Patch
 
 from fenics_contact.kernels.status import NAMES
+from fenics_contact.output.late import cm, colors, matplotlib, patches
 from fenics_contact.types import Floats
 
 BODY = np.array([0.86, 0.86, 0.84])  # of bodies where the field is not
@@ -37,12 +34,12 @@ class Colours:
     def scale(self) -> Any:
         """What gives a value its colour, and a colour bar its own."""
         if self.kind == "status":
-            return ScalarMappable(BoundaryNorm(np.arange(-0.5, 4.0), 4), ListedColormap(STATUS))
+            return cm.ScalarMappable(colors.BoundaryNorm(np.arange(-0.5, 4.0), 4), colors.ListedColormap(STATUS))
         if self.kind == "signed":
             name = "RdBu_r" if self.low == -self.high else "viridis"  # the pale middle is zero, or there is none
         else:
             name = "YlOrRd" if self.on_contact else "viridis"  # surfaces without pressure stay pale
-        return ScalarMappable(Normalize(self.low, self.high), matplotlib.colormaps[name])
+        return cm.ScalarMappable(colors.Normalize(self.low, self.high), matplotlib.colormaps[name])
 
     def of(self, values: Floats, shade: Floats | float = 1.0) -> Floats:
         """RGBA (n, 4) of values (n,); the body's own where a value is NaN, darkened by shade (n,)."""
@@ -55,9 +52,9 @@ class Colours:
         """A colour bar beside axes, or a list of them, or of statuses a legend; size of its letters [points]."""
         last = axes[-1] if isinstance(axes, list) else axes
         if self.kind == "status":
-            patches = [Patch(facecolor=c, edgecolor="0.4", label=name) for c, name in zip(STATUS, NAMES, strict=True)]
-            patches.append(Patch(facecolor=BODY, edgecolor="0.4", label="no contact\nstated"))
-            last.legend(handles=patches, title=self.label.replace(": ", ":\n"), fontsize=size, title_fontsize=size,
+            marks = [patches.Patch(facecolor=c, edgecolor="0.4", label=name) for c, name in zip(STATUS, NAMES, strict=True)]
+            marks.append(patches.Patch(facecolor=BODY, edgecolor="0.4", label="no contact\nstated"))
+            last.legend(handles=marks, title=self.label.replace(": ", ":\n"), fontsize=size, title_fontsize=size,
                         loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)  # fmt: skip
             return
         found = last.figure.colorbar(

@@ -1,14 +1,17 @@
 """Curves: columns of a history over one another, and a quantity along a line, with names and units of a reader's words."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from fenics_contact.output.late import figures
 from fenics_contact.output.pictures import LETTERS, WIDTH
 from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MARKS = 40  # points of a curve up to which each is marked
 ENDS = "osD^v"  # marks of the steps with which stages end, one after the other
@@ -35,7 +38,7 @@ def times(factor: float) -> str:
 
 def history_figure(
     table: Mapping[str, Array], units: Units, factors: tuple[float, float], ends: Mapping[str, int]
-) -> Figure:
+) -> "Figure":
     """All columns but the first over the first, those of one unit on one pair of axes; table: {column name: (steps,)};
     factors: of x and of all others; ends: {stage: row of its last step}, marked."""
     (x, places), *rest = table.items()
@@ -43,7 +46,7 @@ def history_figure(
     by_unit: dict[str, list[str]] = {}
     for column, _ in rest:
         by_unit.setdefault(words(column, units)[1], []).append(column)
-    figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(by_unit)), layout="constrained")
+    figure = figures.Figure(figsize=(WIDTH, 0.6 + 3.0 * len(by_unit)), layout="constrained")
     for axes, (unit, columns) in zip(figure.subplots(len(by_unit), 1, squeeze=False)[:, 0], by_unit.items(), strict=True):
         names = {column: times(of_y) + words(column, units)[0] for column in columns}
         for column, name in names.items():
@@ -69,7 +72,7 @@ def history_figure(
     return figure
 
 
-def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: bool = False) -> Figure:
+def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: bool = False) -> "Figure":
     """Pressure, and the size of friction where there is some, over the way along a line of a contact, `line` of lines.py.
 
     ends (n, 2): of the zones in contact, drawn as dashed lines [length]; these and what is near them are shown, or the whole
@@ -78,7 +81,7 @@ def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: b
     L, p = units.length, units.pressure
     friction = np.linalg.norm([table[f"friction_{axis}_{p}"] for axis in "xyz"], axis=0)
     rubs = friction.max(initial=0.0) > 0.0
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
+    figure = figures.Figure(figsize=(WIDTH, 3.4), layout="constrained")
     axes, place, chain = figure.subplots(), table[f"arc_{L}"], table["chain"]
     marks = {"marker": "o" if len(place) <= MARKS else None, "markersize": 3}
     for number in np.unique(chain):

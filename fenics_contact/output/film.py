@@ -4,20 +4,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter, PillowWriter
-from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from fenics_contact.agreement import agreed
 from fenics_contact.assembly.system import System
 from fenics_contact.output.fields import Fields
+from fenics_contact.output.late import animations
 from fenics_contact.output.pictures import Drawing
 from fenics_contact.output.plot import drawing, refuse_backend, refuse_limits
 from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles
 from fenics_contact.values import SceneError, count
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DOTS = 110  # per inch
 
@@ -108,14 +111,14 @@ def common_limits(drawings: Sequence[Drawing]) -> tuple[float, float]:
     return min(tint.low for tint in seen), max(tint.high for tint in seen)
 
 
-def _writer(path: Path, per_second: float) -> PillowWriter | FFMpegWriter:
+def _writer(path: Path, per_second: float) -> Any:
     """What writes an animation with the ending of this path."""
     ending = path.suffix.lower()
     if ending not in (".gif", ".mp4"):
         raise SceneError(f"animation '{path}': give it the ending .gif or .mp4")
     if ending == ".gif":
-        return PillowWriter(fps=per_second)
-    if not FFMpegWriter.isAvailable():
+        return animations.PillowWriter(fps=per_second)
+    if not animations.FFMpegWriter.isAvailable():
         raise SceneError(f"animation '{path}': MP4 takes ffmpeg, Debian's package ffmpeg; install it, or save a .gif")
     # frames for players that know 4:2:0 alone
-    return FFMpegWriter(fps=per_second, codec="h264", extra_args=["-pix_fmt", "yuv420p"])
+    return animations.FFMpegWriter(fps=per_second, codec="h264", extra_args=["-pix_fmt", "yuv420p"])

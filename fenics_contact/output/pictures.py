@@ -2,15 +2,12 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Outline
 
 from fenics_contact.output.colours import TOOL, Colours
+from fenics_contact.output.late import collections, figures, patches, paths
 from fenics_contact.output.layers import layers, mean, unit
 from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works, rendered
@@ -18,6 +15,9 @@ from fenics_contact.output.skin import AXES, FLAT, Skin, normals
 from fenics_contact.output.views import View, slice_axis
 from fenics_contact.types import Array, Bools, Floats
 from fenics_contact.values import SceneError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WIDTH, LETTERS = 6.3, 9.0  # inches (16 cm, a page's width), points
 TALLEST, FLATTEST = 5.0, 1.3  # inches, of what is drawn
@@ -89,20 +89,20 @@ class Drawing:
 
     def figure(
         self, limits: tuple[float, float] | None = None, title: str | None = None, extent: Box | None = None
-    ) -> Figure:
+    ) -> "Figure":
         """A figure of its own, as wide as a page; limits, extent as for `draw`."""
         across, tall = np.subtract(*reversed(extent or self.extent()))
         ticks, below = 0.7 if self.is_slice else 0.0, self._bar_below(across, tall)
         room = WIDTH - ticks - (0.1 if below else 1.3 if self.colours.kind != "status" else 1.5)  # bar or legend beside it
         height = max(min(room * tall / across, TALLEST), FLATTEST)
         width = min(room, max(height * across / tall, 0.45 * WIDTH)) + WIDTH - room
-        figure = Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="compressed")
+        figure = figures.Figure(figsize=(width, height + 0.5 + 0.6 * ticks + (0.9 if below else 0.0)), layout="compressed")
         self.fill(figure, limits, title, extent)
         return figure
 
     def fill(
         self,
-        figure: Figure,
+        figure: "Figure",
         limits: tuple[float, float] | None = None,
         title: str | None = None,
         extent: Box | None = None,
@@ -123,14 +123,14 @@ class Drawing:
 
 def picture_format(path: str | Path) -> str:
     """What a path's ending says; SceneError where that is no kind of picture."""
-    ending, known = Path(path).suffix[1:].lower(), Figure().canvas.get_supported_filetypes()
+    ending, known = Path(path).suffix[1:].lower(), figures.Figure().canvas.get_supported_filetypes()
     if ending not in known:
         wrong = f"ends in '.{ending}'" if ending else "has no ending"
         raise SceneError(f"picture '{path}' {wrong}; give it one of .png, .pdf, .svg ({', '.join(sorted(known))})")
     return ending
 
 
-def save(figure: Figure, path: str | Path, kind: str = "png") -> None:
+def save(figure: "Figure", path: str | Path, kind: str = "png") -> None:
     """The figure as a file of a kind, whatever the path's ending."""
     figure.savefig(path, dpi=200, format=kind)
 
@@ -154,8 +154,8 @@ def _triad(axes: Any, view: View, low: Floats, high: Floats, unit: str) -> float
     length = float(max(m * 10**exponent for m in (1, 2, 5) if m * 10**exponent <= 0.12 * span))
     arms = length * np.column_stack([view.right, view.up])
     foot = low + [0.03 * span - min(0.0, arms[:, 0].min()), -1.5 * max(0.0, arms[:, 1].max())]
-    axes.add_collection(LineCollection(np.stack([np.broadcast_to(foot, arms.shape), foot + arms], axis=1), colors="0.2",
-                                       linewidths=1.0))  # fmt: skip
+    lines = np.stack([np.broadcast_to(foot, arms.shape), foot + arms], axis=1)
+    axes.add_collection(collections.LineCollection(lines, colors="0.2", linewidths=1.0))
     seen = np.linalg.norm(arms, axis=1) > 0.2 * length
     for letter, arm in zip(np.array(list(AXES))[seen], arms[seen], strict=True):
         tip = foot + 1.3 * arm
@@ -173,16 +173,18 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
     side = body.part(near.all(axis=1))
     wall = body.part(~near.all(axis=1))
     face = tint.of(mean(side.values))
-    axes.add_collection(PolyCollection(view.flat(side.x), facecolors=face, edgecolors=(0, 0, 0, 0.22), linewidths=0.25))
+    axes.add_collection(
+        collections.PolyCollection(view.flat(side.x), facecolors=face, edgecolors=(0, 0, 0, 0.22), linewidths=0.25)
+    )
     for tiles in drawing.tools:
         ends, normal = _section(tiles, drawing)
         flat, out = view.flat(ends), view.flat(normal)
         inner = flat - BAND * size * _normals_at_ends(flat, out)
         _fill(axes, np.concatenate([flat, inner[:, ::-1]], axis=1), (*TOOL, 0.6))
-        axes.add_collection(LineCollection(flat, colors=[0.6 * TOOL], linewidths=1.2, capstyle="round"))
+        axes.add_collection(collections.LineCollection(flat, colors=[0.6 * TOOL], linewidths=1.2, capstyle="round"))
     ends, values, normal = _surface_lines(wall, near[~near.all(axis=1)])
     flat = view.flat(ends)
-    axes.add_collection(LineCollection(flat, colors="0.15", linewidths=0.6, capstyle="round"))
+    axes.add_collection(collections.LineCollection(flat, colors="0.15", linewidths=0.6, capstyle="round"))
     if tint.on_contact:
         there = np.isfinite(values).all(axis=1)
         out = _normals_at_ends(flat[there], view.flat(normal[there]))
@@ -208,9 +210,9 @@ def _paint_surface(
     if tint.kind == "amount":
         height = np.maximum(highest * np.clip(values / tint.high, 0.0, 1.0), least)
     band = np.concatenate([ends, (ends - height[..., None] * out)[:, ::-1]], axis=1)
-    axes.add_collection(PolyCollection(band, facecolors=face, edgecolors=face, linewidths=0.3, zorder=3))
-    axes.add_collection(LineCollection(band[:, 2:], colors="0.15", linewidths=0.5, zorder=3))
-    axes.add_collection(LineCollection(ends, colors="0.15", linewidths=0.6, capstyle="round", zorder=4))
+    axes.add_collection(collections.PolyCollection(band, facecolors=face, edgecolors=face, linewidths=0.3, zorder=3))
+    axes.add_collection(collections.LineCollection(band[:, 2:], colors="0.15", linewidths=0.5, zorder=3))
+    axes.add_collection(collections.LineCollection(ends, colors="0.15", linewidths=0.6, capstyle="round", zorder=4))
 
 
 def _halves(ends: Floats) -> Floats:
@@ -277,7 +279,7 @@ def _fill(axes: Any, polygons: Floats, colour: tuple[float, ...]) -> None:
     turn = x * q - y * p < 0.0  # all run the same way round, or overlaps would cancel
     polygons = np.where(turn[:, None, None], polygons[:, ::-1], polygons)
     count, k, _ = polygons.shape
-    codes = np.full((count, k + 1), Outline.LINETO)
-    codes[:, 0], codes[:, -1] = Outline.MOVETO, Outline.CLOSEPOLY
+    codes = np.full((count, k + 1), paths.Path.LINETO)
+    codes[:, 0], codes[:, -1] = paths.Path.MOVETO, paths.Path.CLOSEPOLY
     vertices = np.concatenate([polygons, polygons[:, :1]], axis=1).reshape(-1, 2)
-    axes.add_patch(PathPatch(Outline(vertices, codes.ravel()), facecolor=colour, edgecolor="none", zorder=1))
+    axes.add_patch(patches.PathPatch(paths.Path(vertices, codes.ravel()), facecolor=colour, edgecolor="none", zorder=1))
