@@ -64,9 +64,10 @@ test-rounding: setup
 nightly: setup
 	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out results/random_scenes.csv
 
-# Ratios against FElupe (if installed: .venv/bin/pip install felupe pypardiso), growth, and the kernels alone
+# Races against the programs that are installed, what a run is made of, anew; the tables of docs/speed.md
 bench: setup
-	@$(ENV) python3 demos/speed.py && python3 demos/speed.py growth && python3 demos/speed.py kernels
+	@rm -f $(foreach name,speed growth sliding forms kernels,fenics_contact/studies/data/$(name).csv)
+	@$(ENV) python3 -m fenics_contact.studies speed pieces
 
 # The suite in a bare Debian 13, and by hand against the newest release in Debian's development branch (root only)
 test-debian13:

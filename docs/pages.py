@@ -67,7 +67,7 @@ def keep(source, name, width=WIDTH):
 def demos():
     """{demo: its picture among its results} of those that the gallery shows."""
     names = sorted(path.stem for path in (DOCS.parent / "demos").glob("*.py"))
-    return {name: f"{name}.png" for name in names if name != "speed"} | {"punch_on_plate": "deformed_quarters.png"}
+    return {name: f"{name}.png" for name in names} | {"punch_on_plate": "deformed_quarters.png"}
 
 
 def draw_gallery(names):

@@ -50,7 +50,7 @@ def test_every_demo_is_in_the_gallery():
     text = (DOCS / "gallery.md").read_text()
     demos = {path.stem for path in (ROOT / "demos").glob("*.py")}
     assert set(re.findall(r"`demos/(\w+)\.py`", text)) == demos
-    assert set(re.findall(r"demo_(\w+)\.png", text)) == demos - {"speed"}
+    assert set(re.findall(r"demo_(\w+)\.png", text)) == demos
 
 
 def test_benchmarks_name_what_computes_them():

@@ -1,6 +1,7 @@
 """Sweeps: every run is a row whatever becomes of it, an interrupted study goes on, charts come from the file alone."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,11 +13,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from fenics_contact.studies import Study, answer, curves, expand, failures, grid, stability_map, work_precision
+from fenics_contact.studies import Study, answer, curves, expand, failures, grid, speed, stability_map, work_precision
 from fenics_contact.studies.__main__ import NAMES, run
 from fenics_contact.studies.charts import StudyError, _short_panels, cheapest, hold_slope, medians, pareto, savings
 from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
 from fenics_contact.studies.runner import read
+from fenics_contact.studies.speed import race
 
 pytestmark = pytest.mark.serial
 
@@ -245,3 +247,29 @@ def test_quick_version_of_each_study(name, tmp_path):
     """Fails where a run cannot be made, a chart not be drawn, or a slope contradicts theory."""
     assert run(name, tmp_path, tmp_path, quick=True, progress=False)
     assert list(tmp_path.glob("*.csv")) and all(p.stat().st_size > 10_000 for p in tmp_path.glob("*.png"))
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+def test_the_race_s_scene_is_the_same_for_calculix():
+    """Nodes led down: one law, one integration, one force."""
+    ours, theirs = (race("parity", 4, 2, code, 1) for code in ("ours", "calculix"))
+    assert ours["value"] == pytest.approx(theirs["value"], rel=1e-6) and ours["unknowns"] == theirs["unknowns"]
+
+
+def test_what_a_race_says(tmp_path, monkeypatch):
+    """The run of median time, ratios, and the table between its marks."""
+    page = tmp_path / "speed.md"
+    page.write_text("before\n" + "\n".join(mark.strip() for mark in speed.MARKS) + "\nafter\n")
+    monkeypatch.setattr(speed, "PAGE", page)
+    rows = [
+        {"scene": "parity", "cells": 10, "layers": 5, "code": code, "ranks": ranks, "converged": True, "value": 5.0,
+         "unknowns": 7938, "cpu_s": seconds, "wall_s": seconds, "machine": "some"}
+        for code, ranks, times in (("ours", 1, (3.0, 1.0, 2.0)), ("ours", 2, (1.0,) * 3), ("calculix", 1, (8.0, 8.0, 4.0)))
+        for seconds in times
+    ]  # fmt: skip
+    said = speed.report({"speed": rows}, tmp_path, False)
+    assert said == ["nodes led, 20×20×5: 0.25 of CalculiX's time; 2.00 times as fast on two processes"]
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n") and "**0.25** (5)" in text
+    speed.report({"speed": rows}, tmp_path, False)
+    assert page.read_text() == text

@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 from fenics_contact.studies.runner import read
 
-NAMES = ("sphere", "tubes", "punch", "cylinder", "hertz", "maps", "economy", "linear")
+NAMES = ("sphere", "tubes", "punch", "cylinder", "hertz", "maps", "economy", "linear", "speed", "pieces")
 HERE = Path(__file__).parent
 
 
