@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from refusals import refused
 from scipy.optimize import brentq
 from test_arc_length import STIFF
@@ -30,8 +31,10 @@ from fenics_contact import (
 from fenics_contact.meshes import box
 from fenics_contact.solvers.pivots import PivotWatch
 from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.softest import Softest
 from fenics_contact.solvers.verdict import Verdict
 
+COMM = MPI.COMM_WORLD
 FOLLOW = {"method": "arc_length", "progress": False}
 
 
@@ -114,6 +117,53 @@ def test_load_steps_that_pass_a_bifurcation_say_so_once():
     (said,) = (note for note in result.verdict.notes if "pivots" in note)
     assert said.startswith("step 3 to t = 2.05: the tangent has 2 negative pivots, none in the step before: a bifurcation")
     assert 'follow the path by method="arc_length"' in said
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("friction", "linear"), [(None, "auto"), (0.5, "auto"), (0.5, "iterative")])
+def test_what_is_not_factorised_anew_is_looked_at_too(friction, linear):
+    """A clamped column of 1 x 1 x 12 is shortened past Euler's 4 pi^2 / 12 / 12^2 of its length, 0.274, in steps of 0.1; its
+    mesh is straight. An old factorisation serves all steps, or a hierarchy."""
+    mesh = read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=(6, 6, 48))
+    scene, move = Scene(Body(mesh, "box", from_elastic(1.0, 0.3))), {}
+    scene.fix("zmin")
+    if friction is None:
+        scene.fix("zmax", "xy")
+        scene.prescribe("zmax", "z", -0.4)
+    else:
+        plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
+        scene.contact("zmax", plate, friction)
+        move = {plate: (0, 0, -0.4)}
+    result = solve(scene, move=move, steps=4, linear=linear, progress=False).require()
+    (said,) = (note for note in result.verdict.notes if "bifurcation" in note)
+    assert said.startswith("step 3 to t = 0.75: the ") and "tangent" in said
+    assert result.summary["method"]["factorisations"] < 4
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("skewed", [0.0, 0.3])
+def test_the_softest_motion_is_found_and_followed(skewed):
+    """Of a known matrix: the eigenvalue of one motion goes through zero, and then that of another one, in which the vector
+    found before has no part."""
+    n = 90
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(n, n)))[0]
+    skew = skewed * np.triu(np.random.default_rng(2).normal(size=(n, n)), 1)
+    values = 1.0 + np.arange(n) / n
+    pc, loads = PETSc.PC().create(COMM), PETSc.Vec().createMPI(n, comm=COMM)
+    first, end = loads.getOwnershipRange()
+    loads.array_w[:] = np.cos(1.7 * np.arange(first, end) ** 1.5)
+    pc.setType("none")
+    softest, found = Softest(loads), []
+    for changed in ({}, {0: 0.1}, {0: -0.1}, {1: 0.2}, {1: -0.2}, {0: -0.1, 1: -0.2}):
+        now = values.copy()
+        now[list(changed)] = list(changed.values())
+        dense = turn @ (np.diag(now) + skew / n) @ turn.T
+        A = PETSc.Mat().createDense((n, n), array=dense[first:end].copy(), comm=COMM)
+        pc.setOperators(A)
+        found.append(softest.resists(A, pc, not skewed))
+        A.destroy()
+    assert found == [True, True, False, True, False, False]
+    pc.destroy()
 
 
 @pytest.mark.parallel

@@ -47,9 +47,10 @@ def inverses(offsets: Array, columns: Array, blocks: Floats, out: Floats) -> Non
 @njit(cache=True)
 def diagonal_product(blocks: Floats, x: Floats, y: Floats) -> None:
     """y = D x with the blocks (9 rows,) of D on the diagonal."""
-    for i in range(len(blocks) // 9):
-        p, q = 9 * i, 3 * i
-        u, v, w = x[q], x[q + 1], x[q + 2]
-        y[q] = blocks[p] * u + blocks[p + 3] * v + blocks[p + 6] * w
-        y[q + 1] = blocks[p + 1] * u + blocks[p + 4] * v + blocks[p + 7] * w
-        y[q + 2] = blocks[p + 2] * u + blocks[p + 5] * v + blocks[p + 8] * w
+    blocks, x, y = blocks.reshape(-1, 9), x.reshape(-1, 3), y.reshape(-1, 3)
+    for i in range(len(blocks)):
+        block, part = blocks[i], x[i]
+        u, v, w = part[0], part[1], part[2]
+        y[i, 0] = block[0] * u + block[3] * v + block[6] * w
+        y[i, 1] = block[1] * u + block[4] * v + block[7] * w
+        y[i, 2] = block[2] * u + block[5] * v + block[8] * w

@@ -17,6 +17,7 @@ SLOWED_ABOVE = 20.0
 QUADRATIC = 3.4  # how much dearer multigrid is per unknown of degree 2
 DOUBT = 4.0  # foreseen costs that differ by less are measured
 EARLIEST = 10  # solves before the other one is tried, times how much dearer it is foreseen to be
+PIVOTS = 10.0  # how much dearer a factorisation may be where its pivots are wanted
 TRIAL = 80  # iterations of a solve on trial: more than that is no gain
 BETTER = 0.8  # of the present one's cost: what the other must stay below to take its place
 OTHER = {"direct": "iterative", "iterative": "direct"}
@@ -68,6 +69,11 @@ class Choice:
     def first(self) -> str:
         """What is foreseen to be cheaper."""
         return min(self._foreseen, key=lambda method: self._foreseen[method])
+
+    @property
+    def first_counting(self) -> str:
+        """The same where a factorisation's pivots are wanted, too: they tell a continuation of bifurcations."""
+        return "direct" if self._foreseen["direct"] < PIVOTS * self._foreseen["iterative"] else "iterative"
 
     def longest(self, method: str) -> int | None:
         """Iterations that a solve of a method on trial may take, None: of one that is not."""

@@ -9,6 +9,7 @@ from fenics_contact.assembly.finding import MEMORY, MOVES, RIGID_MOTION
 from fenics_contact.assembly.system import TOLERANCE, System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
+from fenics_contact.solvers.softest import Softest
 from fenics_contact.types import Array, Floats, Mat, Vec
 
 # MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
@@ -49,11 +50,13 @@ class LinearSolver:
         size = system.vector.getSize()
         self._forced = method == "iterative"
         choice = Choice(system.comm, foreseen_costs(system)) if method == "auto" else None
-        method = choice.first if choice else method
+        method = choice.first_counting if choice and afresh else choice.first if choice else method
         self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
         # negative pivots of the last tangent, tools included (Haynsworth 1968, doi:10.1016/0024-3795(68)90050-5); of an
         # unsymmetric one the sign of its determinant tells only whether they are odd, 1, or even, 0; None: not known
         self.negative: int | None = None
+        self._of_border: int | None = 0  # the share of the tools' Schur complement in them
+        self._softest: Softest | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
         modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
@@ -111,24 +114,40 @@ class LinearSolver:
             with du.localForm() as local:
                 system.supports.put(local.array_w, du_supports)
         border = system.border
-        self.negative = self._solver.negative_pivots()
+        self.negative, self._of_border = self._solver.negative_pivots(), 0
         if not free.size or border is None:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(-border.columns[c]) for c in free]
         rows = [system.border_vector(border.rows[c]) for c in free]
         held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.stiffness, self._loose)
-        if self.negative is not None:
-            more = held.negative(system.symmetric)
-            if more is None:
-                self.negative = None
-            else:
-                self.negative = self.negative + more if system.symmetric else (self.negative + more) % 2
+        self._of_border = held.negative(system.symmetric)
+        if self._of_border is None:
+            self.negative = None
+        elif self.negative is not None:
+            self.negative += self._of_border
+            self.negative = self.negative if system.symmetric else self.negative % 2
         return [
             self._with_free_tools(
                 du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, held, rows, columns
             )
             for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
         ]
+
+    def resists(self) -> bool | None:
+        """Whether the last tangent resists every motion, tools included, as far as a few products with it tell; None: not
+        known. Of an unsymmetric one whether its determinant is positive. Collective."""
+        if self._of_border is None:
+            return None
+        if self._softest is None:
+            loads = self.system.new_vector()
+            first, end = loads.getOwnershipRange()
+            loads.array_w[:] = np.cos(1.7 * np.arange(first, end) ** 1.5)
+            self.system.supports.put_forces(loads.array_w, 0.0)
+            self._softest = Softest(loads)
+        body = self._solver.resists(self._softest, self._matrix)
+        if body is None:
+            return None
+        return body and not self._of_border if self.system.symmetric else body == (self._of_border % 2 == 0)
 
     def _with_free_tools(
         self, du: Vec, dq: Floats, right: Floats, free: Array, held: "_Held", rows: list[Vec], columns: list[Vec]
@@ -213,6 +232,8 @@ class LinearSolver:
         if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
             text = f"the direct solver could not get the memory it needs (MUMPS {code})"
             return text, MEMORY, "", 'use linear="iterative", more ranks on more machines, or a coarser mesh'
+        if reason == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT:
+            return ('the tangent does not resist every motion, which linear="iterative" takes for granted and "direct" not',)
         if self.method == "iterative":
             return (f'the iterative linear solver stopped (PETSc\'s reason {reason}), where linear="auto" would factorise',)
         return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)

@@ -23,16 +23,20 @@ class PivotWatch:
         near = len(report.residuals) > 1 and report.residuals[-2] <= NEAR
         if fresh and near and self.linear.negative is not None:
             self._look(self.linear.negative)
+        elif near and (resists := self.linear.resists()) is not None:  # an older factorisation, or a hierarchy, served
+            self._look(0 if resists else max(1, self.negative or 0), counted=False)
         self.on_step(report, seconds, on_schedule)
 
     def forget(self) -> None:
         """The path has been followed by arc length meanwhile: what its pivots are is not known until they are seen."""
         self.negative = None
 
-    def _look(self, now: int) -> None:
+    def _look(self, now: int, counted: bool = True) -> None:
         if self.negative is not None and now > self.negative:
             if self.system.symmetric:
                 found = f"the tangent has {now} negative pivots, {self.negative or 'none'} in the step before"
+                if not counted:
+                    found = "the tangent no longer resists every motion, as it did in the step before"
                 found += ": a bifurcation has been passed, and this path may be unstable"
             else:  # with friction a determinant below zero is no proof of another path
                 found = (

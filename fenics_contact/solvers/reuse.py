@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, raise_stopped
 from fenics_contact.solvers.choice import Choice
 from fenics_contact.solvers.multigrid import multigrid
+from fenics_contact.solvers.softest import Softest
 from fenics_contact.timing import Timers
 from fenics_contact.types import Mat, Solver, Vec
 
@@ -281,6 +282,16 @@ class ReusingSolver:
             return None
         factors = self._fresh.getPC().getFactorMatrix()
         return factors.getMumpsInfog(12) if self.symmetric else int(factors.getMumpsRinfog(12) < 0.0)
+
+    def resists(self, softest: Softest, matrix: Mat) -> bool | None:
+        """What `softest` finds in the matrix of the last solve; None where nothing is kept that preconditions it."""
+        if self._reuse is None or not self._reuses:
+            return None
+        with self.timers("solve"):
+            product = self._blocks.mat if self._blocks else matrix
+            found = softest.resists(product, self._krylov.getPC(), self.symmetric)
+        raise_stopped()
+        return found
 
     def mumps_code(self) -> int:
         """MUMPS' INFOG(1) of the solve that failed last, 0 where there is none."""

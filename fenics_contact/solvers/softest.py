@@ -1,0 +1,72 @@
+"""The softest motion that a preconditioned tangent leaves, and whether it resists: what can be told without pivots."""
+
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.types import Floats, Mat, Vec
+
+LEAST, MOST = 4, 30  # products
+NEAR = 0.1  # of the least eigenvalue: error at which it is known well enough
+
+
+class Softest:
+    """Follows the eigenvector of M^-1 A with the least eigenvalue, from one tangent A to the next, by Arnoldi's method.
+
+    (Arnoldi 1951, doi:10.1090/qam/42792.) With a multigrid cycle for M, or the factors of an older tangent, most others lie
+    near one, and a few products tell. loads: forces in which every motion has a part, zero where supports hold nodes: what
+    they move joins the vector found last, so that another motion that softens is not overlooked. Collective.
+    """
+
+    def __init__(self, loads: Vec) -> None:
+        self._loads, self._vector = loads, loads.duplicate()
+
+    def resists(self, A: Mat, pc: Any, symmetric: bool) -> bool:
+        """Whether no motion that is found lowers the energy; of an unsymmetric tangent, whether no eigenvalue that is found
+        is negative, as one is whose determinant is."""
+        start, force, right = (self._loads.duplicate() for _ in range(3))
+        pc.apply(self._loads, start)
+        if not start.normalize() > 0.0:
+            return True
+        start.axpy(1.0, self._vector)
+        start.normalize()
+        basis, H, lowers = [start], np.zeros((MOST + 1, MOST)), False
+        least, error, weights = 1.0, np.inf, np.ones(1)
+        for j in range(MOST):
+            A.mult(basis[j], force)
+            lowers = lowers or (symmetric and j == 0 and force.dot(basis[0]) < 0.0)
+            pc.apply(force, right)
+            for i, other in enumerate(basis):
+                H[i, j] = right.dot(other)
+                right.axpy(-H[i, j], other)
+            H[j + 1, j] = right.norm()
+            if not np.isfinite(H[: j + 2, j]).all():
+                break
+            least, error, weights = _least(H, j + 1)
+            if j + 1 >= LEAST and error <= NEAR * abs(least):
+                break
+            basis.append(right.copy())
+            basis[-1].scale(1.0 / H[j + 1, j])
+        self._vector.set(0.0)
+        for weight, vector in zip(weights, basis, strict=False):
+            self._vector.axpy(weight, vector)
+        if not self._vector.normalize() > 0.0:
+            self._vector.axpy(1.0, basis[0])
+        if symmetric:  # a proof, whatever the preconditioner
+            A.mult(self._vector, force)
+            lowers = lowers or force.dot(self._vector) < 0.0
+        else:
+            lowers = least < 0.0 and error <= NEAR * abs(least)
+        for vector in (*basis, force, right):
+            vector.destroy()
+        return not lowers
+
+
+def _least(H: Floats, size: int) -> tuple[float, float, Floats]:
+    """(real part of the least eigenvalue of Hessenberg's matrix, error that it may have, its vector); a pair of complex ones
+    has no sign, and its error is infinite."""
+    values, vectors = np.linalg.eig(H[:size, :size])
+    at = int(values.real.argmin())
+    error = abs(H[size, size - 1] * vectors[-1, at])
+    paired = abs(values[at].imag) > 1e-12 * abs(values[at])
+    return float(values[at].real), np.inf if paired and values[at].real < 0.0 else float(error), vectors[:, at].real
