@@ -66,7 +66,7 @@ nightly: setup
 
 # Races against the programs that are installed, what a run is made of, anew; the tables of docs/speed.md
 bench: setup
-	@rm -f $(foreach name,speed growth sliding forms kernels,fenics_contact/studies/data/$(name).csv)
+	@rm -f $(foreach name,speed speed_large growth sliding forms kernels,fenics_contact/studies/data/$(name).csv)
 	@$(ENV) python3 -m fenics_contact.studies speed pieces
 
 # The suite in a bare Debian 13, and by hand against the newest release in Debian's development branch (root only)
