@@ -15,11 +15,11 @@ class Softest:
 
     (Arnoldi 1951, doi:10.1090/qam/42792.) With a multigrid cycle for M, or the factors of an older tangent, most others lie
     near one, and a few products tell. loads: forces in which every motion has a part, zero where supports hold nodes: what
-    they move joins the vector found last, so that another motion that softens is not overlooked. Collective.
+    they move joins the `vector` found last, so that another motion that softens is not overlooked. Collective.
     """
 
     def __init__(self, loads: Vec) -> None:
-        self._loads, self._vector = loads, loads.duplicate()
+        self._loads, self.vector = loads, loads.duplicate()
 
     def resists(self, A: Mat, pc: Any, symmetric: bool) -> bool:
         """Whether no motion that is found lowers the energy; of an unsymmetric tangent, whether no eigenvalue that is found
@@ -28,7 +28,7 @@ class Softest:
         pc.apply(self._loads, start)
         if not start.normalize() > 0.0:
             return True
-        start.axpy(1.0, self._vector)
+        start.axpy(1.0, self.vector)
         start.normalize()
         basis, H, lowers = [start], np.zeros((MOST + 1, MOST)), False
         least, error, weights = 1.0, np.inf, np.ones(1)
@@ -47,14 +47,14 @@ class Softest:
                 break
             basis.append(right.copy())
             basis[-1].scale(1.0 / H[j + 1, j])
-        self._vector.set(0.0)
+        self.vector.set(0.0)
         for weight, vector in zip(weights, basis, strict=False):
-            self._vector.axpy(weight, vector)
-        if not self._vector.normalize() > 0.0:
-            self._vector.axpy(1.0, basis[0])
+            self.vector.axpy(weight, vector)
+        if not self.vector.normalize() > 0.0:
+            self.vector.axpy(1.0, basis[0])
         if symmetric:  # a proof, whatever the preconditioner
-            A.mult(self._vector, force)
-            lowers = lowers or force.dot(self._vector) < 0.0
+            A.mult(self.vector, force)
+            lowers = lowers or force.dot(self.vector) < 0.0
         else:
             lowers = least < 0.0 and error <= NEAR * abs(least)
         for vector in (*basis, force, right):
