@@ -132,7 +132,7 @@ def solve(
     kept.bar.close()
     kept.remark(verdict.cut_notes())
     if verdict.converged:
-        kept.remark([note for contact in system.contacts if (note := contact.never_met(system.state))])
+        kept.remark([note for contact in system.contacts if (note := contact.findings.never_met(system.state))])
         kept.remark(ends_early(stated[-1], plans[-1].shares))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):

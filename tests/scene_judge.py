@@ -67,7 +67,7 @@ class Probe:
         owned[system.supports.owned] = 0.0
         owed = np.where(system.tools.free, COMM.allreduce(tools) - system.tools.forces(state.t), 0.0)
         left = np.sqrt(COMM.allreduce(float(owned @ owned)) + np.sum(owed**2))
-        forces = {c.name: c.measures(state)["force"] for c in system.contacts}
+        forces = {c.name: c.forces.measures(state)["force"] for c in system.contacts}
         outside = sum((forces[c.name] for c in system.contacts if c.partner.grounded), np.zeros(3))
         sum_of_all = outside + loads + COMM.allreduce(held.reshape(-1, 3).sum(axis=0))
         row = {"t": state.t, "forces": forces, "loads": loads, "left": left, "sum": np.linalg.norm(sum_of_all)}
@@ -84,7 +84,7 @@ def beyond_coulomb(contact, state, least, share=1.0):
 
     share: of its coefficient of friction. Collective.
     """
-    pressure, along = contact.split_traction(state)
+    pressure, along = contact.forces.split_traction(state)
     law = contact.trial.law
     mu = law.friction.mu
     crumbs = law.touch * law.eps_n.max(initial=0.0), law.touch * law.eps_t.max(initial=0.0)  # what gaps and ways round off
@@ -302,7 +302,7 @@ def used_up(run):
     ends = []
     for contact in run.system.contacts:
         if f"'{contact.name}'" in run.verdict.place:
-            pressure, along = contact.split_traction(run.system.state)
+            pressure, along = contact.forces.split_traction(run.system.state)
             peak = max(COMM.allgather(pressure.max(initial=0.0)))
             pressing, size = pressure > FAINT * peak, np.linalg.norm(along, axis=2)
             held = (size < USED * contact.trial.law.friction.mu * pressure)[pressing].any()

@@ -326,7 +326,7 @@ def test_an_augmentation_that_cannot_be_solved_is_taken_in_part():
         system = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
         report = Augmented(Stumbling(LinearSolver(system), fails)).step(system, 1.0)
         assert report.misfits[-1] <= 1.0 and not report.notes
-        forces.append(system.contacts[0].measures(system.state)["force"][2])
+        forces.append(system.contacts[0].forces.measures(system.state)["force"][2])
     # each ends anywhere within 1e-6 of 1 mm
     np.testing.assert_allclose(*forces, rtol=1e-5)
 

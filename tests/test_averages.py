@@ -83,9 +83,11 @@ def test_tangent_on_tetrahedra_with_an_edge_among_the_slaves(friction, shift, st
     touching = before[before != OPEN]
     assert set(touching) <= {status, CLOSED} and (touching == status).sum() > 10  # what has just been met has no anchor yet
     assert (before == OPEN).any()
-    way, facets, longest = direction(system), contact.branches(state), 2e-4
+    way, facets, longest = direction(system), contact.parts.branches(state), 2e-4
     state.u.x.array[:] = start + longest * way.array
-    while not np.array_equal(contact.branches(state), facets) and longest > 1e-6:  # no sample may pass an edge on the way
+    while (
+        not np.array_equal(contact.parts.branches(state), facets) and longest > 1e-6
+    ):  # no sample may pass an edge on the way
         longest *= 0.5
         state.u.x.array[:] = start + longest * way.array
     state.u.x.array[:] = start
@@ -212,7 +214,7 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
     assert 1.0 < stretch < 1.2 and 8.0 < result.history[-1]["c_area_mm2"] / stretch < 10.0
     assert result.history[-1]["c_penetration_mm"] > 0.0
     contact, state = result.system.contacts[0], result.system.state
-    pressure, along = contact.split_traction(state)
+    pressure, along = contact.forces.split_traction(state)
     most = COMM.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
     assert pressure.min(initial=0.0) > -1e-9 * most
     assert (np.linalg.norm(along, axis=2) - 0.3 * pressure).max(initial=0.0) < 1e-12 * most  # though its normals differ

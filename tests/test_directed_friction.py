@@ -98,7 +98,7 @@ def test_directions_turn_and_shear_with_the_body(mesh, aslant, name, cells, turn
     assert last[2] == pytest.approx(4.0 * PRESS, rel=LAW)
     np.testing.assert_allclose(last[:2], -size * way[:2] / np.linalg.norm(way), atol=LAW * size)
     contact, state = result.system.contacts[0], result.system.state
-    allowed = result.system.comm.allreduce(float((contact.limits(state) * contact.surface.area).sum()))
+    allowed = result.system.comm.allreduce(float((contact.forces.limits(state) * contact.surface.area).sum()))
     assert allowed == pytest.approx(size, rel=LAW)
 
 
@@ -187,7 +187,7 @@ def test_tangent_is_the_derivative(cells, name, along):
     system.matrix.zeroEntries()
     insert(contact.tangent(state), system.matrix, system.border)
     system.matrix.assemble()
-    at_start, way, codes = residual(), system.new_vector(), contact.branches(state).copy()
+    at_start, way, codes = residual(), system.new_vector(), contact.parts.branches(state).copy()
     closed = contact.statuses() > 0
     assert closed.any() and (contact.statuses()[closed] == SLIP).all()
     way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
@@ -195,6 +195,6 @@ def test_tangent_is_the_derivative(cells, name, along):
     for step in 1e-5 / 2.0 ** np.arange(4):
         state.u.x.array[:] = start + step * way.array
         remainders.append(np.linalg.norm(residual() - at_start - step * slope))
-        assert (contact.branches(state) == codes).all()
+        assert (contact.parts.branches(state) == codes).all()
     orders = np.log2(np.array(remainders[:-1]) / remainders[1:])
     assert orders.min() > 1.98, (orders, remainders)

@@ -98,7 +98,7 @@ def test_tangent_is_the_derivative(name):
         system.border.clear()
     insert(fluid.tangent(state), system.matrix, system.border)
     system.matrix.assemble()
-    at_start, way, codes = residual(), direction(system), contact.branches(state).copy()
+    at_start, way, codes = residual(), direction(system), contact.parts.branches(state).copy()
     slope, dq = (system.matrix * way).array.copy(), np.random.default_rng(3).uniform(-1, 1, q.shape)
     if system.border is not None:
         slope += dq.ravel() @ system.border.columns
@@ -107,7 +107,7 @@ def test_tangent_is_the_derivative(name):
     for step in 1e-5 / 2.0 ** np.arange(4):
         state.u.x.array[:], state.q[:] = start + step * way.array, q + step * dq
         left.append(np.linalg.norm(residual() - at_start - step * slope))
-        assert np.array_equal(contact.branches(state), codes)
+        assert np.array_equal(contact.parts.branches(state), codes)
         assert np.array_equal(fluid.share(state) > 0.0, share > 0.0)
     assert np.log2(np.array(left[:-1]) / left[1:]).min() > 1.97
 

@@ -131,7 +131,7 @@ def test_flat_tool_squeezes_a_cube_homogeneously(cells, degree, points):
     scene.contact("zmax", tool, name="c", penalty=1000.0, points=points)
     result = solve(scene, move={tool: (0, 0, -0.4)}, steps=2, progress=False)
     assert result.converged
-    pressure, _ = result.system.contacts[0].split_traction(result.system.state)
+    pressure, _ = result.system.contacts[0].forces.split_traction(result.system.state)
     # the penalty takes 0.129/1000 mm of 0.4 mm; over 0.9 that is 3e-4 of the stress at most
     assert np.abs(pressure / 0.1288051 - 1.0).max(initial=0.0) < 4e-4
 
@@ -191,7 +191,7 @@ def test_tangent_and_border_are_the_derivative(points, friction, shift, status):
     remainders = []
 
     def pairs_now():
-        return contact.branches(state)[:, 1]
+        return contact.parts.branches(state)[:, 1]
 
     pairs = pairs_now().copy()
     for step in 1e-5 / 2.0 ** np.arange(4):
@@ -240,8 +240,8 @@ def test_a_grooved_plate_is_dragged_at_an_angle(points):
     result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=4, tolerance=1e-10, progress=False)
     assert result.converged and result.history[-1]["c_sticking_points"] == 0
     contact, state = result.system.contacts[0], result.system.state
-    pressure, friction = contact.split_traction(state)
-    lean = 1.0 - contact.normals(state)[..., 2] ** 2  # of the slave's normals, across which its nodes rub
+    pressure, friction = contact.forces.split_traction(state)
+    lean = 1.0 - contact.forces.normals(state)[..., 2] ** 2  # of the slave's normals, across which its nodes rub
     closed = pressure > 0.0
     pressure, size, part = pressure[closed], np.linalg.norm(friction[closed], axis=-1), friction[closed] @ GROOVED.along
     assert len(size) > 10

@@ -241,7 +241,7 @@ def test_squeezed_blocks(triangles, points, scatter):
         scene.prescribe("upper_ymax", "y", -2.0)
         scene.contact("upper_ymin", "lower_ymax", penalty=500.0, points=points, name="c")
         result = solve(scene, steps=2, progress=False).require()
-        pressure = result.system.contacts[0].split_traction(result.system.state)[0]
+        pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
         found.append((result.history[-1]["c_force_y_N"], np.ptp(pressure) / pressure.mean()))
     assert found[0][1] < 1e-9
     assert found[1][0] == pytest.approx(found[0][0], rel=2e-4)

@@ -123,9 +123,9 @@ def test_friction_is_felt_unchanged(kind):
     before, trial = contact.response(system.state), contact.trial
     counts = COMM.allreduce(np.bincount(before.status.ravel(), minlength=4))
     assert counts[2] > 0 and counts[3] > 0  # some stick, some slip
-    held = contact.split_traction(system.state)[1]
+    held = contact.forces.split_traction(system.state)[1]
     stiffer = replace(trial.law, eps_t=4.0 * trial.law.eps_t)
-    friction = contact.split_traction(system.state, contact.penalties.friction_kept(trial, 4.0).under(stiffer))[1]
+    friction = contact.forces.split_traction(system.state, contact.penalties.friction_kept(trial, 4.0).under(stiffer))[1]
     size = max(COMM.allgather(np.abs(before.traction).max(initial=0.0)))
     np.testing.assert_allclose(friction, held, rtol=0, atol=1e-9 * size)  # round-off of anchors over an elastic slip
 

@@ -159,9 +159,9 @@ def test_tangent_and_border_of_a_turning_tool(name, points, friction, shift, spi
 
     at_start = residual()
     assert (contact.statuses() == status).sum() > 3 and (contact.statuses() == OPEN).any() != (name == "plane")
-    branches = contact.branches(state).copy()
+    branches = contact.parts.branches(state).copy()
     orders, remainders = taylor_orders(system, residual, rate)
-    assert np.array_equal(branches, contact.branches(state))
+    assert np.array_equal(branches, contact.parts.branches(state))
     # a plane without friction gives a residual that is linear but for its turns
     assert orders.min() > 1.97 or max(remainders) < 1e-12 * np.linalg.norm(at_start)
     # forces and torques about the reference point: tool and body together are in balance
@@ -231,7 +231,7 @@ def test_torque_of_a_shaft_that_slides_on_a_pad(method):
     result = solve(scene, move={shaft: motion}, method=method, steps=8, progress=False)
     assert result.converged and result.column("c_sticking_points")[-1] == 0
     contact, state = result.system.contacts[0], result.system.state
-    pressure, surface = contact.split_traction(state)[0], contact.surface
+    pressure, surface = contact.forces.split_traction(state)[0], contact.surface
     x = (surface.X + state.u.x.array.reshape(-1, 3)[surface.nodes])[:, 0]
     r = np.linalg.norm((x - state.pose(0).place)[:, [0, 2]], axis=1)
     torque = result.system.comm.allreduce(0.3 * float((pressure[:, 0] * r * surface.area[:, 0]).sum()))
@@ -291,7 +291,7 @@ def test_a_ball_pressed_and_twisted_sticks_in_the_middle():
     assert result.converged and (status == STICK).sum() >= 5 and (status == SLIP).sum() >= 5
     assert r[status == STICK].max() < r[status == SLIP].min() + 1e-9
     torque = abs(result.column("c_moment_z_Nmm")[-1])
-    pressure = contact.split_traction(state)[0].ravel()
+    pressure = contact.forces.split_traction(state)[0].ravel()
     x = (surface.X + state.u.x.array.reshape(-1, 3)[surface.nodes])[:, 0, :2]
     most = system.comm.allreduce(0.4 * float((pressure * np.linalg.norm(x, axis=1) * surface.area.ravel()).sum()))
     assert 0.2 * most < torque < 0.98 * most

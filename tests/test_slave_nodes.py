@@ -60,7 +60,7 @@ def test_nodes_on_planes_of_symmetry_stay_in_contact(monkeypatch):
     row = tubes.tubes(**base | {"points": "nodes"})
     assert row["converged"] and row["error"] < 0.005  # 0.4 % is what Gauss points leave on this mesh
     contact, state = found[0].system.contacts[0], found[0].system.state
-    x, pressure = contact.spots(), contact.split_traction(state)[0].ravel()
+    x, pressure = contact.spots(), contact.forces.split_traction(state)[0].ravel()
     angle = np.degrees(np.arctan2(x[:, 1], x[:, 0]))
     # four slave facets cover three of the master: the pattern repeats every 15 degrees
     like = [pressure[np.abs(angle - place) < 0.1].mean() for place in (0.0, 45.0, 90.0)]

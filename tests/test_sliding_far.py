@@ -50,14 +50,14 @@ def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
         system.commit()
         if t < 0.2:
             continue
-        pressure, along = contact.split_traction(state)
+        pressure, along = contact.forces.split_traction(state)
         status = contact.response(state).status
         touching = status != OPEN
         assert (status[touching] == SLIP).all()
         law = np.linalg.norm(along, axis=2)[touching] - FRICTION * pressure[touching]
         assert np.abs(law).max() < 1e-9 * pressure.max()  # round-off of tractions that penetrations of 1e-5 mm give
-        visited.add(int(contact.branches(state)[0, 1]))
-        found.append(contact.measures(state)["force"])
+        visited.add(int(contact.parts.branches(state)[0, 1]))
+        found.append(contact.forces.measures(state)["force"])
     force = np.array(found)
     ratio = -force[:, 0] / force[:, 2]
     assert len(visited) >= 50  # another gmsh, another mesh: 50 to 61
@@ -90,7 +90,7 @@ def pressed_and_drawn():
     result = solve(scene, steps=4, progress=False)
     assert result.converged, result.verdict.reason
     contact = result.system.contacts[0]
-    pressure, along = contact.split_traction(result.system.state)
+    pressure, along = contact.forces.split_traction(result.system.state)
     force = result.history[-1]
     # per reference area over reference places, so that their integral is the force
     x = contact.spots()[:, 0]

@@ -163,7 +163,7 @@ def test_springs_that_are_too_soft_to_solve_with_become_stiffer():
     report = Following(stepper).step(system, 1.0)
     assert stepper.calls == report.augmentations + 2  # the first solve, and the one that failed
     contact = system.contacts[0]
-    np.testing.assert_allclose(contact.measures(system.state)["force"][2], 0.08, rtol=2e-7)
+    np.testing.assert_allclose(contact.forces.measures(system.state)["force"][2], 0.08, rtol=2e-7)
 
 
 def test_springs_that_would_pull_too_long_are_given_up_at_once():

@@ -59,7 +59,7 @@ def stacked(points, penalty, lower, upper):
     scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="c")
     result = solve(scene, steps=2, progress=False)
     assert result.converged
-    pressure = result.system.contacts[0].split_traction(result.system.state)[0]
+    pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
     return result.history[-1]["c_force_z_N"], np.ptp(pressure) / pressure.mean()
 
 

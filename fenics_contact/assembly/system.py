@@ -85,10 +85,10 @@ class System:
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, q, t) of the last three accepted states
-        self._foreseeing = [contact for contact in contacts if contact.foresees]
+        self._foreseeing = [contact for contact in contacts if contact.unknowns.foresees]
         self._linearised: dict[Term, Any] = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
-        self.settles = bool(contacts) and all(contact.settles for contact in contacts)  # do these say who is in contact?
+        self.settles = bool(contacts) and all(c.unknowns.settles for c in contacts)  # do these say who is in contact?
         if grounding:
             grounding.bind(self)
 
@@ -157,7 +157,8 @@ class System:
         owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where
         an element would turn inside out, or where no term foresees the kinks of a contact, or one settles them by itself.
         """
-        if not self._foreseeing or any(contact.settles for contact in self._foreseeing) or self.condensed or len(self.tools):
+        settled = not self._foreseeing or any(contact.unknowns.settles for contact in self._foreseeing)
+        if settled or self.condensed or len(self.tools):
             return False
         u = self._committed[0]
         for count in (3, 2):
@@ -167,7 +168,7 @@ class System:
             self.supports.put(step, owed)
             self.state.u.x.array[:] = u + step
             for contact in self._foreseeing:
-                contact.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
+                contact.unknowns.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
             if np.isfinite(self.assemble_residual()):
                 return True
             self.release()
@@ -191,11 +192,11 @@ class System:
     def foresee(self) -> None:
         """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
         for contact in self._foreseeing:
-            contact.foresee(self.state, self._linearised[contact])
+            contact.unknowns.foresee(self.state, self._linearised[contact])
 
     def release(self) -> None:
         for contact in self.contacts:
-            contact.release()
+            contact.unknowns.release()
 
     def hold_sights(self) -> bool:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
@@ -304,7 +305,7 @@ class System:
             return set()
         # a force that an unbalanced one may be as large as holds nothing
         least = max(ALLOWED * max(self.forces, self.force_scale), TOLERANCE * self.scale)
-        return set(self.holds.loose(lambda contact: contact.holding(self.state, least)))
+        return set(self.holds.loose(lambda contact: contact.forces.holding(self.state, least)))
 
     def adrift(self) -> Finding | None:
         """None, or the Finding that a body has lost what holds it: then any place is in balance, and none is the answer."""

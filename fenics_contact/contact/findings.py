@@ -33,6 +33,37 @@ LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
+class Findings:
+    """Of one contact, as solvers ask for them at a state. Collective."""
+
+    def __init__(self, contact: Contact) -> None:
+        self._contact = contact
+
+    def objection(self, state: State) -> Finding | None:
+        """Why this state, evaluated last, must not be accepted."""
+        return objection(self._contact, state)
+
+    def trouble(self, state: State) -> Finding | None:
+        """What keeps the step after this accepted state from converging."""
+        return trouble(self._contact, state)
+
+    def deep(self, state: State) -> Finding | None:
+        """A point lies deep enough to be distrusted."""
+        return _sunk(self._contact, state, DEEP)
+
+    def drawn_inside(self, state: State) -> Finding | None:
+        """A point lies within the master before anything has moved."""
+        return drawn_inside(self._contact, state)
+
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
+        return remarks(self._contact, state, said)
+
+    def never_met(self, state: State) -> str | None:
+        """How far away the master is after a run in which no point has touched it."""
+        return never_met(self._contact, state)
+
+
 def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
     """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3). Collective."""
     found = foremost(comm, values, contact.spots() if spots is None else spots)
@@ -58,11 +89,6 @@ def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
     return lost, text, worst(contact, comm, gone)[1]
 
 
-def deep(contact: Contact, state: State) -> Finding | None:
-    """A point lies deep enough to be distrusted. Collective."""
-    return _sunk(contact, state, DEEP)
-
-
 def drawn_inside(contact: Contact, state: State) -> Finding | None:
     """None, or the Finding that a point lies within the master before anything has moved. Collective."""
     depth, place = deepest_point(contact, state)
@@ -85,7 +111,7 @@ def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
 
 def deepest_point(contact: Contact, state: State) -> tuple[float, str]:
     """(penetration [length], place) of the deepest point. Collective."""
-    return worst(contact, state.u.function_space.mesh.comm, contact.depths(state).ravel())
+    return worst(contact, state.u.function_space.mesh.comm, contact.led.depths(state).ravel())
 
 
 def never_met(contact: Contact, state: State) -> str | None:
@@ -113,7 +139,7 @@ def _led_note(contact: Contact, state: State) -> str | None:
     """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
     comm = state.u.function_space.mesh.comm
     force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
-    led = np.where(contact.led(state), force, 0.0)
+    led = np.where(contact.led.points(state), force, 0.0)
     most, place = worst(contact, comm, led.ravel())
     led, total = comm.allreduce(np.array([led.sum(), force.sum()]))
     if not led > LED * total:
@@ -127,7 +153,7 @@ def _led_note(contact: Contact, state: State) -> str | None:
 
 def _lean_note(contact: Contact, state: State) -> str | None:
     """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
-    *apart, total = state.u.function_space.mesh.comm.allreduce(contact.lean(state))
+    *apart, total = state.u.function_space.mesh.comm.allreduce(contact.led.lean(state))
     lean = np.linalg.norm(apart)
     if not (total > 0.0 and lean > LEANS * total):
         return None
@@ -243,7 +269,7 @@ def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
     table = contact.trial.law.friction.table
     if len(table) == 0:
         return None
-    pressure = contact.split_traction(state)[0] / np.maximum(contact.covered(state), TINY)
+    pressure = contact.forces.split_traction(state)[0] / np.maximum(contact.forces.covered(state), TINY)
     largest, place = worst(contact, state.u.function_space.mesh.comm, pressure.ravel())
     if largest <= (known := np.exp(table[-1, 1])) * (1.0 + TINY):
         return None

@@ -25,7 +25,7 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
     """
     s, comm, response = contact.surface, state.u.function_space.mesh.comm, contact.response(state, trial)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-    pressure, friction = contact.split_traction(state, trial)
+    pressure, friction = contact.forces.split_traction(state, trial)
     closed, h = response.status != OPEN, trial.history
     # at the nodes: an average acts through the samples around its node, and not where that is
     places, forces = contact.partner.on_slave(contact.partner.feet(state), response)
@@ -73,7 +73,7 @@ def stored_energy(contact: Contact, state: State, trial: Trial) -> float:
     """Energy [force x length] in the penalties at this rank's points. Multipliers hold without giving way: what they carry
     stores none, and with them friction does not either."""
     s, response = contact.surface, contact.response(state, trial)
-    pressure, friction = contact.split_traction(state, trial)
+    pressure, friction = contact.forces.split_traction(state, trial)
     stored = np.where(response.status != OPEN, 0.5 * pressure * np.maximum(-response.gap, 0.0), 0.0)
     if trial.rough and contact.tolerance is None:
         stiff = trial.law.eps_t[:, None] * np.where(response.cover > 0.0, response.cover, 1.0)

@@ -36,7 +36,7 @@ class Multipliers:
     def _grown(self, state: State) -> Floats:
         """Multipliers that take over what the penalty carries; a point that supports lead no force can hold out."""
         response, shift = self._contact.response(state), self._contact.trial.history.shift
-        return np.where(self._contact.led(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
+        return np.where(self._contact.led.points(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
 
     def augmented(self, state: State, pressure: float = 1.0, friction: float = 1.0) -> Trial:
         """Multipliers have taken over shares of the pressure and of the friction that the penalty carries."""

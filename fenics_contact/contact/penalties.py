@@ -86,7 +86,7 @@ class Penalties:
             return None
         contact, trial = self._contact, self._contact.trial
         comm = state.u.function_space.mesh.comm
-        depth, place = self._depth(contact.depths(state), comm)
+        depth, place = self._depth(contact.led.depths(state), comm)
         raised = trial.history.raised
         room = min(comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
         if depth <= DEEPEST or room <= 1.0 + 1e-9:  # round-off of a factor that has reached its bound
@@ -128,7 +128,7 @@ class Penalties:
         """
         if not self._contact.partner.softens:
             return 1.0
-        depths = self._contact.depths(state, self._contact.trial.history.shift)
+        depths = self._contact.led.depths(state, self._contact.trial.history.shift)
         depth = self._depth(depths, state.u.function_space.mesh.comm)[0]
         part = max(depth / (AIM * DEEPEST), SOFTEST)
         return part if part < WORTH else 1.0
@@ -146,7 +146,7 @@ class Penalties:
         """Penalties so great that the deepest point of an accepted state would lie AIM * DEEPEST deep; points press and rub
         as they do all the same. Collective."""
         contact, trial = self._contact, self._contact.trial
-        depth, _ = self._depth(contact.depths(state), state.u.function_space.mesh.comm)
+        depth, _ = self._depth(contact.led.depths(state), state.u.function_space.mesh.comm)
         factor, shift, response = max(depth / (AIM * DEEPEST), 1.0), trial.history.shift, contact.response(state)
         gap = np.where(response.status != OPEN, response.gap, 0.0)
         trial = self.friction_kept(trial, factor).remembering(shift=(gap + shift) / factor - gap)

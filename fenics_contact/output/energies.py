@@ -50,9 +50,9 @@ class _Rubbing:
         response, trial = contact.response(state), contact.trial
         rigid = np.zeros_like(contact.surface.area)
         if contact.tolerance is not None:
-            rigid = np.linalg.norm(contact.split_traction(state)[1], axis=2) / trial.law.eps_t[:, None]
+            rigid = np.linalg.norm(contact.forces.split_traction(state)[1], axis=2) / trial.law.eps_t[:, None]
         slips, area = response.status == SLIP, contact.surface.area
-        return cls(contact.limits(state), trial.history.slip_path, rigid, slips, area)
+        return cls(contact.forces.limits(state), trial.history.slip_path, rigid, slips, area)
 
     def work(self, last: "_Rubbing") -> float:
         """Of friction since the last state: what slides does so at the limit."""
@@ -72,7 +72,7 @@ class _Pressing:
     @classmethod
     def of(cls, contact: ContactTerm, system: System) -> "_Pressing":
         on_dofs, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
-        stored = contact.press(system.state, on_dofs, wrenches)
+        stored = contact.forces.press(system.state, on_dofs, wrenches)
         return cls(on_dofs, wrenches, stored)
 
 
@@ -113,7 +113,7 @@ class EnergyBalance:
         return Energies(strain + stored, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures)
 
     def _stored(self) -> float:
-        return float(sum(contact.measures(self._system.state)["stored"] for contact in self._system.contacts))
+        return float(sum(contact.forces.measures(self._system.state)["stored"] for contact in self._system.contacts))
 
     def advance(self, damping: float) -> Energies:
         """The Energies at the state just accepted; damping: the work that it took in this step. Collective."""

@@ -95,7 +95,7 @@ class Results:
         return {name: Reaction(wrench[:3], pose.lever * wrench[3:], pose.place) for name, wrench, pose in parts}
 
     def _contact(self, surface: SlaveNodes, energies: Energies) -> ContactResult:
-        m, zone = surface.contact.measures(self.system.state), surface.zone(surface.at_state())
+        m, zone = surface.contact.forces.measures(self.system.state), surface.zone(surface.at_state())
         names = ("force", "friction", "moment", "point", "load", "active", "sticking", "points", "penetration")
         (slip, mean_slip), contact = m["slip"], surface.contact.name
         work, error = energies.friction.get(contact, 0.0), energies.pressures[contact]

@@ -75,8 +75,8 @@ class SlaveNodes:
         """The values at the system's state. Collective."""
         state, contact = self._system.state, self.contact
         response, s, h = contact.response(state), contact.surface, contact.trial.history
-        pressure, friction = contact.split_traction(state)
-        covered = contact.covered(state)
+        pressure, friction = contact.forces.split_traction(state)
+        covered = contact.forces.covered(state)
         closed = np.where(response.status != OPEN, covered, 0.0)
         ones, rank = np.ones_like(pressure), RANK_OF_STATUS[response.status]
         values = np.stack([ones, pressure, response.gap, rank, closed, covered, h.slip_path], axis=-1)

@@ -357,7 +357,7 @@ def refuse_held(scene: "Scene", system: System) -> None:
     """A contact must be able to move something along its normals: its slave, or a master that is a body. Collective."""
     comm, held = scene.mesh.comm, system.supports.dofs
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
-        gives = not contact.fixed(system.state).all()
+        gives = not contact.led.fixed(system.state).all()
         gives |= contact.partner.gives(held)
         if not comm.allreduce(int(gives)):
             raise SceneError(

@@ -92,7 +92,7 @@ def _blocks(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> I
     for name, frictionless, mask in _parts(system, term, move):
         count = system.comm.allreduce(int(mask.sum()))
         if count:
-            trial = term.part(mask, frictionless)
+            trial = term.parts.part(mask, frictionless)
             yield _taylor(system, term, f"{term.name}: {name}", count, move, trial)
 
 
@@ -100,14 +100,14 @@ def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> It
     """(name, without friction?, mask of the points) of a contact's laws."""
     frictions = [False, True] if term.rough else [True]
     for frictionless in frictions:
-        trial, branches = term.part(np.ones(term.surface.points, dtype=bool), frictionless), []
+        trial, branches = term.parts.part(np.ones(term.surface.points, dtype=bool), frictionless), []
         for h in (0.0, *SHARES):
             _displace(system, move, h)
-            branches.append(term.branches(system.state, trial))
+            branches.append(term.parts.branches(system.state, trial))
         system.rollback()
         same = np.all([(b == branches[0]).all(axis=1) for b in branches], axis=0)
         status = branches[0][:, 0]
-        for name, code in term.laws(frictionless).items():
+        for name, code in term.parts.laws(frictionless).items():
             yield name, frictionless, same & (status == code)
 
 

@@ -100,7 +100,7 @@ def _letting_go(system: System) -> Finding | None:
     """A finding if hardly anything holds a body any more in the accepted state, where something did before. Collective."""
     if len(system.accepted) < 2 or not system.holds.reliant:
         return None
-    loose = system.holds.loose(lambda contact: contact.holding(system.state, FADED * system.force_scale))
+    loose = system.holds.loose(lambda contact: contact.forces.holding(system.state, FADED * system.force_scale))
     if not loose:
         return None
     names = ", ".join(system.bodies[i][0] for i in sorted(loose))
@@ -141,7 +141,7 @@ def _pressed_apart(system: System) -> Finding | None:
     apart in one go, which is no small change. Collective."""
     if len(system.accepted) > 1 or system.vector.norm() > 0.0:
         return None
-    return next((found for contact in system.contacts if (found := contact.drawn_inside(system.state))), None)
+    return next((found for contact in system.contacts if (found := contact.findings.drawn_inside(system.state))), None)
 
 
 def _on_few_points(system: System) -> Finding | None:

@@ -164,7 +164,7 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     if not rough:
         return None
-    grips = {contact: system.comm.allreduce(np.array(contact.grip(system.state))) for contact in rough}
+    grips = {contact: system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough}
     least = ALLOWED * max(system.forces, system.force_scale)
     used = [contact for contact, (taken, most) in grips.items() if taken > USED_UP * most > USED_UP * least]
     if not used:
@@ -204,7 +204,7 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
     if not (system.holds.reliant or system.tools.free.any()):
         return {}
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
-    grips = [system.comm.allreduce(np.array(contact.grip(system.state))) for contact in rough]
+    grips = [system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough]
     least = ALLOWED * max(system.forces, system.force_scale)
     near = [i for i, (taken, most) in enumerate(grips) if taken > NEARLY * most > NEARLY * least]
     if len(near) < 2 or all(any(f"'{rough[i].name}'" in place for place in told) for i in near):
@@ -260,7 +260,7 @@ def thrown(system: System) -> Finding | None:
         tied = system.comm.allreduce(len(system.supports.ties.of(i)))
         if tied or way < THROWN * system.extent:
             continue
-        if not any(contact.holding(system.state, least) for contact in contacts_of(system, {name})):
+        if not any(contact.forces.holding(system.state, least) for contact in contacts_of(system, {name})):
             text = f"it has lost every contact and moved by {way / system.extent:.2g} of the bodies' size within the step"
             return Finding(RIGID_MOTION, text, f"tool '{name}'", _first(damping(system)))
     return None

@@ -73,7 +73,7 @@ def _at(system: System, terms: Sequence[ContactTerm], factor: float, u: Floats, 
     state, place = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
     trials = [term.penalties.stiffened(state, factor) for term in terms]
     state.u.x.array[:], state.q[:] = u, q
-    found = [term.resultants(state, trial) for term, trial in zip(terms, trials, strict=True)]
+    found = [term.forces.resultants(state, trial) for term, trial in zip(terms, trials, strict=True)]
     state.u.x.array[:], state.q[:] = place
     return found
 

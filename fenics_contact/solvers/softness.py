@@ -70,7 +70,7 @@ def _sinking(system: System, now: float) -> Finding | None:
 
     now: what the softest motion resists.
     """
-    deep = [(contact, found) for contact in system.contacts if (found := contact.deep(system.state))]
+    deep = [(contact, found) for contact in system.contacts if (found := contact.findings.deep(system.state))]
     if not deep:
         return None
     system.assemble_tangent(trials={contact: contact.penalties.holding_up(system.state) for contact, _ in deep})

@@ -1,0 +1,76 @@
+"""What a contact's points exert at a state: pressure and friction, their sums, and how far they hold a body."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.friction import allowed
+from fenics_contact.contact.measures import contact_measures, stored_energy
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.status import OPEN
+from fenics_contact.types import Floats
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.term import Contact
+
+
+class Forces:
+    """Of the points of a contact. trial: what they are evaluated with, by default the present one."""
+
+    def __init__(self, contact: Contact) -> None:
+        self._contact = contact
+
+    def normals(self, state: State) -> Floats:
+        """Unit normals (ne, nq, 3) along which pressure acts on the points; zero without a partner."""
+        return self._contact.partner.normals(self._contact.partner.feet(state))
+
+    def split_traction(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
+        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
+        response = self._contact.response(state, trial)
+        if response.split is not None:
+            return response.split
+        traction, normal = response.traction, self.normals(state)
+        pressure = -np.einsum("eqc,eqc->eq", traction, normal)
+        return pressure, -traction - pressure[..., None] * normal
+
+    def measures(self, state: State, trial: Trial | None = None) -> dict[str, Any]:
+        """Sums over all ranks, see `contact_measures`."""
+        return contact_measures(self._contact, state, trial or self._contact.trial)
+
+    def resultants(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
+        """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""
+        return self.measures(state, trial)["force"], self.split_traction(state, trial)[0].ravel()
+
+    def limits(self, state: State) -> Floats:
+        """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
+        contact = self._contact
+        law = contact.partner.friction(contact.partner.feet(state), contact.trial)
+        return allowed(law, *self.split_traction(state))
+
+    def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
+        """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""
+        alone = self._contact.trial.with_friction(0.0)
+        self._contact.add_residual(state, residual, tool_residual, alone)
+        return stored_energy(self._contact, state, alone)
+
+    def grip(self, state: State) -> tuple[float, float]:
+        """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""
+        along, area = self.split_traction(state)[1], self._contact.surface.area
+        return float((np.linalg.norm(along, axis=2) * area).sum()), float((self.limits(state) * area).sum())
+
+    def holding(self, state: State, least: float) -> set[str]:
+        """Letters of the axes along which the contact holds a body at a state: none where it presses with no more than
+        `least` [force] in all; with friction all, else those that the normals of closed points have a part in."""
+        response = self._contact.response(state)
+        closed, pressing = response.status != OPEN, np.linalg.norm(response.traction, axis=2) * self._contact.surface.area
+        along = np.abs(self.normals(state)[closed]).max(axis=0, initial=0.0) > 1e-6
+        along = along | (self._contact.rough and bool(closed.any()))
+        sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
+        return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
+
+    def covered(self, state: State) -> Floats:
+        """Shares (ne, nq) of the points' areas that lie over the master."""
+        return 1.0 - self._contact.partner.bare(self._contact.partner.feet(state)).reshape(self._contact.surface.area.shape)
