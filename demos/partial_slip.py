@@ -40,7 +40,7 @@ def press_and_draw(size, points):
     kept = {"out": OUT / f"points_{points}", "overwrite": True, "progress": False}
     result = solve(scene, stages=stages, linear="direct", **kept).require()
     contact = result.system.contacts[0]
-    pressure, along = contact.split_traction(result.system.state)
+    pressure, along = contact.forces.split_traction(result.system.state)
     rows = np.stack([contact.spots()[:, 0], pressure.ravel(), np.linalg.norm(along, axis=2).ravel()], axis=1)
     rows = np.concatenate(COMM.allgather(rows))
     last = result.history[-1]
