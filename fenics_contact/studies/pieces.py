@@ -98,7 +98,7 @@ def _carried(system: System, timers: Timers, steps: int, solver: str) -> Row:
 
 
 def forms(cells: int, layers: int) -> Row:
-    """Seconds of assembling the tangent, the energy's second derivative, next to nothing; of two products with the matrix."""
+    """Seconds of assembling the tangent, the energy's second derivative, next to nothing; of two products with it."""
     scene = _plate(cells, layers)
     u = compat.Function(scene.space)
     u.x.array[:] = 0.01 * np.random.default_rng(1).random(len(u.x.array))
