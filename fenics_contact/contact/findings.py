@@ -33,49 +33,10 @@ LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of
 SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
 
 
-class Findings:
-    """Of one contact, as solvers ask for them at a state. Collective."""
-
-    def __init__(self, contact: Contact) -> None:
-        self._contact = contact
-
-    def objection(self, state: State) -> Finding | None:
-        """Why this state, evaluated last, must not be accepted."""
-        return objection(self._contact, state)
-
-    def trouble(self, state: State) -> Finding | None:
-        """What keeps the step after this accepted state from converging."""
-        return trouble(self._contact, state)
-
-    def deep(self, state: State) -> Finding | None:
-        """A point lies deep enough to be distrusted."""
-        return _sunk(self._contact, state, DEEP)
-
-    def drawn_inside(self, state: State) -> Finding | None:
-        """A point lies within the master before anything has moved."""
-        return drawn_inside(self._contact, state)
-
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
-        """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
-        return remarks(self._contact, state, said)
-
-    def never_met(self, state: State) -> str | None:
-        """How far away the master is after a run in which no point has touched it."""
-        return never_met(self._contact, state)
-
-
 def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
     """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3). Collective."""
     found = foremost(comm, values, contact.spots() if spots is None else spots)
     return (found.value, f"contact '{contact.name}' at {spot(found.place)}") if found else (-np.inf, "")
-
-
-def trouble(contact: Contact, state: State) -> Finding | None:
-    """What keeps the step after an accepted state from converging. Collective."""
-    lost, text, place = _slid_off(contact, state)
-    if lost > SLID_OFF:
-        return Finding(LOST, text, place, contact.partner.slid_off)
-    return _sunk(contact, state, SUNK) or _pierced(contact, state)
 
 
 def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
@@ -87,16 +48,6 @@ def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
     lost = left / whole if whole > 0.0 else 0.0
     text = f"{lost:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
     return lost, text, worst(contact, comm, gone)[1]
-
-
-def drawn_inside(contact: Contact, state: State) -> Finding | None:
-    """None, or the Finding that a point lies within the master before anything has moved. Collective."""
-    depth, place = deepest_point(contact, state)
-    if depth <= INSIDE * contact.surface.cell_height:
-        return None
-    text = f"at the start a point lies {depth:.3g} inside '{contact.master_name}', and the first step cannot press it out"
-    remedy = "start it outside and bring it in along its path, in steps, or let a body swell into its place, swell()"
-    return Finding(UNKNOWN, text, place, remedy)
 
 
 def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
@@ -112,27 +63,6 @@ def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
 def deepest_point(contact: Contact, state: State) -> tuple[float, str]:
     """(penetration [length], place) of the deepest point. Collective."""
     return worst(contact, state.u.function_space.mesh.comm, contact.led.depths(state).ravel())
-
-
-def never_met(contact: Contact, state: State) -> str | None:
-    """How far away the master is after a run in which no point has touched it. Collective."""
-    comm, search = state.u.function_space.mesh.comm, contact.partner.search
-    if comm.allreduce(int(contact.trial.history.met.sum())):
-        return None
-    nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
-    beyond = "more than " if nearest >= search else ""
-    return (
-        f"contact '{contact.name}' never closed: '{contact.master_name}' ends {beyond}{nearest:.3g} away; see that both "
-        "are in the same units and in their places, and that the path is long enough"
-    )
-
-
-def remarks(contact: Contact, state: State, said: Collection[str]) -> dict[str, str]:
-    """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
-    kinds = {"led": _led_note, "deep": _depth_note, "between": _between_note, "leans": _lean_note} | (
-        {"out of its cell": _cell_note} if contact.paired else {}
-    )
-    return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
 
 def _led_note(contact: Contact, state: State) -> str | None:
@@ -287,27 +217,78 @@ def told_apart(a: float, b: float) -> tuple[str, str]:
     return texts
 
 
-def objection(contact: Contact, state: State) -> Finding | None:
-    """Why a state in balance must not be accepted: bodies have passed through one another, a body has folded over a tool, a
-    point is held by nothing, mu(p) is not known, or penetrations are round-off beside the coordinates. Collective."""
-    comm, trial = state.u.function_space.mesh.comm, contact.trial
-    depth = contact.partner.lost_depth(state, trial)
-    if depth > DRAWN * contact.surface.cell_height:
-        text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
-        remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
-        return Finding(LOST, text, f"contact '{contact.name}'", remedy)
-    if found := _sunk(contact, state, SUNK) or _folded(contact, state):
-        return found
-    if known := _beyond_the_law(contact, state):
-        return known
-    response = contact.response(state)
-    largest, place = worst(contact, comm, np.linalg.norm(response.traction, axis=2).ravel())
-    soft = contact.surface.stiffness.min(initial=np.inf)
-    x = np.abs(contact.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
-    low = comm.allgather((soft, (response.gap + trial.history.shift).min(initial=0.0), -x))
-    soft, depth, size = (-value for value in np.min(low, axis=0))
-    # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
-    if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):
-        return None
-    text = f"the deepest penetration {depth:.1e} is round-off beside coordinates of {size:.3g}, and so is the pressure"
-    return Finding(TOO_STIFF, text, place, "lower penalty= of this contact, or leave it to the default")
+class Findings:
+    """Of one contact, as solvers ask for them at a state. Collective."""
+
+    def __init__(self, contact: Contact) -> None:
+        self._contact = contact
+
+    def objection(self, state: State) -> Finding | None:
+        """Why this state, evaluated last, must not be accepted: bodies have passed through one another, a body has folded
+        over a tool, a point is held by nothing, mu(p) is not known, or penetrations are round-off beside the coordinates."""
+        contact = self._contact
+        comm, trial = state.u.function_space.mesh.comm, contact.trial
+        depth = contact.partner.lost_depth(state, trial)
+        if depth > DRAWN * contact.surface.cell_height:
+            text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
+            remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
+            return Finding(LOST, text, f"contact '{contact.name}'", remedy)
+        if found := _sunk(contact, state, SUNK) or _folded(contact, state):
+            return found
+        if known := _beyond_the_law(contact, state):
+            return known
+        response = contact.response(state)
+        largest, place = worst(contact, comm, np.linalg.norm(response.traction, axis=2).ravel())
+        soft = contact.surface.stiffness.min(initial=np.inf)
+        x = np.abs(contact.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
+        low = comm.allgather((soft, (response.gap + trial.history.shift).min(initial=0.0), -x))
+        soft, depth, size = (-value for value in np.min(low, axis=0))
+        # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
+        if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):
+            return None
+        text = f"the deepest penetration {depth:.1e} is round-off beside coordinates of {size:.3g}, and so is the pressure"
+        return Finding(TOO_STIFF, text, place, "lower penalty= of this contact, or leave it to the default")
+
+    def trouble(self, state: State) -> Finding | None:
+        """What keeps the step after this accepted state from converging."""
+        contact = self._contact
+        lost, text, place = _slid_off(contact, state)
+        if lost > SLID_OFF:
+            return Finding(LOST, text, place, contact.partner.slid_off)
+        return _sunk(contact, state, SUNK) or _pierced(contact, state)
+
+    def deep(self, state: State) -> Finding | None:
+        """A point lies deep enough to be distrusted."""
+        return _sunk(self._contact, state, DEEP)
+
+    def drawn_inside(self, state: State) -> Finding | None:
+        """A point lies within the master before anything has moved."""
+        contact = self._contact
+        depth, place = deepest_point(contact, state)
+        if depth <= INSIDE * contact.surface.cell_height:
+            return None
+        inside = f"{depth:.3g} inside '{contact.master_name}'"
+        text = f"at the start a point lies {inside}, and the first step cannot press it out"
+        remedy = "start it outside and bring it in along its path, in steps, or let a body swell into its place, swell()"
+        return Finding(UNKNOWN, text, place, remedy)
+
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
+        contact = self._contact
+        kinds = {"led": _led_note, "deep": _depth_note, "between": _between_note, "leans": _lean_note} | (
+            {"out of its cell": _cell_note} if contact.paired else {}
+        )
+        return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
+
+    def never_met(self, state: State) -> str | None:
+        """How far away the master is after a run in which no point has touched it."""
+        contact = self._contact
+        comm, search = state.u.function_space.mesh.comm, contact.partner.search
+        if comm.allreduce(int(contact.trial.history.met.sum())):
+            return None
+        nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
+        beyond = "more than " if nearest >= search else ""
+        return (
+            f"contact '{contact.name}' never closed: '{contact.master_name}' ends {beyond}{nearest:.3g} away; see that both "
+            "are in the same units and in their places, and that the path is long enough"
+        )

@@ -67,6 +67,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         # more steps would not be shorter ones; a force near the most that contacts can take may have no balance ahead
         ways = [*damping(system), *_moved_instead(system), known.remedy]
         return known._replace(remedy=" or ".join(ways))
+    if found is None and known.kind == RIGID_MOTION:  # one word for both: whether a step finds balance there is round-off
+        found = _letting_go(system)
     return found or known
 
 

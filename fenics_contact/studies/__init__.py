@@ -1,6 +1,6 @@
 """Studies: sweeps of a case over its parameters, kept as CSV, and the charts drawn from it; docs/studies.md shows how.
 
-python3 -m fenics_contact.studies NAME [--quick]        # sphere, tubes, punch, cylinder, hertz, maps, economy
+python3 -m fenics_contact.studies NAME [--quick]        # --help: which there are
 """
 
 from fenics_contact.studies.charts import answer, work_precision

@@ -15,15 +15,15 @@ from fenics_contact import compat
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.pairing import Pairing, seek_closest
-from fenics_contact.contact.tools import rigid_punch
 from fenics_contact.mesh_io import read_gmsh
-from fenics_contact.meshes import punch_plate, two_blocks
+from fenics_contact.meshes import two_blocks
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid import virtual_power as vp
-from fenics_contact.solid.materials import Isotropic, mooney_rivlin
+from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
+from fenics_contact.studies.peers.ours import plate, pressed
 from fenics_contact.studies.peers.plate import A1, A2, K
 from fenics_contact.studies.runner import Row, Run, Study
 from fenics_contact.studies.speed import written
@@ -40,45 +40,32 @@ REPEATS = 5
 MARKS = "<!-- pieces: written by `make bench` -->\n", "<!-- end of pieces -->\n"
 
 
-def _rubber() -> Isotropic:
-    return mooney_rivlin(A1, A2, K)
-
-
-def _plate(cells: int, layers: int) -> Scene:
-    mesh = read_gmsh(punch_plate.build, inside=cells, outside=cells, layers=layers, ratio=1.0)
-    scene = Scene(Body(mesh, "plate", _rubber()))
-    for group, axes in (("symmetry_x", "x"), ("symmetry_y", "y"), ("bottom", "z")):
-        scene.fix(group, axes)
-    return scene
-
-
-def punch(cells: int, layers: int, steps: int = STEPS, solver: str = "auto") -> Row:
+def punch(cells: int, layers: int, steps: int = STEPS) -> Row:
     """A rough punch with sharp edges on the plate: the time of its steps alone."""
     rows = []
     for size in ((4, 2), (cells, layers)):  # a small one first: what is compiled or read when it is first called
-        scene, timers = _plate(*size), Timers()
-        tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
-        scene.contact("top", tool, 0.3, name="top")
-        rows.append(_carried(scene.system({tool: (0, 0, -FINE * steps)}, timers=timers), timers, steps, solver))
+        scene, timers = plate(*size), Timers()
+        move = pressed(scene, 0.3, FINE * steps)
+        rows.append(_carried(scene.system(move, timers=timers), timers, steps))
     return rows[-1]
 
 
 def blocks(lower: list[int], upper: list[int]) -> Row:
     """A block pressed on a larger one and dragged over it, friction 0.3; cells per edge of both."""
     mesh, timers = read_gmsh(two_blocks.build, lower_cells=lower, upper_cells=upper), Timers()
-    scene, steps = Scene(*(Body(mesh, name, _rubber()) for name in ("lower", "upper"))), PRESSED + DRAGGED
+    scene, steps = Scene(*(Body(mesh, name, mooney_rivlin(A1, A2, K)) for name in ("lower", "upper"))), PRESSED + DRAGGED
     scene.fix("lower_bottom")
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.4 * min(t * steps, PRESSED)))
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 0.5 * max(t * steps - PRESSED, 0.0)))
     scene.contact(slave="upper_bottom", master="lower_top", friction=0.3, name="interface")
-    return _carried(scene.system(timers=timers), timers, steps, "auto")
+    return _carried(scene.system(timers=timers), timers, steps)
 
 
-def _carried(system: System, timers: Timers, steps: int, solver: str) -> Row:
+def _carried(system: System, timers: Timers, steps: int) -> Row:
     """Counts and seconds (wall) of a path of equal steps, without set-up and output."""
     timers.seconds.clear()
-    linear = LinearSolver(system, solver)
+    linear = LinearSolver(system)
     stepper, tangents, start = Newton(linear), 0, time.perf_counter()
     for i in range(steps):
         tangents += stepper.step(system, (i + 1) / steps).iterations
@@ -99,11 +86,11 @@ def _carried(system: System, timers: Timers, steps: int, solver: str) -> Row:
 
 def forms(cells: int, layers: int) -> Row:
     """Seconds of assembling the tangent, the energy's second derivative, next to nothing; of two products with it."""
-    scene = _plate(cells, layers)
+    scene = plate(cells, layers)
     u = compat.Function(scene.space)
     u.x.array[:] = 0.01 * np.random.default_rng(1).random(len(u.x.array))
     v, du, dx = ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space), scene.dx(scene.bodies[0])
-    material, F = _rubber(), vp.deformation_gradient(u)
+    material, F = mooney_rivlin(A1, A2, K), vp.deformation_gradient(u)
     J = ufl.det(F)
     B = J ** (-2 / 3) * ufl.dot(F, F.T)
     energy = material.psi(ufl.tr(B), ufl.tr(ufl.dot(B, B)), J) * dx

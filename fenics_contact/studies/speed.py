@@ -76,9 +76,14 @@ def studies(quick: bool) -> list[Study]:
     return [study("speed", runs(SIZES[0]), repeats=3), study("speed_large", runs(SIZES[1]))]
 
 
+def _runs(rows: list[Row], **wanted: object) -> list[Row]:
+    """Those with these values that came to their end."""
+    return [row for row in rows if all(row[key] == value for key, value in wanted.items()) and row["converged"] is True]
+
+
 def _typical(rows: list[Row], **wanted: object) -> Row | None:
     """The run of median time among the repeats of one."""
-    same = [r for r in rows if all(r[key] == value for key, value in wanted.items()) and r["converged"] is True]
+    same = _runs(rows, **wanted)
     return sorted(same, key=lambda row: row["cpu_s"])[len(same) // 2] if same else None
 
 
@@ -91,10 +96,7 @@ def _raced(rows: list[Row]) -> Iterator[tuple[str, Row, dict[str, Row], float]]:
             found = {code: _typical(rows, **of, code=code) for code in NAMES if code != "ours"}
             if ours is None:
                 continue
-            walls = [
-                median(r["wall_s"] for r in rows if all(r[k] == v for k, v in of.items()) and (r["code"], r["ranks"]) == run)
-                for run in (("ours", 1), ("ours", 2))
-            ]
+            walls = [median(row["wall_s"] for row in _runs(rows, **of, code="ours", ranks=ranks)) for ranks in (1, 2)]
             size = f"{2 * cells}×{2 * cells}×{layers}"
             yield f"{words}, {size}", ours, {code: row for code, row in found.items() if row}, walls[0] / walls[1]
 

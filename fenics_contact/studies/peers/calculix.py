@@ -32,28 +32,25 @@ def deck(scene: str, cells: int, layers: int) -> str:
     # its energy has (J - 1)^2 / D1, ours K / 2 (J - 1)^2
     lines += ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC, MOONEY-RIVLIN"]
     lines += [f"{A1}, {A2}, {2.0 / K}", "*SOLID SECTION, ELSET=PLATE, MATERIAL=RUBBER"]
+    lines += ["*BOUNDARY", "SX, 1, 1", "SY, 2, 2", "SZ, 3, 3"]
+    moved, summed, steps = "UNDER", "UNDER", STEPS[scene]
     if scene != "parity":
         lines += _punch(scene, cells, len(points), elements, z[elements].max(axis=1) > HEIGHT - 1e-6)
-    lines += ["*BOUNDARY", "SX, 1, 1", "SY, 2, 2", "SZ, 3, 3"]
-    if scene != "parity":
-        lines += ["PUNCH, 1, 2"]
-    moved, steps = "UNDER" if scene == "parity" else "PUNCH", STEPS[scene]
+        moved, summed = "PUNCH", "SZ"
     lines += ["*STEP, NLGEOM, INC=1000", "*STATIC, DIRECT", f"{1.0 / steps}, 1.0"]
     lines += ["*BOUNDARY", f"{moved}, 3, 3, {-TRAVEL * steps}"]
-    lines += [f"*NODE PRINT, NSET={'UNDER' if scene == 'parity' else 'SZ'}, TOTALS=ONLY", "RF", "*END STEP"]
+    lines += [f"*NODE PRINT, NSET={summed}, TOTALS=ONLY", "RF", "*END STEP"]
     return "\n".join(lines) + "\n"
 
 
 def _grid(ends: Sequence[Array]) -> tuple[Array, Array]:
     """Nodes (n, 3) and hexahedra (m, 8) of a box, in CalculiX's order."""
-    counts = [len(one) for one in ends]
+    p, q, r = (len(one) - 1 for one in ends)
     points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, 3)
-    number = np.arange(len(points)).reshape(counts)
-    low = [number[: counts[0] - 1, : counts[1] - 1, k : counts[2] - 1 + k] for k in (0, 1)]
+    number = np.arange(len(points)).reshape(p + 1, q + 1, r + 1)
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    corners = [np.roll(number, (-i, -j), (0, 1))[tuple(map(slice, low[0].shape))] for i, j in square]
-    above = [np.roll(number, (-i, -j, -1), (0, 1, 2))[tuple(map(slice, low[0].shape))] for i, j in square]
-    return points, np.stack([one.ravel() for one in corners + above], axis=1)
+    corners = [number[i : i + p, j : j + q, k : k + r].ravel() for k in (0, 1) for i, j in square]
+    return points, np.stack(corners, axis=1)
 
 
 def _punch(scene: str, cells: int, nodes: int, elements: Array, on_top: Array) -> list[str]:
@@ -68,7 +65,7 @@ def _punch(scene: str, cells: int, nodes: int, elements: Array, on_top: Array) -
     lines += ["*SURFACE INTERACTION, NAME=CONTACT", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{stiffness}"]
     if FRICTION[scene] > 0.0:
         lines += ["*FRICTION", f"{FRICTION[scene]}, {0.1 * stiffness}"]
-    return [*lines, "*CONTACT PAIR, INTERACTION=CONTACT, TYPE=SURFACE TO SURFACE", "TOP, FACE"]
+    return [*lines, "*CONTACT PAIR, INTERACTION=CONTACT, TYPE=SURFACE TO SURFACE", "TOP, FACE", "*BOUNDARY", "PUNCH, 1, 2"]
 
 
 def _rows(values: Array, start: int = 0) -> list[str]:
