@@ -255,7 +255,7 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
         "master": contact.master_name,
         "tool_edge": contact.partner.edge,
         "moment_about": "the slave surface's present centroid"
-        if contact.partner.point(system.state) is None
+        if contact.places.point(system.state) is None
         else "the tool's reference point",
         "friction": contact.friction_stated,
         "slave_points": comm.allreduce(contact.surface.points),

@@ -127,7 +127,7 @@ def overhanging(master, friction, shift):
 def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
     system, contact = overhanging(master, friction, shift)
     state = system.state
-    feet = contact.partner.feet(state)
+    feet = contact.places.feet(state)
     partly = (feet.met[6] > 0.0) & (feet.met[6] < 1.0)
     assert partly.sum() >= 6 and (contact.response(state).status == status).sum() > 6
     left = remainders(system, contact, direction(system), 2e-5)

@@ -158,9 +158,9 @@ def test_tangent_is_the_derivative_of_the_residual(kind, friction, led, status, 
     gaps = []  # the gaps that it foresees are as exact
     for step in (1e-4 * size, 5e-5 * size):
         state.u.x.array[:] = start
-        feet = contact.partner.feet(state)
+        feet = contact.places.feet(state)
         state.u.x.array[:] = start + step * way.array
-        there, paired = contact.partner.feet(state), feet.projection[1] != 0
+        there, paired = contact.places.feet(state), feet.projection[1] != 0
         foreseen = contact.partner.foreseen(there, feet, contact.trial)
         gaps.append(np.abs(foreseen[paired] - there.projection[4][paired]).max())
     assert np.log2(gaps[0] / gaps[1]) > 1.95

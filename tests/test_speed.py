@@ -88,7 +88,7 @@ def two_rough_blocks():
 def test_counts_of_two_blocks(monkeypatch):
     system, states = two_rough_blocks(), []
     contact = system.contacts[0]
-    pairing = contact.partner.sights.pairing
+    pairing = contact.places.sights.pairing
     project, look = pairing.project, pairing._sought
     searched = []
     monkeypatch.setattr(pairing, "project", lambda *a: states.append(system.state.u.x.array.copy()) or project(*a))

@@ -175,12 +175,14 @@ class ContactTerm(Term, Protocol):
     a trial, and the places `at` of a tangent's points.
 
     tolerance: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
-    surface: SlaveSurface; partner: Partner; penalties, multipliers: what steppers let a contact be evaluated with.
+    surface: SlaveSurface; partner: Partner; places: Places; penalties, multipliers: what steppers let a contact be
+    evaluated with.
     """
 
     tolerance: float | None
     surface: Any
     partner: Any
+    places: Any
     penalties: Any
     multipliers: Any
     trial: Any

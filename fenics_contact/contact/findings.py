@@ -43,7 +43,7 @@ def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
     """(share of the area that has been in contact and has left the master, in words, place). Collective."""
     comm = state.u.function_space.mesh.comm
     area, met = contact.surface.area.ravel(), contact.trial.history.met.ravel()
-    gone = np.where(met, area, 0.0) * contact.partner.bare(contact.partner.feet(state))
+    gone = np.where(met, area, 0.0) * contact.places.bare(contact.places.feet(state))
     whole, left = comm.allreduce(np.array([area[met].sum(), gone.sum()]))
     lost = left / whole if whole > 0.0 else 0.0
     text = f"{lost:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
@@ -135,7 +135,7 @@ def _between(contact: Contact, state: State) -> tuple[float, str, str]:
     """(how far a facet hangs into a tool between slave nodes over their distance, in words, place). Collective."""
     comm, facets = state.u.function_space.mesh.comm, contact.surface.between
     shares = spots = np.empty((0, 3))
-    if facets and len(sags := contact.partner.sags(state)):
+    if facets and len(sags := contact.places.sags(state)):
         shares, spots = sags / facets.spacing, facets.X.mean(axis=1)
     share, place = worst(contact, comm, shares.ravel(), spots)
     text = f"between nodes the surface hangs by {share:.0%} of their distance into '{contact.master_name}'"
@@ -162,20 +162,20 @@ def node_depth(contact: Contact, state: State) -> tuple[float, str]:
     s, comm = contact.surface, state.u.function_space.mesh.comm
     if s.gradients is None or s.corners:
         return 0.0, ""
-    near = (contact.partner.bare(contact.partner.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
+    near = (contact.places.bare(contact.places.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
     nodes, first = np.unique(s.nodes[near], return_index=True)
     X = s.X[near].reshape(-1, 3)[first]
-    depth, place = worst(contact, comm, -contact.partner.node_gaps(state, nodes, X), X)
+    depth, place = worst(contact, comm, -contact.places.node_gaps(state, nodes, X), X)
     return max(depth, 0.0), place
 
 
 def _depth_beside(contact: Contact, state: State) -> tuple[float, str, bool]:
     """Depth [length] and place of the deepest node off the slave surface, and whether it is an inner one of its body; zero
     where that is not looked for. Collective."""
-    if (beside := contact.partner.beside(state)) is None:
+    if (beside := contact.places.beside(state)) is None:
         return 0.0, "", False
     nodes, X, inner = beside
-    comm, depths = state.u.function_space.mesh.comm, -contact.partner.node_gaps(state, nodes, X)
+    comm, depths = state.u.function_space.mesh.comm, -contact.places.node_gaps(state, nodes, X)
     at_skin, within = worst(contact, comm, depths[~inner], X[~inner]), worst(contact, comm, depths[inner], X[inner])
     depth, place = max(at_skin, within)
     return max(depth, 0.0), place, within > at_skin
@@ -228,7 +228,7 @@ class Findings:
         over a tool, a point is held by nothing, mu(p) is not known, or penetrations are round-off beside the coordinates."""
         contact = self._contact
         comm, trial = state.u.function_space.mesh.comm, contact.trial
-        depth = contact.partner.lost_depth(state, trial)
+        depth = contact.places.lost_depth(state, trial)
         if depth > DRAWN * contact.surface.cell_height:
             text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
             remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
@@ -283,7 +283,7 @@ class Findings:
     def never_met(self, state: State) -> str | None:
         """How far away the master is after a run in which no point has touched it."""
         contact = self._contact
-        comm, search = state.u.function_space.mesh.comm, contact.partner.search
+        comm, search = state.u.function_space.mesh.comm, contact.places.search
         if comm.allreduce(int(contact.trial.history.met.sum())):
             return None
         nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))

@@ -25,7 +25,7 @@ class Forces:
 
     def normals(self, state: State) -> Floats:
         """Unit normals (ne, nq, 3) along which pressure acts on the points; zero without a partner."""
-        return self._contact.partner.normals(self._contact.partner.feet(state))
+        return self._contact.places.normals(self._contact.places.feet(state))
 
     def split_traction(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
         """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
@@ -47,7 +47,7 @@ class Forces:
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
         contact = self._contact
-        law = contact.partner.friction(contact.partner.feet(state), contact.trial)
+        law = contact.partner.friction(contact.places.feet(state), contact.trial)
         return allowed(law, *self.split_traction(state))
 
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
@@ -73,4 +73,4 @@ class Forces:
 
     def covered(self, state: State) -> Floats:
         """Shares (ne, nq) of the points' areas that lie over the master."""
-        return 1.0 - self._contact.partner.bare(self._contact.partner.feet(state)).reshape(self._contact.surface.area.shape)
+        return 1.0 - self._contact.places.bare(self._contact.places.feet(state)).reshape(self._contact.surface.area.shape)

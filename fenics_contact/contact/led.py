@@ -35,7 +35,7 @@ class Led:
         s = self._contact.surface
         if self._free is None:
             return np.zeros(s.area.shape, dtype=bool)
-        moved = np.abs(np.einsum("eqk,eqc,ekfc->eqkf", s.a, self._contact.partner.looks(state), self._free))
+        moved = np.abs(np.einsum("eqk,eqc,ekfc->eqkf", s.a, self._contact.places.looks(state), self._free))
         return moved.max(axis=(2, 3), initial=0.0) <= FIXED
 
     def points(self, state: State) -> Bools:
@@ -53,4 +53,4 @@ class Led:
     def lean(self, state: State) -> Floats:
         """`Partner.lean` at a state, of this rank: ends that a support holds, as a plane of symmetry does, count as none."""
         contact = self._contact
-        return contact.partner.lean(contact.partner.feet(state), contact.trial, self._guided)
+        return contact.partner.lean(contact.places.feet(state), contact.trial, self._guided)

@@ -28,7 +28,7 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
     pressure, friction = contact.forces.split_traction(state, trial)
     closed, h = response.status != OPEN, trial.history
     # at the nodes: an average acts through the samples around its node, and not where that is
-    places, forces = contact.partner.on_slave(contact.partner.feet(state), response)
+    places, forces = contact.partner.on_slave(contact.places.feet(state), response)
     met = np.where(h.met, s.area, 0.0)
     sums = comm.allreduce(
         np.concatenate([
@@ -41,7 +41,7 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
         ])
     )  # fmt: skip
     resultant, whole, met_area = sums[:3], max(sums[12], 1e-300), max(sums[14], 1e-300)
-    about = contact.partner.point(state)
+    about = contact.places.point(state)
     about = sums[9:12] / whole if about is None else about
     greatest = max(comm.allgather(h.slip_path.max(initial=0.0)))
     return {

@@ -29,8 +29,8 @@ class Multipliers:
     def misfit(self, state: State) -> float:
         """Largest error of this rank's points over the tolerance: penetration, pressure across a gap, slip in stick."""
         contact, trial = self._contact, self._contact.trial
-        feet, status = contact.partner.feet(state), contact.response(state).status
-        slips = contact.partner.slips(feet, trial, status).max(initial=0.0)
+        feet, status = contact.places.feet(state), contact.response(state).status
+        slips = contact.partner.anchors.slips(feet, trial, status).max(initial=0.0)
         return max(np.abs(self._grown(state) - trial.history.shift).max(initial=0.0), slips) / contact.tolerance
 
     def _grown(self, state: State) -> Floats:
@@ -46,5 +46,5 @@ class Multipliers:
             grown = shift + pressure * (grown - shift)
         if friction == 0.0:
             return trial.remembering(shift=grown)
-        feet, status = contact.partner.feet(state), contact.response(state).status
-        return trial.remembering(shift=grown, anchors=contact.partner.augmented(feet, trial, status, friction))
+        feet, status = contact.places.feet(state), contact.response(state).status
+        return trial.remembering(shift=grown, anchors=contact.partner.anchors.augmented(feet, trial, status, friction))

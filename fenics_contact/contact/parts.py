@@ -33,4 +33,4 @@ class Parts:
     def branches(self, state: State, trial: Trial | None = None) -> Ints:
         """Rows of codes (n, ...), the status first: where one changes the traction has a kink."""
         status = self._contact.response(state, trial).status.reshape(-1, 1)
-        return np.column_stack([status, self._contact.partner.features(self._contact.partner.feet(state))])
+        return np.column_stack([status, self._contact.places.features(self._contact.places.feet(state))])

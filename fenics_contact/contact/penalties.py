@@ -116,8 +116,8 @@ class Penalties:
     def friction_kept(self, trial: Trial, factor: float) -> Trial:
         """Points feel their accepted friction traction again under tangential penalties greater by a factor."""
         partner, feet = self._contact.partner, trial.history.feet
-        rests = partner.places(feet, trial)
-        return trial.remembering(anchors=partner.stiffened(feet, trial, rests, factor))
+        rests = partner.anchors.here(feet, trial)
+        return trial.remembering(anchors=partner.anchors.stiffened(feet, trial, rests, factor))
 
     # -- softer on the way to a solution --------------------------------------------------------------------------
     def softness(self, state: State) -> float:
@@ -161,8 +161,8 @@ class Penalties:
         """
         contact, h = self._contact, self._contact.trial.history
         trial = contact.trial.remembering(anchors=h.before)
-        feet, sticks = contact.partner.feet(state), contact.response(state, trial).status == STICK
-        new = contact.partner.stiffened(feet, trial, h.rests, factor)
-        anchors = contact.partner.chosen(sticks, new, h.before)
+        feet, sticks = contact.places.feet(state), contact.response(state, trial).status == STICK
+        new = contact.partner.anchors.stiffened(feet, trial, h.rests, factor)
+        anchors = contact.partner.anchors.chosen(sticks, new, h.before)
         trial = trial.remembering(anchors=anchors, shift=h.shift / factor)
         return trial.under(trial.law.times(factor))

@@ -52,7 +52,8 @@ class Contact:
         timers: Timers,
     ) -> None:
         surface = partner.surface
-        self.name, self.surface, self.partner, self.timers = name, surface, partner, timers
+        self.name, self.surface, self.timers = name, surface, timers
+        self.partner, self.places = partner, partner.places
         self.tolerance = tolerance
         comm = state.u.function_space.mesh.comm
         # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
@@ -64,13 +65,13 @@ class Contact:
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(tolerance)), Multipliers(self)
         ne, nq = surface.area.shape
-        none = partner.no_anchors()
-        far = np.full(ne * nq, min(partner.search, np.finfo(float).max))
+        none = partner.anchors.none()
+        far = np.full(ne * nq, min(self.places.search, np.finfo(float).max))
         raised = np.tile([1.0, LARGEST], (ne, 1))
         zero = np.zeros((ne, nq))
         start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None)
-        first = partner.places(partner.first_feet(state), Trial(law, start, surface.area))
-        start = replace(start, anchors=first, rests=first, before=first, feet=partner.feet(state))
+        first = partner.anchors.here(self.places.first_feet(state), Trial(law, start, surface.area))
+        start = replace(start, anchors=first, rests=first, before=first, feet=self.places.feet(state))
         self.accepted = self.trial = Trial(law, start, surface.area)
         self.symmetric = not self.rough and partner.smooth
         self._last: tuple[Any, Trial, Response] | None = None  # feet, trial and response of the last evaluation
@@ -82,7 +83,7 @@ class Contact:
         One that is closed with a greater gap would pull, and its partners rub: what nothing holds would creep.
         """
         far = max(state.u.function_space.mesh.comm.allgather(np.abs(self.surface.X).max(initial=0.0)))
-        return ROUNDED * (far + self.partner.reach)
+        return ROUNDED * (far + self.places.reach)
 
     def _close_drawn_gaps(self, state: State) -> None:
         """Take the gaps that surfaces drawn in contact carry at the first state out of all gaps to come."""
@@ -99,7 +100,7 @@ class Contact:
     def _evaluated(self, state: State, trial: Trial | None) -> tuple[Any, Response]:
         """The points' feet at a state and what they do there."""
         trial = trial or self.trial
-        feet = self.partner.feet(state)
+        feet = self.places.feet(state)
         last = self._last
         if last is None or last[0] is not feet or last[1] is not trial:
             with self.timers("contact kernel"):
@@ -118,11 +119,11 @@ class Contact:
 
     def couplings(self, state: State) -> Ints64 | None:
         """None, or keys of global blocks beyond those of the cells."""
-        return self.partner.couplings(self.partner.feet(state), self.trial)
+        return self.partner.couplings(self.places.feet(state), self.trial)
 
     def tangent(self, state: State, trial: Trial | None = None) -> Blocks:
         """The exact derivative of the residual."""
-        feet = self.partner.feet(state)
+        feet = self.places.feet(state)
         with self.timers("contact kernel"):
             return self.partner.tangent(feet, trial or self.trial)
 
@@ -130,19 +131,19 @@ class Contact:
     def commit(self, state: State) -> None:
         """Accept the state: the only place where history changes for good."""
         self.unknowns.release()
-        if self.partner.sights:
-            self.partner.sights.free()
-        partner, trial, response = self.partner, self.trial, self.response(state)
-        feet, h = partner.feet(state), trial.history
+        if self.places.sights:
+            self.places.sights.free()
+        anchors, trial, response = self.partner.anchors, self.trial, self.response(state)
+        feet, h = self.places.feet(state), trial.history
         rests = h.rests
         if trial.rough or self.tolerance is not None:
-            here, stuck = partner.resting(feet, trial), response.status == STICK
-            rests = partner.chosen(stuck, rests, here)
-        anchors, slid = partner.committed(feet, trial)
+            here, stuck = anchors.resting(feet, trial), response.status == STICK
+            rests = anchors.chosen(stuck, rests, here)
+        kept, slid = anchors.committed(feet, trial)
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]
         met, path = h.met | (response.status != OPEN), h.slip_path + slid
         self.trial = self.accepted = trial.remembering(
-            anchors=anchors, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps, feet=feet
+            anchors=kept, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps, feet=feet
         )
 
     def take(self, trial: Trial) -> None:
@@ -152,22 +153,22 @@ class Contact:
     def hold_sights(self, state: State) -> bool:
         """Hold what looks towards the samples of averages until a commit or rollback; False where there are none, or it is
         held."""
-        sights = self.partner.sights
+        sights = self.places.sights
         if sights is None or sights.held is not None:
             return False
-        sights.hold(self.partner.feet(state))
+        sights.hold(self.places.feet(state))
         return True
 
     def rollback(self) -> None:
         """Back to the law and history of the last accepted step."""
-        if self.partner.sights:
-            self.partner.sights.free()
+        if self.places.sights:
+            self.places.sights.free()
         self.trial = self.accepted
 
     def history(self) -> dict[str, Array]:
         """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
         h, points = self.accepted.history, self.surface.area.shape
-        out = self.partner.packed(h.anchors, "anchor") | self.partner.packed(h.rests, "rest")
+        out = self.partner.anchors.packed(h.anchors, "anchor") | self.partner.anchors.packed(h.rests, "rest")
         out |= {"slip_path": h.slip_path, "met": h.met, "raised": h.raised}
         if self.partner.foresees:
             out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
@@ -177,10 +178,10 @@ class Contact:
         """Take up what history gave for this rank's elements, at the accepted state."""
         values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
         h = self.accepted.history
-        anchors, rests = (self.partner.unpacked(values, name) for name in ("anchor", "rest"))
+        anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
         gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps
         h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
-        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=self.partner.feet(state))
+        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=self.places.feet(state))
         self.trial = self.accepted = self.penalties.with_raised(Trial(self.accepted.law, h, self.surface.area))
 
     # -- what others ask ------------------------------------------------------------------------------------------

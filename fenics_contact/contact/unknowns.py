@@ -31,7 +31,7 @@ class Unknowns:
 
     def foresee(self, state: State, at: Any) -> None:
         """Take the pressures that the tangent at the places `at` foresees at the state as unknowns until `release`."""
-        gaps = self._contact.partner.foreseen(self._contact.partner.feet(state), at, self._contact.trial)
+        gaps = self._contact.partner.foreseen(self._contact.places.feet(state), at, self._contact.trial)
         self._contact.take(self._contact.trial.judging(gaps))
 
     def hold(self, share: float) -> None:

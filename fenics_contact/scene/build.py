@@ -23,11 +23,14 @@ from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.fluid import Fluid
-from fenics_contact.contact.master import MasterSurface, oriented_facets
+from fenics_contact.contact.master import MasterSurface, ToolSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolAverages, MeshedToolPartner
 from fenics_contact.contact.mortar import MortarPartner
+from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.partner import Partner
+from fenics_contact.contact.point_places import PointPlaces
 from fenics_contact.contact.quadratic import QuadraticPartner
+from fenics_contact.contact.quadratic_places import QuadraticPlaces
 from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import SlaveSurface, slave_surface
 from fenics_contact.contact.term import Contact
@@ -281,22 +284,27 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     master = stated.master
     if isinstance(master, RigidTool):
         return RigidPartner(surface, master, scene.tools.index(master))
-    slave = scene.mesh.facets(*stated.slave)
-    facets = oriented_facets(scene.space, slave)
+    index = scene.tools.index(master) if isinstance(master, MeshedTool) else 0
+    met: MasterSurface | ToolSurface
     if isinstance(master, MeshedTool):
-        if stated.points == "averages":
-            skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
-            index = scene.tools.index(master)
-            return MeshedToolAverages(surface, skin, master, index, timers)
-        return MeshedToolPartner(surface, facets, master, scene.tools.index(master), scene.space, timers)
-    if isinstance(master, Tool):
+        met = ToolSurface(master, index)
+    elif isinstance(master, Tool):
         raise TypeError(f"no partner is known for a {type(master).__name__}")
-    surface_of_master = _master_surface(scene, stated, master, surface)
+    else:
+        met = _master_surface(scene, stated, master, surface)
+    slave, name = scene.mesh.facets(*stated.slave), master_name(master)
     if stated.points == "averages":
         skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
-        return MortarPartner(master_name(master), surface, skin, surface_of_master, timers)
-    kind = QuadraticPartner if scene.degree == 2 else FacetPartner
-    return kind(master_name(master), surface, facets, surface_of_master, scene.space, timers)
+        samples = NodePlaces(surface, skin, met, timers)
+        if isinstance(master, MeshedTool):
+            return MeshedToolAverages(master, index, samples)
+        return MortarPartner(name, samples)
+    where = surface, oriented_facets(scene.space, slave), met, scene.space, timers
+    if isinstance(master, MeshedTool):
+        return MeshedToolPartner(master, index, PointPlaces(*where))
+    if scene.degree == 2:
+        return QuadraticPartner(name, QuadraticPlaces(*where))
+    return FacetPartner(name, PointPlaces(*where))
 
 
 def _master_surface(

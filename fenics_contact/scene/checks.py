@@ -178,7 +178,7 @@ def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: 
 def refuse_across(contacts: Sequence[ContactTerm], state: State) -> None:
     """What meets a plane mesh must be the same on both sides of its plane. Collective."""
     for contact in contacts:
-        leaning = float(np.abs(contact.partner.looks(state)[..., 2]).max(initial=0.0))
+        leaning = float(np.abs(contact.places.looks(state)[..., 2]).max(initial=0.0))
         if max(state.u.function_space.mesh.comm.allgather(leaning)) > LEANING:
             raise SceneError(
                 f"contact '{contact.name}': '{contact.master_name}' is not the same on both sides of the plane z = 0 of the "
@@ -320,7 +320,7 @@ def bonded_bodies(scene: "Scene", supports: Supports) -> list[tuple[str, Ints64]
 def refuse_behind(system: System) -> None:
     """The slave surface must lie on the outer side of a meshed tool, by the majority of its points. Collective."""
     for contact in system.contacts:
-        share = contact.partner.back_share(system.state)
+        share = contact.places.back_share(system.state)
         if share > 0.5:
             raise SceneError(
                 f"contact '{contact.name}': the normals of '{contact.master_name}' point away from the slave surface, whose "
@@ -338,7 +338,7 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
         slave = np.zeros(len(X), dtype=bool)
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
-        at_surface, behind = contact.partner.overlap(system.state, X, slave)
+        at_surface, behind = contact.places.overlap(system.state, X, slave)
         height, depth = contact.surface.cell_height, max(at_surface, behind)
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"

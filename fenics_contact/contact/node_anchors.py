@@ -1,0 +1,116 @@
+"""From where the friction of slave nodes grows: a place on the master for each part that a sample has in a node."""
+
+import numpy as np
+
+from fenics_contact.contact.meeting import MortarFeet
+from fenics_contact.contact.node_laws import NodeLaws
+from fenics_contact.contact.node_places import NodePlaces
+from fenics_contact.contact.on_facets import own
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels import mortar as kernel
+from fenics_contact.kernels.status import SLIP, STICK
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
+
+FLAT = 1e-12  # of the tangential directions: what normals may differ by and count as one
+
+
+class NodeAnchors:
+    """(nodes (np, m), weights (np, m)): numbers among the coordinates, -1: none; `samples.anchor` says whose they are."""
+
+    def __init__(self, places: NodePlaces, laws: NodeLaws) -> None:
+        self._places, self._laws = places, laws
+
+    def none(self) -> tuple[Ints64, Floats]:
+        shape = self._places.samples.count * self._places.samples.corners.shape[1], self._places.facets[0].shape[1]
+        return np.full(shape, -1, dtype=np.int64), np.zeros(shape)
+
+    def here(self, feet: MortarFeet, trial: Trial) -> Anchors:
+        """The samples' places on the master."""
+        return self._trailing(feet, np.zeros((len(self._places.surface.area), 3)))
+
+    def resting(self, feet: MortarFeet, trial: Trial) -> Anchors:
+        """Where nodes that came to rest here slip from: their places, behind by what the body's spring of those that are
+        covered in part gives way under their traction."""
+        averaged, _, _, T, _, _ = self._laws.tractions(feet, trial)
+        spring = 1.0 - self._laws.softened(averaged, trial)[:, None]
+        return self._trailing(feet, spring * T / self._laws.stick(averaged, trial))
+
+    def _trailing(self, feet: MortarFeet, slips: Floats) -> Anchors:
+        """Anchors that trail all feet by slips (ns, 3) [length]."""
+        return self._behind(feet, self.none(), np.ones(len(slips), dtype=bool), slips)
+
+    def _behind(self, feet: MortarFeet, anchors: Anchors, renewed: Bools, slips: Floats) -> Anchors:
+        """Anchors of which those of renewed nodes trail their feet so that the node's way is its slip (ns, 3) [length]."""
+        s, n = self._places.samples, feet.projection[5]
+        share = np.where(self._places.seated(feet) & renewed[:, None], s.share * feet.met[6][s.table], 0.0)
+        # a mean of P(n_q) slip is shorter than the slip where normals differ
+        along = np.einsum("nj,njc,njd->ncd", share, n[s.table], n[s.table])
+        whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
+        apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
+        slips = np.ascontiguousarray(np.einsum("ncd,nd->nc", apart, slips))
+        where = feet.coords, s.slaves, self._places.facets, feet.met
+        return kernel.anchors_behind(*where, own(anchors), (renewed, slips))
+
+    def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length].
+
+        A node that sticks keeps its own, unless a sample of it has come over the master: no anchor of that one alone would
+        leave the mean way as it was.
+        """
+        averaged, status, _, T, _, _ = self._laws.tractions(feet, trial)
+        slips, stuck = T / self._laws.stick(averaged, trial), status == STICK
+        slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
+        anchors = trial.history.anchors
+        missing = self._places.seated(feet) & (own(anchors)[0][self._places.samples.anchor, 0] < 0)
+        return self._behind(feet, anchors, ~stuck | missing.any(axis=1), slips), slid[:, None]
+
+    def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
+        """What the penalty gave way in stick (ns, 1) [length]."""
+        grown, slips, pulled = self._grown(feet, trial)
+        return np.where((status.ravel() == STICK) & grown, np.linalg.norm(slips - pulled, axis=1), 0.0)[:, None]
+
+    def augmented(self, feet: MortarFeet, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking nodes a traction greater by a share of eps_T times slip."""
+        grown, slips, pulled = self._grown(feet, trial)
+        return self._behind(feet, trial.history.anchors, grown, pulled + share * (slips - pulled))
+
+    def _grown(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats]:
+        """Which nodes stick since they came to rest, and slips (ns, 3) [length] of their tractions after Uzawa's update and
+        now. A node covered in part keeps the body's spring, as it does along the normal."""
+        ways, rested = self._rested(feet, trial.history.rests)
+        averaged, found, _, _, trial_traction, _ = self._laws.tractions(feet, trial)
+        pulled = trial_traction / self._laws.stick(averaged, trial)
+        return (found == STICK) & rested, self._laws.softened(averaged, trial)[:, None] * pulled + ways, pulled
+
+    def _rested(self, feet: MortarFeet, rests: Anchors) -> tuple[Floats, Bools]:
+        """Ways (ns, 3) since the samples came to rest, and which nodes have such."""
+        _, ways, _, anchored, _ = self._laws.averages(feet, rests)  # not kept: all else asks for those of the anchors
+        return ways, anchored > 0.0
+
+    def stiffened(self, feet: MortarFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Anchors that greater penalties need for nodes that slip on from rest as they do."""
+        ways, rested = self._rested(feet, rests)
+        averaged, found, _, _, pulled, _ = self._laws.tractions(feet, trial)
+        slips = (pulled / self._laws.stick(averaged, trial) + (factor - 1.0) * ways) / factor
+        return self._behind(feet, trial.history.anchors, (found >= STICK) & rested, slips)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some nodes (ns, 1), the others elsewhere."""
+        at = np.zeros(len(own(ours)[0]), dtype=bool)
+        table = self._places.samples.anchor[points.ravel()]
+        at[table[table >= 0]] = True
+        return tuple(np.where(at[:, None], one, two) for one, two in zip(ours, others, strict=True))
+
+    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+        """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ns, ...) that no partition changes."""
+        nodes, weights = own(anchors)
+        table = self._places.samples.anchor
+        at = np.where((table < 0)[..., None], -1, nodes[table])
+        return {name: self._places.keys_of(at), f"{name}_weight": np.where(at < 0, 0.0, weights[table])}
+
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
+        table, (nodes, weights) = self._places.samples.anchor, self.none()
+        some = table >= 0
+        nodes[table[some]] = self._places.of_keys(values[name])[some]
+        weights[table[some]] = values[f"{name}_weight"][some]
+        return nodes, weights

@@ -1,0 +1,136 @@
+"""Where the samples around slave nodes meet the facets of a master, and how much of the nodes' areas lies over these."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.meeting import MortarFeet, Sights
+from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
+from fenics_contact.contact.pairing import Watch
+from fenics_contact.contact.samples import CREASE, Samples, samples_for
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels import mortar as kernel
+from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.coverage import Ends, coverage, surface_ends
+from fenics_contact.kernels.quadratic import foot_shapes
+from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Bools, Floats
+
+SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
+
+
+class NodePlaces(PlacesOnFacets):
+    """Of slave nodes that meet a master through samples of the facets around them.
+
+    surface: SlaveSurface of nodes; skin: all facets of the slave. Each process evaluates all samples around its own nodes
+    against the whole master, and so needs nothing of the others. Methods that take a state are collective.
+    """
+
+    sights: Sights
+
+    def __init__(
+        self, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers
+    ) -> None:
+        search = SEARCH * max(surface.cell_height, master.longest)
+        super().__init__(surface, master, skin.owned, len(skin.X), search, skin.comm)
+        self.skin, self.timers = skin, timers
+        each = 2 if skin.whole else 1  # one facet of degree 2 is as two of degree 1
+        self.samples = Samples(skin, each * samples_for(skin.edge, master.edge))
+        self._corners = master.corners[0] + self.first, master.corners[1]
+        normals = unit(area_vectors(master.X[master.corners[0]]))
+        starts, edges, sides = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
+        self._ends: Ends = starts, edges + self.first, sides
+        self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
+        self.sights = Sights(self.facets, self._corners, search, MARGIN * master.edge)
+        self._feet: MortarFeet | None = None
+
+    def feet(self, state: State) -> MortarFeet:
+        """The places at a state; the same object while these do not change on any rank. Collective."""
+        moved, feet = self._watch.moved(state), self._feet
+        if moved or feet is None:
+            with self.timers("projection"):
+                feet = self._feet = self._feet_at(
+                    state, lambda x, n, coords: self.sights.pairing.project(x, n, coords, self.timers)
+                )
+        return feet
+
+    def first_feet(self, state: State) -> MortarFeet:
+        """The places of the first search, which looks farther. Collective."""
+        search = FIRST_SEARCH * self.search
+        return self._feet_at(state, lambda x, n, coords: self.sights.pairing.far(x, n, coords, search))
+
+    def _feet_at(self, state: State, project: Callable[[Floats, Floats, Floats], Projection]) -> MortarFeet:
+        """Where the samples are and what project(points, normals, coords) gives for them. Collective."""
+        coords = np.concatenate([self.skin.positions(state), self.master.positions(state)])
+        normals, turns = self.samples.normals(coords)
+        n = self.samples.count
+        points, directions, lengths = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        kernel.sample_places(coords, self.samples.slaves, normals, points, directions, lengths)
+        met = self._covered(points, coords, project(points, -directions, coords))
+        return MortarFeet(coords, points, lengths, turns, met, self.master.pose(state))
+
+    def _covered(self, points: Floats, coords: Floats, projection: Projection) -> kernel.Met:
+        """The projection without what lies off the master, and how much of each sample lies over it."""
+        n, s = len(points), self.samples
+        cover = np.empty(n), np.empty((n, 4), dtype=np.int64), np.empty((n, 5, 3))
+        N = np.empty((n, 3, self.facets[0].shape[1]))
+        foot_shapes(np.arange(n), self.facets, projection, N)
+        sight = self.sights.held or (projection[5], coords)
+        coverage(coords, s.corners, s.rim, points, (self._corners, self._ends), sight, projection, cover)
+        return *projection, *cover, N
+
+    def far(self, feet: MortarFeet, search: float) -> Projection:
+        """Projection from the same places with another search distance."""
+        found = self.sights.pairing.far(feet.points, -feet.projection[5], feet.coords, search)
+        return self._covered(feet.points, feet.coords, found)[:6]
+
+    def seated(self, feet: MortarFeet) -> Bools:
+        """Which of the samples around each slave node (ns, J) have a foot."""
+        return (self.samples.table >= 0) & (feet.projection[1] != NONE)[self.samples.table]
+
+    def normals(self, feet: MortarFeet) -> Floats:
+        """Unit normals (ns, 1, 3) along which pressure acts on this rank's slave nodes; zero without a partner."""
+        return self._mean(feet, feet.projection[1] != NONE)
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ns, 1, 3) in which this rank's slave nodes look for the master: their normals. Collective."""
+        feet = self.feet(state)
+        return -self._mean(feet, np.ones(len(feet.points), dtype=bool))
+
+    def _mean(self, feet: MortarFeet, of: Bools) -> Floats:
+        """Unit means (ns, 1, 3) of the samples' normals; of (np,): those that count."""
+        s = self.samples
+        share = np.where(s.table < 0, 0.0, s.share * of[s.table])
+        return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
+
+    def bare(self, feet: MortarFeet) -> Floats:
+        """Shares (ns,) of the nodes' areas that do not lie over the master."""
+        s = self.samples
+        return 1.0 - (s.share * feet.met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
+
+    def features(self, feet: MortarFeet) -> Array:
+        """Codes (ns, ...): where one changes the traction has a kink."""
+        s = self.samples
+        codes = np.column_stack([feet.projection[0], feet.met[7]])[s.table]
+        return np.where((s.table < 0)[..., None], -9, codes).reshape(len(codes), 5 * s.table.shape[1])
+
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
+        """Endless gaps (n,): means over samples leave nothing between them to ask for."""
+        return np.full(len(nodes), np.inf)
+
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Depth [length] of the deepest sample that is too deep in the master to have a partner, else zero. Collective."""
+        return deepest_lost(self, self.first, state, trial)
+
+    def back_share(self, state: State) -> float:
+        """Share of the samples that see the nearest facet of a tool from behind; those of bodies point out of them.
+        Collective."""
+        feet = self.feet(state)
+        if feet.pose is None:
+            return 0.0
+        normals, corners = -feet.projection[5], feet.coords[self.facets[0]]
+        return seen_from_behind(self.comm, feet.points, normals, corners, self.surface.cell_height)

@@ -1,0 +1,140 @@
+"""What holds of any master of facets, however the slave meets it."""
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.friction import Friction
+from fenics_contact.contact.joints import Directions
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.meeting import Sights
+from fenics_contact.contact.surface import Beside, SlaveSurface
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints64
+
+MARGIN = 0.5  # over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for
+# A slave point and the facet nearest to it say on which side of a tool the body is if their normals are this parallel.
+DECISIVE = 0.5
+SAMPLES = 300  # slave points of a rank that are asked for it
+
+
+class PlacesOnFacets:
+    """Where a slave lies to the facets of a master; `feet`, `first_feet` and the rest depend on how it meets them.
+
+    surface: SlaveSurface; master: the facets, which each rank knows in full; slave (n,): this rank's nodes of the slave;
+    first: where the master's nodes begin among the coordinates, facets: their nodes and sizes there; search: gaps from this
+    on are not told apart [length].
+    """
+
+    sights: Sights | None = None
+
+    def __init__(
+        self,
+        surface: SlaveSurface,
+        master: MasterSurface | ToolSurface,
+        slave: Ints64,
+        first: int,
+        search: float,
+        comm: MPI.Comm,
+    ) -> None:
+        self.surface, self.master, self.slave, self.first = surface, master, slave, first
+        self.search, self.comm = search, comm
+        self.facets: Surface = (master.facets[0] + first, master.facets[1])
+        self.reach = float(np.abs(master.X).max(initial=0.0))
+        self._directions: Directions | None = None
+
+    def directed(self, friction: Friction) -> Directions | None:
+        """The master's directions of friction; None where one coefficient holds, or one direction for all."""
+        if friction.ratio != 1.0 and (self._directions is None or self._directions.friction is not friction):
+            self._directions = Directions(self.master, friction)
+        known = self._directions
+        return known if friction.ratio != 1.0 and known is not None and len(known.parts) else None
+
+    def point(self, state: State) -> Floats | None:
+        """A tool's reference point (3,) at a state [length]; None for a body."""
+        return self.master.point(state)
+
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
+        """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
+        return -min(self.comm.allgather(self.first_feet(state).projection[4].min(initial=0.0))), 0.0
+
+    def beside(self, state: State) -> Beside | None:
+        """None: nodes off the slave surface are not looked for."""
+
+    def sags(self, state: State) -> Floats:
+        """None: between slave nodes is not looked."""
+        return np.empty(0)
+
+    def keys_of(self, nodes: Ints64) -> Ints64:
+        """Keys, which no partition changes, of nodes of the master, numbers among the coordinates; -1: none."""
+        return np.append(self.master.keys, -1)[np.where(nodes < 0, -1, nodes - self.first)]
+
+    def of_keys(self, keys: Ints64) -> Ints64:
+        """The nodes that have these keys."""
+        order = np.argsort(self.master.keys)
+        at = np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)
+        return np.where(keys < 0, -1, order[at] + self.first)
+
+    def first_feet(self, state: State) -> Any:
+        raise NotImplementedError
+
+    def looks(self, state: State) -> Floats:
+        raise NotImplementedError
+
+
+class OnFacets:
+    """What contacts with facets have in common besides `places`."""
+
+    edge = "none"
+    foresees = True
+    grounded = False
+    softens = False
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+    places: PlacesOnFacets
+
+    def touches(self, blocks: Array) -> int:
+        """Number of this rank's slave and master nodes among the local nodes `blocks`."""
+        return int(np.isin(self.places.slave, blocks).sum() + np.isin(self.places.master.owned, blocks).sum())
+
+    def gives(self, held: Array) -> bool:
+        """Whether the master could move where the dofs `held` do not: a tool is held."""
+        return not (self.grounded or np.isin(3 * self.places.master.owned[:, None] + np.arange(3), held).all())
+
+    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
+        """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
+        largest = np.max(self.places.comm.allgather(np.abs(self.places.looks(state)).max(axis=(0, 1), initial=0.0)), axis=0)
+        return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
+
+    def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
+        """Nothing: it is asked of averages alone."""
+        return np.zeros(4)
+
+
+def own(anchors: Anchors) -> tuple[Ints64, Floats]:
+    """Anchors on facets: nodes (np, 4), local numbers, and their weights (np, 4)."""
+    nodes, weights = anchors
+    return nodes, weights
+
+
+def unit(vectors: Floats) -> Floats:
+    """Vectors (n, 3) of length one; zero ones stay."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def seen_from_behind(comm: MPI.Comm, points: Floats, normals: Floats, corners: Floats, near: float) -> float:
+    """Share of points (np, 3) with outward normals (np, 3) that see the nearest facet, corners (nf, 4, 3), from behind.
+
+    near: how close [length] to it only the normals decide. Collective.
+    """
+    some = slice(None, None, max(len(points) // SAMPLES, 1))
+    centres, outward = corners.mean(axis=1), unit(area_vectors(corners))
+    nearest = np.array([np.argmin(((centres - x) ** 2).sum(axis=1)) for x in points[some]], dtype=np.int64)
+    toward = np.einsum("pc,pc->p", points[some] - centres[nearest], outward[nearest])
+    facing = -np.einsum("pc,pc->p", normals[some], outward[nearest])
+    behind = (facing < -DECISIVE) & (toward < near)
+    before = (facing > DECISIVE) & (toward > -near)
+    behind, before = comm.allreduce(np.array([behind.sum(), before.sum()]))
+    return behind / max(behind + before, 1)

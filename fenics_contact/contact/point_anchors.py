@@ -1,0 +1,74 @@
+"""From where friction between facets grows: for each slave point a place on the master, that of a foot long past."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fenics_contact.contact.on_facets import own
+from fenics_contact.contact.point_places import FacetFeet
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.contact_pairs import augmented_anchors, committed_anchors, stiffened_anchors
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.facets import FacetPartner
+
+
+class PointAnchors:
+    """(nodes (np, m), weights (np, m)): numbers among the coordinates, -1: none."""
+
+    def __init__(self, partner: FacetPartner) -> None:
+        self._partner, self._places, self._shape = partner, partner.places, partner.surface.area.shape
+
+    def none(self) -> tuple[Ints64, Floats]:
+        shape = int(np.prod(self._shape)), self._places.facets[0].shape[1]
+        return np.full(shape, -1, dtype=np.int64), np.zeros(shape)
+
+    def here(self, feet: FacetFeet, trial: Trial) -> Anchors:
+        """The points' places on the master."""
+        return self._committed(feet, trial, -np.inf)[0]
+
+    resting = here
+
+    def committed(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
+        return self._committed(feet, trial, None)
+
+    def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
+        new, sliding = self.none(), np.empty(np.prod(self._shape))
+        committed_anchors(*self._partner.pairs(feet, trial), self._partner.laws(feet, trial, touch), new, sliding)
+        return new, sliding.reshape(self._shape)
+
+    def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
+        """What the penalty gave way in stick (ne, nq) [length]."""
+        return self._augmented(feet, trial)[1]
+
+    def augmented(self, feet: FacetFeet, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
+        return self._augmented(feet, trial, share)[0]
+
+    def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
+        pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
+        *new, slips = augmented_anchors(*pairs, own(trial.history.rests), laws, share)
+        return tuple(new), slips.reshape(self._shape)
+
+    def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Anchors that greater penalties need for points that slip on from rest as they do."""
+        return stiffened_anchors(*self._partner.pairs(feet, trial), own(rests), self._partner.laws(feet, trial), factor)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some points (ne, nq), the others elsewhere."""
+        return tuple(
+            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
+        )
+
+    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+        """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""
+        (nodes, weights), shape = anchors, (*self._shape, anchors[0].shape[1])
+        return {name: self._places.keys_of(nodes).reshape(shape), f"{name}_weight": weights.reshape(shape)}
+
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
+        keys = values[name].reshape(-1, self._places.facets[0].shape[1])
+        return self._places.of_keys(keys), np.ascontiguousarray(values[f"{name}_weight"].reshape(keys.shape))

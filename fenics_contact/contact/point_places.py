@@ -1,0 +1,167 @@
+"""Where the points of slave facets, or slave nodes, meet the facets of a master."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.pose import Pose
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
+from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
+from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.deformable_element import slave_points
+from fenics_contact.timing import Timers
+from fenics_contact.types import Array, Floats, Ints64, Space
+
+
+class Placed(NamedTuple):
+    """Positions coords (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
+    they say in which direction a slave node looks, else the points; pose: of a tool."""
+
+    coords: Floats
+    points: Floats
+    normals: Floats
+    pose: Pose | None
+
+
+class FacetFeet(NamedTuple):
+    """Where slave points and master facets are, and the projection of kernels/closest_point.py there."""
+
+    placed: Placed
+    projection: Projection
+
+    @property
+    def coords(self) -> Floats:
+        return self.placed.coords
+
+    @property
+    def pose(self) -> Pose | None:
+        return self.placed.pose
+
+
+class PointPlaces(PlacesOnFacets):
+    """Of slave points that seek the master along their own facet's normal, or of nodes that seek the closest point on it.
+
+    facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals say where nodes look;
+    nodes (np, k), gradients (np, 2, k): of the points' facets, numbers among the coordinates. Methods that take a state are
+    collective.
+    """
+
+    def __init__(
+        self,
+        surface: SlaveSurface,
+        facets: tuple[Ints64, Ints64, Ints64],
+        master: MasterSurface | ToolSurface,
+        space: Space,
+        timers: Timers,
+    ) -> None:
+        slave = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
+        search = max(surface.cell_height, master.longest)
+        super().__init__(surface, master, slave, len(slave), search, space.mesh.comm)
+        self.space, self.timers = space, timers
+        (_, nq, k), along = surface.a.shape, surface.gradients
+        self.nodes = np.repeat(np.searchsorted(slave, surface.nodes), nq, axis=0).astype(np.int64)
+        self.gradients = np.empty((0, 2, k)) if along is None else along.reshape(-1, along.shape[2], k)
+        self._X = space.tabulate_dof_coordinates()
+        self._ring, self._normal = facets[0], compat.Function(space)
+        watched = np.unique(np.concatenate([slave, master.owned, self._ring.ravel()]))  # what positions rest on
+        self._watch = Watch(self.comm, watched)
+        self.pairing = Pairing(self.facets, self._seek(), search, MARGIN * master.edge)
+        self._closest = Pairing(self.facets, seek_closest, search, 0.0)  # of nodes between Gauss points
+        self._feet: FacetFeet | None = None
+
+    def _seek(self) -> Seek:
+        s = self.surface
+        return seek_closest if s.gradients is None else seek_along_normals(self.nodes, self.gradients, s.corners)
+
+    def feet(self, state: State) -> FacetFeet:
+        """The places at a state; the same object while these do not change on any rank. Collective."""
+        moved, feet = self._watch.moved(state), self._feet
+        if moved or feet is None:
+            with self.timers("projection"):
+                coords, points, normals, _ = placed = self._placed(state)
+                feet = self._feet = FacetFeet(placed, self.pairing.project(points, normals, coords, self.timers))
+        return feet
+
+    def first_feet(self, state: State) -> FacetFeet:
+        """The places of the first search, which looks farther. Collective."""
+        placed = self._placed(state)
+        return FacetFeet(placed, self._far(placed, FIRST_SEARCH * self.search))
+
+    def far(self, feet: FacetFeet, search: float) -> Projection:
+        """Projection from the same places with another search distance."""
+        return self._far(feet.placed, search)
+
+    def _far(self, placed: Placed, search: float) -> Projection:
+        return self.pairing.far(placed.points, placed.normals, placed.coords, search)
+
+    def _placed(self, state: State) -> Placed:
+        u, s = state.u.x.array, self.surface
+        coords = np.concatenate([self._X[self.slave] + u.reshape(-1, 3)[self.slave], self.master.positions(state)])
+        points = np.empty((s.area.size, 3))
+        slave_points(coords, self.nodes, s.a.reshape(-1, s.a.shape[2]), points)
+        normals = points if s.gradients is not None else self._point_normals(u)
+        return Placed(coords, points, normals, self.master.pose(state))
+
+    def _point_normals(self, u: Floats) -> Floats:
+        """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""
+        s = self.surface
+        at_nodes, normals = self._nodal_normals(u)[self.slave], np.empty((s.area.size, 3))
+        slave_points(at_nodes, self.nodes, s.a.reshape(-1, s.a.shape[2]), normals)
+        return unit(normals)
+
+    def _nodal_normals(self, u: Floats) -> Floats:
+        """Sum of the area vectors of the slave facets around each node (nodes, 3), facets of all ranks."""
+        values = self._normal.x.array.reshape(-1, 3)
+        values[:] = 0.0
+        x = self._X[self._ring] + u.reshape(-1, 3)[self._ring]
+        np.add.at(values, self._ring, area_vectors(x)[:, None, :])
+        compat.sum_to_owners(self._normal)
+        compat.copy_to_ghosts(self._normal)
+        return values
+
+    def normals(self, feet: FacetFeet) -> Floats:
+        """Unit normals (ne, nq, 3) along which pressure acts on this rank's slave points; zero without a partner."""
+        kind, normal = feet.projection[1], feet.projection[5]
+        return np.where((kind != NONE)[:, None], normal, 0.0).reshape((*self.surface.area.shape, 3))
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
+        return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
+
+    def bare(self, feet: FacetFeet) -> Floats:
+        """Shares (n,) of the points' areas without a partner."""
+        return (feet.projection[1] == NONE).astype(float)
+
+    def features(self, feet: FacetFeet) -> Array:
+        """Codes (n, ...): where one changes the traction has a kink."""
+        return np.column_stack(feet.projection[:3])
+
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
+        """Gaps (n,) of slave nodes from their closest points on the master, endless without one. Collective."""
+        normals, coords = self._nodal_normals(state.u.x.array)[nodes], self.feet(state).coords
+        points = coords[np.searchsorted(self.slave, nodes)]
+        gaps = self._closest.far(points, normals, coords, self.search)[4]
+        return np.where(np.any(normals != 0.0, axis=1), gaps, np.inf)  # degree 2: a facet's normal is known at its corners
+
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Depth [length] of the deepest slave point too deep in the master to have a partner, else zero. Collective."""
+        return deepest_lost(self, self.first, state, trial)
+
+    def back_share(self, state: State) -> float:
+        """Share of the slave points that see the nearest facet of a tool from behind; those of bodies point out of them.
+        Collective."""
+        coords, points, normals, pose = self._placed(state)
+        if pose is None:
+            return 0.0
+        s = self.surface
+        if s.gradients is not None:  # nodal normals are means of facets of degree 1
+            x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
+            tangents = np.einsum("eqtk,ekc->eqtc", s.gradients, x).reshape(-1, 2, 3)
+            normals = unit(np.cross(tangents[:, 0], tangents[:, 1]))
+        return seen_from_behind(self.comm, points, normals, coords[self.facets[0]], s.cell_height)

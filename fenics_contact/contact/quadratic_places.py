@@ -1,0 +1,52 @@
+"""Where Gauss points of slave facets of degree 2 meet facets of degree 2."""
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.facet_points import ACROSS
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.on_facets import unit
+from fenics_contact.contact.pairing import FACING, Seek
+from fenics_contact.contact.point_places import PointPlaces
+from fenics_contact.kernels.closest_point import Lists, Projection
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.quadratic import quadratic_rays
+from fenics_contact.types import Floats, Ints
+
+
+class QuadraticPlaces(PointPlaces):
+    """A foot lies on the true facet, along the slave's own normal, straight or curved, in space and in the plane."""
+
+    def _seek(self) -> Seek:
+        def seek(
+            points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+        ) -> None:
+            quadratic_rays(points, -self._outward(coords), coords, facets, lists, (search, 0.0, FACING), out)
+
+        return seek
+
+    def _outward(self, coords: Floats) -> Floats:
+        """Unit normals (np, 3) out of the slave in its points, the nodes at coords."""
+        tangents = np.einsum("qtk,qkc->tqc", self.gradients, coords[self.nodes])
+        return unit(np.cross(tangents[0], tangents[1] if len(tangents) > 1 else ACROSS))
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
+        return self._outward(self.feet(state).coords).reshape((*self.surface.area.shape, 3))
+
+    def node_gaps(self, state: State, nodes: Ints, X: Floats) -> Floats:
+        """Gaps (n,) of slave nodes along the mean normals around them, endless without a partner. Collective."""
+        coords = self.feet(state).coords
+        normal, weights = compat.Function(state.u.function_space), self.surface.a.reshape(-1, self.surface.a.shape[2])
+        sums, local = normal.x.array.reshape(-1, 3), self.slave[self.nodes]
+        # squares: on quadratic triangles a corner's shape function has no area
+        np.add.at(sums, local, weights[..., None] ** 2 * self._outward(coords)[:, None])
+        compat.sum_to_owners(normal)
+        compat.copy_to_ghosts(normal)
+        places = coords[np.searchsorted(self.slave, nodes)]
+        n = len(nodes)
+        facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
+        found = facet, kind, feature, np.empty((n, 2)), np.empty(n), np.empty((n, 3))
+        lists = self.pairing.within(places, coords, self.search)
+        quadratic_rays(places, -unit(sums[nodes]), coords, self.facets, lists, (self.search, 0.0, FACING), found)
+        return found[4]

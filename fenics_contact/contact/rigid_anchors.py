@@ -1,0 +1,75 @@
+"""From where friction on an analytic tool grows: places in the tool's frame, one for each slave point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fenics_contact.contact.rigid_places import RigidFeet
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.rigid_element import committed_anchors
+from fenics_contact.kernels.status import STICK
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.rigid import RigidPartner
+
+
+class RigidAnchors:
+    """((ne, nq, 3),) [length]."""
+
+    def __init__(self, partner: RigidPartner) -> None:
+        self._partner = partner
+
+    def none(self) -> Anchors:
+        return (np.zeros((*self._partner.surface.area.shape, 3)),)
+
+    def here(self, feet: RigidFeet, trial: Trial) -> Anchors:
+        """The points' places on the tool."""
+        return self._committed(feet, trial, -np.inf)[0]
+
+    resting = here
+
+    def committed(self, feet: RigidFeet, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
+        return self._committed(feet, trial, None)
+
+    def _committed(self, feet: RigidFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
+        new, sliding = np.empty_like(trial.history.anchors[0]), np.empty_like(trial.area)
+        history = trial.history.anchors[0], trial.history.shift
+        committed_anchors(*self._partner.places.points_at(feet), self._partner.laws(trial.law, touch), history, new, sliding)
+        return (new,), sliding
+
+    def slips(self, feet: RigidFeet, trial: Trial, status: Ints) -> Floats:
+        """What the penalty gave way in stick (ne, nq) [length]."""
+        return np.linalg.norm(self._slip(feet, trial, trial.history.rests, status == STICK), axis=2)
+
+    def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
+        """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""
+        places = self._partner.places
+        moved, normal = self.here(feet, trial)[0] - rests[0], places.normals(feet) @ places.axes(feet.pose)
+        along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
+        return np.where(np.broadcast_to(which, moved.shape[:2])[..., None], moved - along, 0.0)
+
+    def augmented(self, feet: RigidFeet, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
+        return (trial.history.anchors[0] - share * self._slip(feet, trial, trial.history.rests, status == STICK),)
+
+    def stiffened(self, feet: RigidFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Anchors that greater penalties need for points that slip on from rest as they do."""
+        foot, anchor = self.here(feet, trial)[0], trial.history.anchors[0]
+        return (foot - (foot - anchor + (factor - 1.0) * self._slip(feet, trial, rests)) / factor,)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some points (ne, nq), the others elsewhere."""
+        return tuple(
+            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
+        )
+
+    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+        """Anchors as arrays (ne, ...) that no partition changes."""
+        return {name: anchors[0]}
+
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
+        return (np.ascontiguousarray(values[name]),)

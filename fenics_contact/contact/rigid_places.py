@@ -1,0 +1,137 @@
+"""Where slave points lie to an analytic tool: distances, normals, and what of the body lies in it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.pose import Pose
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.surface import Beside, SlaveSurface
+from fenics_contact.contact.tools import RigidTool
+from fenics_contact.contact.trial import Trial
+from fenics_contact.kernels.rigid_element import Points, ToolPose, distances, point_normals
+from fenics_contact.types import Array, Bools, Floats, Space
+
+
+class RigidFeet(NamedTuple):
+    """Positions x (ne, k, 3) of the slave nodes [length], and the Pose of the tool."""
+
+    x: Floats
+    pose: Pose
+
+
+class RigidPlaces:
+    """Of the points of a surface, and the other nodes of its body, at a tool; index: the tool's row in the state's q."""
+
+    sights = None
+    search = np.inf  # gaps from this on are not told apart [length]
+
+    def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int) -> None:
+        self.surface, self.tool, self.index = surface, tool, index
+        self.reach = tool.reach
+        self._feet: RigidFeet | None = None
+        self._beside: Beside | None = None  # once asked for
+
+    def point(self, state: State) -> Floats:
+        """The tool's reference point (3,) at a state [length]."""
+        return state.pose(self.index).place
+
+    def feet(self, state: State) -> RigidFeet:
+        """The places at a state; the same object while these do not change."""
+        s, feet = self.surface, self._feet
+        now = RigidFeet(s.X + state.u.x.array.reshape(-1, 3)[s.nodes], state.pose(self.index))
+        if feet is None or not np.array_equal(now.x, feet.x) or not now.pose.same(feet.pose):
+            feet = self._feet = now
+        return feet
+
+    first_feet = feet
+
+    def points_at(self, feet: RigidFeet, area: Floats | None = None) -> tuple[Points, ToolPose]:
+        """Points and tool as kernels/rigid_element.py takes them."""
+        s = self.surface
+        return (feet.x, s.a, s.area if area is None else area, s.spacing), self.tool_at(feet.pose)
+
+    def tool_at(self, pose: Pose) -> ToolPose:
+        """The tool as kernels/rigid_element.py takes it."""
+        tool = self.tool
+        return tool.kind, tool.shape, pose.turned(tool.origin), self.axes(pose), pose.travel
+
+    def axes(self, pose: Pose) -> Floats:
+        """The tool's axes (3, 3), columns, where it is."""
+        return np.ascontiguousarray(pose.turn @ self.tool.axes)
+
+    def normals(self, feet: RigidFeet) -> Floats:
+        """Unit normals (ne, nq, 3) of the tool at this rank's slave points."""
+        out = np.empty((*self.surface.area.shape, 3))
+        point_normals(*self.points_at(feet), out)
+        return out
+
+    def looks(self, state: State) -> Floats:
+        """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
+        return self.normals(self.feet(state))
+
+    def bare(self, feet: RigidFeet) -> Floats:
+        """Nothing of the points (n,): a tool has no end."""
+        return np.zeros(self.surface.points)
+
+    def features(self, feet: RigidFeet) -> Array:
+        """Codes (n, ...): where one changes the traction has a kink."""
+        return np.empty((self.surface.points, 0), dtype=int)
+
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
+        """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
+        gap = np.empty(len(X))
+        distances(X, self.tool_at(state.pose(self.index)), gap)
+        here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
+        at_surface, behind = np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
+        return float(at_surface), float(behind)
+
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
+        """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
+        return self._distances(state, X + state.u.x.array.reshape(-1, 3)[nodes])
+
+    def sags(self, state: State) -> Floats:
+        """How much deeper (nf,) facets lie in the tool between slave nodes than at these; none where points are no nodes."""
+        if (between := self.surface.between) is None:
+            return np.empty(0)
+        x = between.X + state.u.x.array.reshape(-1, 3)[between.nodes]
+        places = np.concatenate([x, np.einsum("eqk,ekc->eqc", between.a, x)], axis=1)
+        gaps = np.minimum(self._distances(state, places.reshape(-1, 3)).reshape(places.shape[:2]), 0.0)
+        count = x.shape[1]
+        return np.asarray(gaps[:, :count].min(axis=1, initial=0.0) - gaps[:, count:].min(axis=1, initial=0.0))
+
+    def _distances(self, state: State, x: Floats) -> Floats:
+        """Signed distances (n,) to the tool of places x (n, 3)."""
+        gap = np.empty(len(x))
+        distances(x, self.tool_at(state.pose(self.index)), gap)
+        return gap
+
+    def beside(self, state: State) -> Beside:
+        """The nodes that may meet the tool and are no slaves. Collective."""
+        if self._beside is None:
+            space = state.u.function_space
+            free = np.flatnonzero(~_known(space, self.surface.nodes.ravel()))
+            X = space.tabulate_dof_coordinates()[free]
+            outer = compat.locate_blocks(space, compat.exterior_facets(space.mesh))
+            gap = np.empty(len(free))
+            distances(X, self.tool_at(state.poses.at(self.index, np.zeros_like(state.q[self.index]))), gap)
+            self._beside = Beside(free, X, ~_known(space, outer)[free] & (gap > 0.0))
+        return self._beside
+
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Zero: an analytic tool knows of every point how deep inside it is."""
+        return 0.0
+
+    def back_share(self, state: State) -> float:
+        """Zero: an analytic tool knows its outside."""
+        return 0.0
+
+
+def _known(space: Space, nodes: Array) -> Bools:
+    """Which of this rank's nodes are among those that any rank names, by its local numbers. Collective."""
+    named = compat.Function(space)
+    named.x.array.reshape(-1, 3)[nodes] = 1.0
+    compat.sum_to_owners(named)
+    compat.copy_to_ghosts(named)
+    return np.asarray(named.x.array.reshape(-1, 3)[:, 0] > 0.0)
