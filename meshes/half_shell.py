@@ -47,7 +47,7 @@ def _shell(inner: float, outer: float, cells: int, layers: int) -> int:
     directions = [(flat * x, flat * y, -low) for x, y in SQUARE] + [
         (math.sqrt(0.5) * x, math.sqrt(0.5) * y, 0.0) for x, y in SQUARE
     ]
-    patches = [(0, 3, 2, 1), *((i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4))]
+    patches: list[tuple[int, ...]] = [(0, 3, 2, 1), *((i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4))]
     middle = geo.addPoint(0, 0, 0)
     walls = [_sphere(geo, radius, middle, directions, patches, cells) for radius in (inner, outer)]
     posts = [geo.addLine(a, b) for a, b in zip(walls[0]["points"], walls[1]["points"], strict=True)]
