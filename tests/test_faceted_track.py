@@ -51,9 +51,7 @@ def led_round(facets, plane):
     scene.contact(inside, tool, name="c")
     angle = 4 * np.pi / facets
     # about the drum's axis: the hub's point has been led down from there
-    turn = Motion(
-        rz=lambda s: angle * s, x=lambda s: DEEP * np.sin(angle * s), y=lambda s: DEEP * (1 - np.cos(angle * s))
-    )
+    turn = Motion(rz=lambda s: angle * s, x=lambda s: DEEP * np.sin(angle * s), y=lambda s: DEEP * (1 - np.cos(angle * s)))
     stages = [
         Stage("press", move={hub: Motion(y=-DEEP)}, steps=PRESSING),
         Stage("turn", move={hub: turn}, steps=2 * PER_FACET),
