@@ -297,3 +297,22 @@ def test_an_edge_of_the_slave_that_presses_aside_is_named():
     ratio, notes = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
     np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
     assert not notes
+
+
+@pytest.mark.serial
+def test_a_frictionless_indenter_is_drawn_along():
+    """Its flanks, bent by the load, look past the block's samples from an edge on that is no crease."""
+    mesh, draw = read_gmsh(mesh_script.build), 41
+    bodies = Body(mesh, "foundation", from_elastic(689.6, 0.32)), Body(mesh, "indenter", from_elastic(6896.0, 0.32))
+    scene = Scene(*bodies, plane="strain", thickness=1.0)
+    scene.fix("foundation_bottom")
+    scene.fix("indenter_top")
+    scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), name="c")
+    stages = [
+        Stage("press", prescribe={("indenter_top", "y"): -1.0}, steps=10),
+        Stage("draw", prescribe={("indenter_top", "x"): draw * 10.0 / 81}, steps=draw),
+    ]
+    result = solve(scene, stages=stages, progress=False).require()
+    late = result.column("t") > 1.4  # more than its width from where it began
+    along, down = (result.column(f"c_force_{axis}_N")[late] for axis in "xy")
+    assert np.abs(along / down).max() < 0.01

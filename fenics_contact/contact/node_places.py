@@ -42,8 +42,8 @@ class NodePlaces(PlacesOnFacets):
         self.samples = Samples(skin, each * samples_for(skin.edge, master.edge))
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals = unit(area_vectors(master.X[master.corners[0]]))
-        starts, edges, sides = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
-        self._ends: Ends = starts, edges + self.first, sides
+        starts, edges, sides, smooth = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
+        self._ends: Ends = starts, edges + self.first, sides, smooth
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         self.sights = Sights(self.facets, self._corners, search, MARGIN * master.edge)
         self._feet: MortarFeet | None = None

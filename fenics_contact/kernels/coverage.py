@@ -6,7 +6,8 @@ its share clip(1/2 + d/w, 0, 1); w is a part of what its facet measures along nu
 each other whole.  The share is a function of x, n, a, b and of the two corners of the facet between which w is measured.
 
     ends    (starts (nf + 1,) into the next two for each facet of the master; edges (ne, 2): nodes from a to b with the
-            surface on the left, seen from outside; sides (ne, 2): the facet it belongs to and that beyond, -1: none)
+            surface on the left, seen from outside; sides (ne, 2): the facet it belongs to and that beyond, -1: none; smooth
+            (nf,): from where on in its part of them the surface goes on without a crease)
     cover   (shares (np,), edges (np, 4): a, b and the far and near corner of the slave's facet, -1 where the share is
             constant, slopes (np, 5, 3): rates of the share with x, n, a, b and the far corner, minus that with the near one)
 """
@@ -21,7 +22,7 @@ from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, plus, put, row, times
 from fenics_contact.types import Floats, Ints64
 
-Ends = tuple[Ints64, Ints64, Ints64]
+Ends = tuple[Ints64, Ints64, Ints64, Ints64]
 Cover = tuple[Floats, Ints64, Floats]
 Sight = tuple[Floats, Floats]  # normals (np, 3) of the samples, into the slave, and places (nx, 3) of all nodes
 
@@ -29,17 +30,26 @@ Sight = tuple[Floats, Floats]  # normals (np, 3) of the samples, into the slave,
 # parallel, and along steeper ones (beside a crease) gaps grow so fast that a mean over them jumps
 FACING = 0.5
 STEEP, LEVEL = 2.0, 0.05  # slope of such a facet, and of an edge's length: how far off an end of it may lie along the normal
+# Cosine above which a facet's neighbours look towards its samples, too, but for those beyond a crease: there a surface that
+# curves away has no end
+LEANING = 0.9
 TIE = 1e-9  # relative: edges meet in a corner and are equally far from what lies outside of it
+
+
+@njit(cache=True, error_model="numpy")
+def _leans_less(f: int, cosine: float, n: Vector, coords: Floats, surface: Surface) -> bool:
+    """Whether the angle between n and the normal of facet f has a greater cosine."""
+    nodes = surface[0]
+    one = minus(row(coords, nodes[f, 2]), row(coords, nodes[f, 0]))
+    two = minus(row(coords, nodes[f, 3]), row(coords, nodes[f, 1]))
+    area = cross(one, two)
+    return dot(area, n) > cosine * norm(area)
 
 
 @njit(cache=True, error_model="numpy")
 def faces(f: int, n: Vector, coords: Floats, surface: Surface) -> bool:
     """Whether facet f as a whole looks towards samples of normal n."""
-    nodes = surface[0]
-    one = minus(row(coords, nodes[f, 2]), row(coords, nodes[f, 0]))
-    two = minus(row(coords, nodes[f, 3]), row(coords, nodes[f, 1]))
-    area = cross(one, two)
-    return dot(area, n) > FACING * norm(area)
+    return _leans_less(f, FACING, n, coords, surface)
 
 
 @njit(cache=True)
@@ -62,9 +72,10 @@ def _nearest_end(
 ) -> tuple[int, float, Vector]:
     """(Edge or -1, d, nu) of the end of the master that lies nearest around facet f, seen along n; what looks towards the
     sample is judged `by` its normal and the places (nx, 3) then."""
-    (starts, edges, sides), (m, then) = ends, by
+    (starts, edges, sides, smooth), (m, then) = ends, by
     best, least, distance, out = -1, math.inf, 0.0, n
-    for e in range(starts[f], starts[f + 1]):
+    last = smooth[f] if _leans_less(f, LEANING, n, coords, surface) else starts[f + 1]
+    for e in range(starts[f], last):
         if not faces(sides[e, 0], m, then, surface) or (sides[e, 1] >= 0 and faces(sides[e, 1], m, then, surface)):
             continue
         a = row(coords, edges[e, 0])
@@ -144,8 +155,8 @@ def coverage(
 def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
     """Edges that can end the master, listed for each facet that has a node of the edge's own facet.
 
-    normals (nf, 3): of the facets in the reference; cosine: of the angle between facets from which on one of them may be
-    out of sight.
+    normals (nf, 3): of the facets in the reference; cosine: of the angle between facets from which on their edge is a
+    crease.
     """
     nodes, size = surface
     m = nodes.shape[1]
@@ -157,9 +168,8 @@ def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
     order = np.argsort(key)
     at = np.minimum(np.searchsorted(key[order], back), max(len(key) - 1, 0))
     beyond = np.where(key[order][at] == back, f[order][at], -1) if len(key) else f
-    crease = (beyond < 0) | (np.einsum("ec,ec->e", normals[f], normals[beyond]) < cosine)
-    edges = np.column_stack([a, b])[crease].astype(np.int64)
-    sides = np.column_stack([f, beyond])[crease].astype(np.int64)
+    smooth = (beyond >= 0) & (np.einsum("ec,ec->e", normals[f], normals[beyond]) >= cosine)
+    edges, sides = np.column_stack([a, b]).astype(np.int64), np.column_stack([f, beyond]).astype(np.int64)
     # facets of each node, then of each edge: those around any node of its own facet
     corner_facet, corner_node = f, nodes[f, i]
     order = np.argsort(corner_node, kind="stable")
@@ -168,7 +178,8 @@ def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
     node = nodes[sides[e, 0], c]
     counts = starts[node + 1] - starts[node]
     at = np.repeat(starts[node] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-    pairs = np.unique(np.column_stack([corner_facet[order][at], np.repeat(e, counts)]), axis=0)
-    first = np.searchsorted(pairs[:, 0], np.arange(len(nodes) + 1))
-    listed = pairs[:, 1]
-    return first, np.ascontiguousarray(edges[listed]), np.ascontiguousarray(sides[listed])
+    e = np.repeat(e, counts)
+    pairs = np.unique(np.column_stack([corner_facet[order][at], smooth[e], e]), axis=0)
+    first, listed = np.searchsorted(pairs[:, 0], np.arange(len(nodes) + 1)), pairs[:, 2]
+    creased = np.bincount(pairs[pairs[:, 1] == 0, 0], minlength=len(nodes))
+    return first, np.ascontiguousarray(edges[listed]), np.ascontiguousarray(sides[listed]), first[:-1] + creased

@@ -90,6 +90,23 @@ def test_a_crease_ends_what_looks_away_and_not_what_goes_on():
     assert (slope == 1.0).all() and (ray[0] >= 16).any()
 
 
+def test_a_surface_that_curves_away_ends_without_a_jump_where_it_is_out_of_sight():
+    """Strips bent by 15 degrees each: those steeper than 60 look past the samples, and no crease says so."""
+    slopes = np.radians(np.arange(0, 90, 15))
+    profile = np.concatenate([[[-3.0, 0.0]], np.cumsum(np.column_stack([np.cos(slopes), -np.sin(slopes)]), axis=0)])
+    s = np.linspace(-2.0, 2.0, 3)
+    x, n = np.array([[a, b, z] for b in s for a, z in profile]), len(profile)
+    facets = np.array(
+        [[i + n * j, i + 1 + n * j, i + 1 + n * (j + 1), i + n * (j + 1)] for j in range(2) for i in range(n - 1)]
+    )
+    end, before = profile[5, 0], 1.0  # of the strip at 60 degrees, which rounding leaves in or out of sight
+    for shift in np.linspace(end - 2.0, end + 1.0, 301):
+        shares, weights, _ = covered(0.5 * SQUARE + [shift, 0.0, profile[5, 1] + 0.3], x, (facets, np.full(len(facets), 4)))
+        assert before - 0.05 < shares @ weights < before + 1e-12
+        before = shares @ weights
+    assert before == 0.0
+
+
 def test_what_lies_outside_a_corner_is_as_far_as_the_farther_edge():
     x, surface = plate()
     shares = [covered(0.3 * SQUARE + [3.0 + a, 3.0 + b, 0.0], x, surface)[0][4] for a, b in ((0.01, 0.02), (-0.1, 0.02))]
