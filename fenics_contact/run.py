@@ -217,7 +217,7 @@ def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdi
             "solver_changes": [words for one in solvers for words in one.fallbacks],
             "factorisations": sum(one.builds for one in solvers),
             "krylov_iterations": sum(one.iterations for one in solvers),
-            "matrix_patterns": system.patterns,
+            "matrix_patterns": system.couplings.patterns,
             "symmetric": system.symmetric,
         },
         "limit_points": limit_points(history),

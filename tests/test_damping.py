@@ -12,6 +12,7 @@ from fenics_contact.assembly.stages import Stages
 from fenics_contact.meshes import box, dome, tool_surfaces
 from fenics_contact.scene.build import build
 from fenics_contact.solvers import control
+from fenics_contact.solvers.augmented import misfit
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -164,7 +165,7 @@ def test_wrong_methods_are_refused():
 def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
     scene, built = blade(penetration=1e-4), []
     monkeypatch.setattr(run, "build", lambda *stated: built.append(build(*stated)) or built[0])
-    record = {"misfit": lambda state: built[0].system.misfit()}
+    record = {"misfit": lambda state: misfit(built[0].system)}
     result = solve(scene, steps=np.arange(1, 6) / 10, damping=True, record=record, progress=False).require()
     assert result.column("damping_work_Nmm").any()
     # deepest point, slip in stick and pressure across a gap, over 1e-4 mm

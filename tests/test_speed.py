@@ -55,7 +55,7 @@ def test_counts_of_the_parity_scene(method):
     assert max(iterations) <= 3  # as in five other codes
     assert solver.builds <= STEPS  # at most one factorisation or hierarchy per step, a third of the tangents
     assert solver.iterations <= 30 * sum(iterations)  # a fresh hierarchy needs about 25 at the tightest tolerance
-    assert system.patterns == 1
+    assert system.couplings.patterns == 1
     assert "baij" in system.matrix.getType()  # insertion by blocks
     assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
 
@@ -68,7 +68,7 @@ def test_counts_of_the_rough_punch():
     assert solver.builds < sum(iterations)
     assert solver.iterations <= 40 * sum(iterations)  # penalties must not show: the parity scene's bound and a third
     assert not solver.fallbacks
-    assert system.patterns == 1
+    assert system.couplings.patterns == 1
     assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
 
 
@@ -98,8 +98,8 @@ def test_counts_of_two_blocks(monkeypatch):
     same_everywhere = system.comm.allreduce(different)  # a rank projects again where only another one's nodes have moved
     assert len(states) * system.comm.size <= same_everywhere + system.comm.size
     assert len(states) <= len(searched) <= len(states) + 1  # the far search is for points without a partner only
-    assert system.patterns <= 1 + STEPS  # at most one per step, not one per tangent
-    assert sum(iterations) > 2 * system.patterns
+    assert system.couplings.patterns <= 1 + STEPS  # at most one per step, not one per tangent
+    assert sum(iterations) > 2 * system.couplings.patterns
     assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
 
 

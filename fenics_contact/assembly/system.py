@@ -9,19 +9,19 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.border import Border
+from fenics_contact.assembly.couplings import Couplings
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import CRUSHED, RIGID_MOTION, Finding
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED, Holds
-from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
-from fenics_contact.assembly.stages import End, Stages
+from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FluidTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Floats, Ints64, Mat, Vec
+from fenics_contact.types import Array, Floats, Vec
 
 TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
 ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
@@ -57,21 +57,22 @@ class System:
         bulk_over_shear: float = 1.0,
         timers: Timers | None = None,
     ) -> None:
-        self.state, self.terms, self.supports, self.tools = state, terms, supports, tools
+        self.state, self.terms, self.supports, self.tools, self.stages = state, terms, supports, tools, tools.stages
         self.set_loads, self.check, self.contacts = set_loads, check, contacts
         self.holds = holds or Holds(state.u.function_space.mesh.comm, [], supports, [])
         self.bodies = self.holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
+        self.augmented = [contact for contact in contacts if contact.tolerance is not None]  # those with multipliers
         self.grounding, self.damping, self.bulk_over_shear = grounding, damping, bulk_over_shear
+        self.springs: list[SpringTerm] = [term for term in (grounding, damping) if term is not None]
+        self.stabilised = grounding is not None and grounding.always  # has the user asked for springs in every step?
         self.timers = timers or Timers()
         self.space = state.u.function_space
         self.comm = lasting(self.space.mesh.comm)
         self.symmetric = all(term.symmetric for term in terms)
         self.condensed = any(term.condensed for term in terms)
-        self._pattern = MatrixPattern(terms[0].tangent_form, self.space)
-        self._couplings: list[Ints64] = [np.empty(0, dtype=np.int64)] * len(terms)
-        self.matrix = self._new_matrix()
-        self.patterns = 1  # matrices made so far
+        self.couplings = Couplings(terms, self.space)
+        self.matrix = self.couplings.matrix()
         self.vector = compat.petsc_vector(state.u)
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
@@ -91,14 +92,6 @@ class System:
         self.settles = bool(contacts) and all(c.unknowns.settles for c in contacts)  # do these say who is in contact?
         if grounding:
             grounding.bind(self)
-
-    def _new_matrix(self) -> Mat:
-        matrix = self._pattern.matrix(np.concatenate(self._couplings))
-        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
-        if self.symmetric:
-            matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        return matrix
 
     # -- steps ----------------------------------------------------------------------------------------------------
     def _snapshot(self) -> Accepted:
@@ -202,11 +195,6 @@ class System:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
         return max((contact.hold_sights(self.state) for contact in self.contacts), default=False)
 
-    @property
-    def stages(self) -> Stages:
-        """The stages of the run, of which one is on."""
-        return self.tools.stages
-
     def ending(self) -> End:
         """How the stage that is on would end at the committed state; the force on a tool that is moved is what it takes to
         hold it. Collective."""
@@ -222,20 +210,6 @@ class System:
         self.state.poses.begin(self.state.q)
         self.set_loads(self.state.t)
         self.accepted = [self._committed]
-
-    @property
-    def augmented(self) -> list[ContactTerm]:
-        """The contacts with multipliers."""
-        return [contact for contact in self.contacts if contact.tolerance is not None]
-
-    def misfit(self) -> float:
-        """Largest error of the augmented terms over their tolerances. Collective."""
-        return max(self.comm.allgather(max(contact.multipliers.misfit(self.state) for contact in self.augmented)))
-
-    def augment(self, pressure: float = 1.0, friction: float = 1.0) -> None:
-        """Let multipliers take over shares of what penalties carry, until the next rollback or commit."""
-        for contact in self.augmented:
-            contact.take(contact.multipliers.augmented(self.state, pressure, friction))
 
     @property
     def committed(self) -> tuple[Floats, Floats]:
@@ -288,16 +262,6 @@ class System:
         for term in self.terms:
             found = found or term.objection(self.state)
         return found or self.adrift()
-
-    @property
-    def springs(self) -> list[SpringTerm]:
-        """The terms of springs that the scene has: stabilisation, damping."""
-        return [term for term in (self.grounding, self.damping) if term is not None]
-
-    @property
-    def stabilised(self) -> bool:
-        """Whether the user has asked for springs in every step."""
-        return self.grounding is not None and self.grounding.always
 
     def loose(self) -> set[int]:
         """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
@@ -355,7 +319,7 @@ class System:
         trials: {contact: what it is evaluated with in the place of its own trial}.
         """
         with self.timers("insertion"):
-            self._provide_couplings()
+            self.matrix = self.couplings.cleared(self.matrix, self.state)
         if self.border is not None:
             self.border.clear()
         for term in self.terms if terms is None else terms:
@@ -377,19 +341,6 @@ class System:
         forces, state = np.zeros_like(self.state.u.x.array), self.state
         self.supports.put_forces(forces, self.reactions)
         self.supports.ties.extend(border, self.matrix, state.poses, state.q, self.tools.free, forces)
-
-    def _provide_couplings(self) -> None:
-        """Clear the matrix; where a term asks for other couplings, on any rank, put a new one in its place."""
-        changed = False
-        for i, term in enumerate(self.terms):
-            keys = term.couplings(self.state)
-            if keys is not None:
-                self._couplings[i], changed = keys, True
-        if self.comm.allreduce(int(changed)):
-            self.matrix = self._new_matrix()
-            self.patterns += 1
-        elif self.matrix.assembled:
-            self.matrix.zeroEntries()
 
     def border_vector(self, values: Floats) -> Vec:
         """Local array of a border row or column (owned and ghost dofs) -> PETSc vector summed over ranks."""

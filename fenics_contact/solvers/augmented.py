@@ -62,7 +62,7 @@ class Augmented(Generic[Goal, Report]):
         step = system.committed_t, system.state.t
         patience = BRIEF if step == self._spent else STALLED
         while True:
-            report.misfits.append(system.misfit())
+            report.misfits.append(misfit(system))
             if report.misfits[-1] <= 1.0:
                 report.unkept |= {term.name: "" for term in system.augmented}
                 return report
@@ -91,13 +91,14 @@ class Augmented(Generic[Goal, Report]):
         """Augment and solve again; in part, from the same place, where that fails. Returns the shares to try next time: what
         has failed once is not tried again, some friction always is."""
         place = _Place(system, report)
-        for i, shares in enumerate(tries):
-            system.augment(*shares)
+        for i, (pressure, friction) in enumerate(tries):
+            for contact in system.augmented:
+                contact.take(contact.multipliers.augmented(system.state, pressure, friction))
             try:
                 report.add(self.stepper.settle(system, goal))
-                return tries[i:] if shares[1] else tries
+                return tries[i:] if friction else tries
             except StepFailed as failure:
-                if shares == tries[-1] or failure.finding.kind in NO_HELP:
+                if i == len(tries) - 1 or failure.finding.kind in NO_HELP:
                     raise
                 place.take(system)
         raise ValueError("no share of the multipliers is to be tried")
@@ -125,16 +126,21 @@ class _Place:
         report.misfits.append(self.misfit)
         report.residuals.append(self.residual)
         for term in system.augmented:
-            misfit = max(system.comm.allgather(term.multipliers.misfit(system.state)))
-            if misfit > 1.0:
+            worst = max(system.comm.allgather(term.multipliers.misfit(system.state)))
+            if worst > 1.0:
                 left = (
-                    f"off by {misfit * term.tolerance:.3g}, in depth or by slip in stick, and may be by {term.tolerance:.3g}"
+                    f"off by {worst * term.tolerance:.3g}, in depth or by slip in stick, and may be by {term.tolerance:.3g}"
                 )
                 remedy = "take fewer points= per facet, raise its penalty=, or allow more"
                 report.unkept[term.name] = f"penetration= is not kept, a point is {left} ({failure}); {remedy}"
             else:
                 report.unkept[term.name] = ""
         return report
+
+
+def misfit(system: System) -> float:
+    """Largest error of the contacts with multipliers over their tolerances. Collective."""
+    return max(system.comm.allgather(max(contact.multipliers.misfit(system.state) for contact in system.augmented)))
 
 
 def _stalled(misfits: list[float], patience: int) -> bool:

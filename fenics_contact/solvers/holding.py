@@ -38,7 +38,7 @@ def supported(system: System) -> Mat:
     """Copy of the tangent in which supports hold as stiffly as the stiffest node."""
     matrix, change = system.matrix.copy(), system.supports.change
     largest = matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
-    matrix = system.supports.eliminated(matrix, largest, system.patterns)
+    matrix = system.supports.eliminated(matrix, largest, system.couplings.patterns)
     return matrix if change is None else change.changed_back(matrix)
 
 

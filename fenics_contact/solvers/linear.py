@@ -162,7 +162,7 @@ class LinearSolver:
         along, size, motion = 0.0, 1.0, motion.copy()
         for _ in range(INVERSE):
             out = motion.duplicate()
-            if self._solver.solve(self._matrix, self.system.patterns, motion, out, ROUGHLY) < 0:
+            if self._solver.solve(self._matrix, self.system.couplings.patterns, motion, out, ROUGHLY) < 0:
                 return False
             along, size = out.dot(motion), out.norm()
             motion = out
@@ -219,7 +219,7 @@ class LinearSolver:
             rhs.axpy(-1.0, force)
             system.supports.put_forces(rhs.array_w, 0.0)
         if not again:
-            self._matrix = system.supports.eliminated(system.matrix, self._pivot, system.patterns)
+            self._matrix = system.supports.eliminated(system.matrix, self._pivot, system.couplings.patterns)
 
     def _response(self, forces: Floats) -> Vec:
         """du/dq of one free component of a tool: K^-1 (-C), from its column -C as a local array."""
@@ -234,12 +234,12 @@ class LinearSolver:
         change = system.supports.change
         if change is not None:
             change.to_own_forces(rhs)
-        reason = solver.solve(self._matrix, system.patterns, rhs, out, self._tolerance)
+        reason = solver.solve(self._matrix, system.couplings.patterns, rhs, out, self._tolerance)
         if reason < 0 and self.method == "iterative" and not self._forced:
             self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
             solver.use("direct")
             solver.choice = None
-            reason = solver.solve(self._matrix, system.patterns, rhs, out, self._tolerance)
+            reason = solver.solve(self._matrix, system.couplings.patterns, rhs, out, self._tolerance)
         if reason < 0:
             raise LinearFailure(*self._cause(reason))
         if change is not None:
