@@ -12,7 +12,8 @@ from tqdm import tqdm
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
 from fenics_contact.assembly.finding import ERROR, Finding
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.contact.tools import Tool
 from fenics_contact.options import Steps, checkpoint_steps, stated_stages
@@ -144,7 +145,7 @@ def solve(
     summary["energy"] = energy_summary(kept.history, scene.units, along_slave)
     kept.remark(kept.results.notes())
     taken = len(kept.history)
-    unknown = taken * TOLERANCE * system.scale * system.moved
+    unknown = taken * TOLERANCE * system.scales.balance * system.scales.moved
     kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps) if verdict.converged else [])
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:

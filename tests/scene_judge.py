@@ -71,7 +71,7 @@ class Probe:
         outside = sum((forces[c.name] for c in system.contacts if c.partner.grounded), np.zeros(3))
         sum_of_all = outside + loads + COMM.allreduce(held.reshape(-1, 3).sum(axis=0))
         row = {"t": state.t, "forces": forces, "loads": loads, "left": left, "sum": np.linalg.norm(sum_of_all)}
-        row |= {"scale": system.scale, "size": size, "cone": 0.0, "pull": 0.0}
+        row |= {"scale": system.scales.balance, "size": size, "cone": 0.0, "pull": 0.0}
         for contact in system.contacts:
             over, pull = beyond_coulomb(contact, state, NOTHING * self.young)
             row["cone"], row["pull"] = max(row["cone"], over), max(row["pull"], pull)

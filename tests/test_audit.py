@@ -55,7 +55,7 @@ def test_every_block_of_a_right_tangent(result):
     assert any("slip" in name for name in names(audit))
     assert all(1.8 <= block.order <= 2.2 or np.isinf(block.order) for block in audit.blocks), str(audit)
     np.testing.assert_array_equal(result.u.x.array, before)
-    assert result.system.assemble_residual() <= 1e-8 * result.system.force_scale  # areas, friction and history are back
+    assert result.system.assemble_residual() <= 1e-8 * result.system.scales.accepted  # areas, friction and history are back
     assert "order" in str(audit) and "WRONG" not in str(audit)
 
 

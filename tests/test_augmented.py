@@ -261,7 +261,7 @@ def test_a_rollback_takes_multipliers_back():
     system.rollback()
     for name, values in contact.history().items():
         np.testing.assert_array_equal(values, kept[name])
-    assert system.assemble_residual() <= 1e-8 * system.force_scale  # Newton's tolerance
+    assert system.assemble_residual() <= 1e-8 * system.scales.accepted  # Newton's tolerance
 
 
 # -- where multipliers do not get there -------------------------------------------------------------------------------
@@ -283,7 +283,7 @@ def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
     assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
     (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
-    assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
+    assert system.assemble_residual() <= 1e-8 * system.scales.forces  # Newton's tolerance
     system.commit()
 
 
@@ -301,7 +301,7 @@ def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
     (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
-    assert system.assemble_residual() <= 1e-8 * system.forces  # Newton's tolerance
+    assert system.assemble_residual() <= 1e-8 * system.scales.forces  # Newton's tolerance
 
 
 class Stumbling(Newton):

@@ -179,7 +179,7 @@ def test_what_cannot_be_followed_is_not_told_to_be(held):
 @pytest.mark.parametrize("arcs", [True, False])
 def test_an_unsymmetric_tangent_is_weak_evidence(arcs):
     """With friction a determinant that changes its sign is no proof."""
-    system = SimpleNamespace(symmetric=False, force_scale=0.0, state=SimpleNamespace(t=0.5))
+    system = SimpleNamespace(symmetric=False, scales=SimpleNamespace(accepted=0.0), state=SimpleNamespace(t=0.5))
     linear, verdict = SimpleNamespace(builds=0, negative=0), Verdict()
     watch = PivotWatch(system, linear, verdict, lambda *_: None, arcs)
     for negative in (0, 1):

@@ -290,7 +290,7 @@ def test_rollback_restores_the_accepted_state(mesh):
     system.rollback()
     np.testing.assert_array_equal(system.state.u.x.array, accepted)
     assert system.state.t == system.committed_t == 0.6
-    assert system.assemble_residual() <= 1e-8 * system.force_scale  # Newton's tolerance: loads and history are back too
+    assert system.assemble_residual() <= 1e-8 * system.scales.accepted  # Newton's tolerance: loads and history are back too
 
 
 @pytest.mark.parallel

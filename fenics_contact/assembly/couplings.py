@@ -1,6 +1,5 @@
 """What terms couple on top of the bodies' own cells, and the matrices that have room for it."""
 
-
 import numpy as np
 from petsc4py import PETSc
 

@@ -62,7 +62,7 @@ class Grounding(SpringTerm):
     def pull(self, state: State) -> float:
         """Pull of the springs over what is allowed, a share of the largest force or round-off. Collective."""
         force, _ = self.spent(state)
-        allowed = max(ALLOWED * max(self._system.forces, self._system.force_scale), self._system.noise)
+        allowed = max(ALLOWED * self._system.scales.largest, self._system.scales.noise)
         pull = force / allowed if allowed > 0.0 else 0.0
         self._before, self._pull = self._pull, pull
         return pull

@@ -46,7 +46,7 @@ class Memory:
             "before/q": np.array([q for _, q, _ in before]),
             "before/t": np.array([t for _, _, t in before]),
         }
-        out |= {"force_scale": system.force_scale, "stiffness": system.stiffness}
+        out |= {"force_scale": system.scales.accepted, "stiffness": system.scales.stiffness}
         out |= {f"most/{term.name}": np.array(list(term.most.values())) for term in system.springs}
         return out if comm.rank == 0 else None
 
@@ -65,7 +65,8 @@ class Memory:
         names = ("counted", "turns", "q", "t", "force_scale", "stiffness", "before/q", "before/t")
         counted, turns, *rest = comm.bcast(arrays and [arrays[name] for name in names])
         system.state.poses.resume(counted, turns)
-        q, t, system.force_scale, system.stiffness, *before = rest
+        q, t, largest, stiffness, *before = rest
+        system.scales.resume(largest, stiffness)
         for term in system.springs:
             term.recall(comm.bcast(arrays and arrays[f"most/{term.name}"].tolist()))
         places = [self._nodal(arrays, f"before/{i}/u").ravel() for i in range(len(before[1]))]
@@ -96,7 +97,7 @@ class Memory:
                 values = None
             kept.append(own if values is None else values)
             left += [term.name] if values is None and term in system.contacts else []
-        system.force_scale, system.stiffness = comm.bcast(arrays and [arrays["force_scale"], arrays["stiffness"]])
+        system.scales.resume(*comm.bcast(arrays and [arrays["force_scale"], arrays["stiffness"]]))
         system.resume(q, 0.0, kept)
         return left
 

@@ -15,6 +15,7 @@ from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, las
 from fenics_contact.assembly.finding import CRUSHED, RIGID_MOTION, Finding
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED, Holds
+from fenics_contact.assembly.scales import TOLERANCE, Scales
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End
@@ -22,9 +23,6 @@ from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FluidTerm, FormTerm, State, Term
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Vec
-
-TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
-ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
 
 Terms = tuple[FormTerm, *tuple[Term, ...]]  # the solid first
 Accepted = tuple[Floats, Floats, float]  # displacement (local array) and tools' coordinates (tools, 6) [length], t
@@ -77,12 +75,8 @@ class System:
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual: Floats = np.zeros((len(tools), 6))
-        self.forces = 0.0  # largest norm of a single term, reactions included, at the state assembled last
-        self.force_scale = 0.0  # largest force norm seen in an accepted state
-        self.stiffness = 0.0  # largest diagonal entry of any tangent [force/length]
-        self._accepted_stiffness = 0.0
         self.extent = bodies_size(self.space)
-        self.reach = max(self.extent, reach)
+        self.scales = Scales(self.vector, max(self.extent, reach))
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self._committed = self._snapshot()
         self.accepted = [self._committed]  # (u local array, q, t) of the last three accepted states
@@ -117,8 +111,8 @@ class System:
         for term in self.terms:
             term.commit(self.state)
         self.state.poses.accept(self.state.q)
-        self.force_scale = max(self.force_scale, self.forces)
-        self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
+        self.scales.commit()
+        self._committed = self._snapshot()
         self.accepted = [*self.accepted[-2:], self._committed]
 
     def rollback(self) -> None:
@@ -126,7 +120,7 @@ class System:
         self.release()
         for term in self.terms:
             term.rollback()
-        self.stiffness = self._accepted_stiffness  # that of an iterate gone astray must not loosen what counts as balance
+        self.scales.rollback()
         self.state.u.x.array[:], self.state.q[:], self.state.t = self._committed
         self.set_loads(self.state.t)
 
@@ -138,7 +132,7 @@ class System:
         self.set_loads(t)
         for term, values in zip(self.terms, histories, strict=True):
             term.restore(values, self.state)
-        self._committed, self._accepted_stiffness = self._snapshot(), self.stiffness
+        self._committed = self._snapshot()
         self.accepted = [*before, self._committed]
         if self.grounding:
             self.grounding.rollback()
@@ -227,24 +221,6 @@ class System:
             local.set(0.0)
         return vector
 
-    @property
-    def noise(self) -> float:
-        """Out-of-balance force [force] that the last places of the coordinates make: no iteration gets below it."""
-        return float(self.stiffness * ROUNDED * self.reach)
-
-    @property
-    def moved(self) -> float:
-        """The largest displacement of a node along an axis [length]. Collective."""
-        return float(self.vector.norm(PETSc.NormType.NORM_INFINITY))
-
-    @property
-    def scale(self) -> float:
-        """What out-of-balance forces are compared with [force]: the largest force of any term, now or before.
-
-        A body that moves without strain has no other scale than rounding.
-        """
-        return max(self.forces, self.force_scale, 1e-4 * self.stiffness * self.moved, self.noise / TOLERANCE)
-
     def update(self, du: Vec, dq: Floats, share: float = 1.0) -> None:
         """Add a PETSc increment (owned part) and one of the tools' coordinates to the state.
 
@@ -268,7 +244,7 @@ class System:
         if not self.holds.reliant:
             return set()
         # a force that an unbalanced one may be as large as holds nothing
-        least = max(ALLOWED * max(self.forces, self.force_scale), TOLERANCE * self.scale)
+        least = max(ALLOWED * self.scales.largest, TOLERANCE * self.scales.balance)
         return set(self.holds.loose(lambda contact: contact.forces.holding(self.state, least)))
 
     def adrift(self) -> Finding | None:
@@ -287,13 +263,13 @@ class System:
     def assemble_residual(self, followed: bool = False) -> float:
         """Fill residual_vector (supports' dofs zero) with (23), and tool_residual; returns the out-of-balance norm [force].
 
-        `forces` is then the largest norm of a single term, reactions included: the scale of the residual.
+        `scales.forces` is then the largest norm of a single term, reactions included: the scale of the residual.
         followed: with condensed unknowns where the last tangent's linearisation puts them, see Term.
         """
         total = self.residual_vector
         total.set(0.0)
         tool_residual = np.zeros_like(self.tool_residual)
-        self.forces = 0.0
+        self.scales.forces = 0.0
         for term in self.terms:
             with self.timers("residual"):
                 with self._work.localForm() as local:
@@ -302,7 +278,7 @@ class System:
                     add = term.add_followed_residual if followed else term.add_residual
                     add(self.state, array, tool_residual)
                 sum_to_owners(self._work)
-                self.forces = max(self.forces, self._work.norm())
+                self.scales.forces = max(self.scales.forces, self._work.norm())
                 total.axpy(1.0, self._work)
         with total.localForm() as local:
             self.reactions = self.supports.held_forces(local.array_r)
@@ -330,7 +306,8 @@ class System:
             self._linearised[term] = blocks.at
         with self.timers("insertion"):
             self.matrix.assemble()
-            self.stiffness = max(self.stiffness, self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
+            largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
+            self.scales.stiffness = max(self.scales.stiffness, largest)
             if self.border is not None:
                 if terms is None and self.supports.ties:
                     self._extend_border(self.border)

@@ -8,8 +8,8 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.supports import Supports
-from fenics_contact.assembly.system import ROUNDED
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.findings import Findings
 from fenics_contact.contact.forces import Forces

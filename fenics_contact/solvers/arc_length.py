@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Side
 from fenics_contact.solvers.newton import SHORTEST, _finite_residual, _forcing, balanced, relative_residual
 from fenics_contact.solvers.report import StepReport

@@ -153,9 +153,9 @@ def _forces(system: System, term: Term, trial: Any) -> tuple[Vec, Floats]:
 
 def _rate(system: System, term: Term, trial: Any, du: Floats, dq: Floats) -> tuple[Vec, Floats]:
     """Rate of the forces when the local dofs move by du and the tools by dq, by the term's tangent. Collective."""
-    stiffness = system.stiffness
+    stiffness = system.scales.stiffness
     system.assemble_tangent([term], {term: trial})
-    system.stiffness = stiffness
+    system.scales.stiffness = stiffness
     move, rate = system.new_vector(), system.matrix.createVecLeft()
     move.array[:] = du[: move.getLocalSize()]
     system.matrix.mult(move, rate)

@@ -35,7 +35,7 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
     system.rollback()
     _damping(system).begin(system.state.u.x.array, system.state.q)
     report, moving, share, work = StepReport(), _moving(system), FIRST, 0.0
-    before, scale = system.accepted[-1], system.force_scale
+    before, scale = system.accepted[-1], system.scales.accepted
     for _ in range(MOTIONS):
         try:
             moved = _settle(system, moving, goal, share)
@@ -46,7 +46,7 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
             continue
         force, spent = _damping(system).spent(system.state)
         work += spent
-        resting = force <= RESTING * max(system.forces, scale)
+        resting = force <= RESTING * max(system.scales.forces, scale)
         report.add(moved)
         system.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
@@ -102,7 +102,7 @@ def _conclude(system: System, report: StepReport, work: float, before: Accepted,
         f"the state jumped by {way:.3g} with loads and drives held: damping took a work of {work:.3g}, {share:.2g} of that "
         "and the strain energy left; where several states may follow it is the one that slow motion comes to"
     ]
-    system.force_scale = scale
+    system.scales.accepted = scale
     system.accepted.clear()
 
 
@@ -116,7 +116,7 @@ def _damping(system: System) -> Damping:
 def _keep(system: System) -> Kept:
     u, q, t = system.accepted[-1]
     poses = system.state.poses.counted.copy(), system.state.poses.turns.copy()
-    return u.copy(), q.copy(), t, poses, system.force_scale, [term.history() for term in system.terms]
+    return u.copy(), q.copy(), t, poses, system.scales.accepted, [term.history() for term in system.terms]
 
 
 def _restore(system: System, kept: Kept) -> None:
@@ -125,4 +125,4 @@ def _restore(system: System, kept: Kept) -> None:
     system.state.u.x.array[:] = u
     system.state.poses.resume(*poses)
     system.resume(q, t, histories)
-    system.force_scale = scale
+    system.scales.accepted = scale

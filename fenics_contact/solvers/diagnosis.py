@@ -14,7 +14,8 @@ from fenics_contact.assembly.finding import (
     UNKNOWN,
     Finding,
 )
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import MOSTLY, closed, contacts_of, rigid_motion, sliding, turns_freely
 from fenics_contact.solvers.softness import damping, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
@@ -92,7 +93,7 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
 
 def _restless(system: System, goal: float | None) -> Finding | None:
     """A finding if an arc was to start where loads are out of balance: what they do at once is no part of it. Collective."""
-    if goal is not None or len(system.accepted) > 1 or not system.assemble_residual() > TOLERANCE * system.scale:
+    if goal is not None or len(system.accepted) > 1 or not system.assemble_residual() > TOLERANCE * system.scales.balance:
         return None
     text = "at the start loads act on bodies at rest: the path begins where they have given way, and no short arc meets it"
     return Finding(UNKNOWN, text, remedy="let the functions of the loads start from 0")
@@ -102,7 +103,7 @@ def _letting_go(system: System) -> Finding | None:
     """A finding if hardly anything holds a body any more in the accepted state, where something did before. Collective."""
     if len(system.accepted) < 2 or not system.holds.reliant:
         return None
-    loose = system.holds.loose(lambda contact: contact.forces.holding(system.state, FADED * system.force_scale))
+    loose = system.holds.loose(lambda contact: contact.forces.holding(system.state, FADED * system.scales.accepted))
     if not loose:
         return None
     names = ", ".join(system.bodies[i][0] for i in sorted(loose))

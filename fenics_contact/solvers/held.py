@@ -110,7 +110,7 @@ def _springs(system: System) -> Grounding:
 def _loaded(system: System) -> set[int]:
     """Numbers of the reliant bodies on which the loads have a resultant, at the present loads. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
-    if system.stiffness == 0.0:  # no tangent yet, which tells what is round-off
+    if system.scales.stiffness == 0.0:  # no tangent yet, which tells what is round-off
         system.assemble_tangent()
     for term in system.terms:
         if term not in system.contacts:
@@ -120,6 +120,6 @@ def _loaded(system: System) -> set[int]:
     found = set()
     for i in system.holds.reliant:
         load = system.comm.allreduce(forces[system.bodies[i][1]].sum(axis=0))
-        if np.abs(load).max() > max(ALLOWED * largest, system.noise):
+        if np.abs(load).max() > max(ALLOWED * largest, system.scales.noise):
             found.add(i)
     return found

@@ -8,7 +8,8 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding
 from fenics_contact.assembly.holds import ALLOWED
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm, Term
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
 from fenics_contact.solvers.softness import damping
@@ -165,7 +166,7 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     if not rough:
         return None
     grips = {contact: system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough}
-    least = ALLOWED * max(system.forces, system.force_scale)
+    least = ALLOWED * system.scales.largest
     used = [contact for contact, (taken, most) in grips.items() if taken > USED_UP * most > USED_UP * least]
     if not used:
         return None
@@ -205,7 +206,7 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
         return {}
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     grips = [system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough]
-    least = ALLOWED * max(system.forces, system.force_scale)
+    least = ALLOWED * system.scales.largest
     near = [i for i, (taken, most) in enumerate(grips) if taken > NEARLY * most > NEARLY * least]
     if len(near) < 2 or all(any(f"'{rough[i].name}'" in place for place in told) for i in near):
         return {}
@@ -252,7 +253,7 @@ def thrown(system: System) -> Finding | None:
     """A finding of a free tool that no load pushes, and that has lost every contact in this step and gone far: Newton's
     method took it somewhere, where nothing holds it, and any place would be as good. Collective."""
     q = system.accepted[-1][1]
-    least = max(ALLOWED * max(system.forces, system.force_scale), TOLERANCE * system.scale)
+    least = max(ALLOWED * system.scales.largest, TOLERANCE * system.scales.balance)
     loads = system.tools.forces(system.state.t)
     for i, name in enumerate(system.tools.names):
         free = system.tools.free[i] & (np.abs(loads[i]) <= least)

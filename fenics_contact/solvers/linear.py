@@ -6,7 +6,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.finding import MEMORY, MOVES, RIGID_MOTION
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
 from fenics_contact.solvers.softest import Softest
@@ -122,7 +123,7 @@ class LinearSolver:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
         columns = [self._response(-border.columns[c]) for c in free]
         rows = [system.border_vector(border.rows[c]) for c in free]
-        held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.stiffness, self._loose)
+        held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.scales.stiffness, self._loose)
         self._of_border = held.negative(system.symmetric)
         if self._of_border is None:
             self.negative = None
@@ -174,7 +175,7 @@ class LinearSolver:
     ) -> Solution:
         """The pushed tools' share of an increment. What nothing resists and nothing loads stays where it is."""
         moved, unheld = held.solve(right - [row.dot(du) for row in rows])
-        if np.abs(unheld).max(initial=0.0) > max(TOLERANCE * self.system.scale, self.system.noise):
+        if np.abs(unheld).max(initial=0.0) > max(TOLERANCE * self.system.scales.balance, self.system.scales.noise):
             raise self._unheld(free[np.abs(unheld) > 0.3 * np.abs(unheld).max()])
         for amount, column in zip(moved, columns, strict=True):
             du.axpy(amount, column)

@@ -3,7 +3,8 @@
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.cycles import StatusWatch
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Solution
 from fenics_contact.solvers.report import StepReport
@@ -212,10 +213,10 @@ def relative_residual(system: System, followed: bool = False) -> float:
     size = system.assemble_residual(followed)
     if not np.isfinite(size):
         raise StepFailed("an element turned inside out")
-    scale = system.scale
+    scale = system.scales.balance
     return size / scale if scale > 0.0 else size
 
 
 def balanced(system: System, size: float, tolerance: float) -> bool:
     """Whether an out-of-balance share meets the tolerance, or is all rounding."""
-    return size <= tolerance or size * system.scale <= system.noise
+    return size <= tolerance or size * system.scales.balance <= system.scales.noise

@@ -40,7 +40,7 @@ def penalty_error(system: System, linear: LinearSolver) -> dict[str, Any] | None
         nudged = u + side * NUDGE * du, q + side * NUDGE * dq
         values[side] = _at(system, terms, 1.0 + side * NUDGE, *nudged)
     system.assemble_residual()  # the state itself is what the terms remember
-    found, least = {}, max(ALLOWED * max(system.forces, system.force_scale), system.noise)
+    found, least = {}, max(ALLOWED * system.scales.largest, system.scales.noise)
     for term, ahead, behind, here in zip(terms, values[1.0], values[-1.0], values[0.0], strict=True):
         pressure, area = here[1], term.surface.area.ravel()
         to_force, to_pressure = ((a - b) / (2.0 * NUDGE) for a, b in zip(ahead, behind, strict=True))

@@ -15,7 +15,7 @@ class PivotWatch:
 
     def __init__(self, system: System, linear: LinearSolver, verdict: Verdict, on_step: OnStep, arcs: bool) -> None:
         self.system, self.linear, self.verdict, self.on_step, self.arcs = system, linear, verdict, on_step, arcs
-        self.negative = 0 if system.force_scale == 0.0 else None  # not known of a run that is resumed
+        self.negative = 0 if system.scales.accepted == 0.0 else None  # not known of a run that is resumed
         self._builds = linear.builds
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:

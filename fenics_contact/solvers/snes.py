@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.system import TOLERANCE, System
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import relative_residual, solve_once
 from fenics_contact.solvers.report import StepReport
@@ -32,7 +33,7 @@ class Snes:
         solve_once(system, self.linear, du, dq)
         report = StepReport(1, [relative_residual(system)])
         problem = _Problem(system, self.linear, np.zeros_like(du), np.zeros_like(dq))
-        snes = problem.solver(max(self.tolerance * system.scale, system.noise), self.limit)
+        snes = problem.solver(max(self.tolerance * system.scales.balance, system.scales.noise), self.limit)
         x = problem.start()
         try:
             snes.solve(None, x)

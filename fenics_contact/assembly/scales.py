@@ -1,0 +1,59 @@
+"""How large forces are in a run, and what they can be known to: by that a state is judged to be in balance."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact.types import Vec
+
+TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
+ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
+
+
+class Scales:
+    """Forces and stiffness that have been seen.
+
+    displacement: as a PETSc vector; reach: largest length of which gaps are differences [length]. forces: largest norm of a
+    single term, reactions included, at the state assembled last, accepted: in any accepted state [force]; stiffness: largest
+    diagonal entry of any tangent [force/length].
+    """
+
+    def __init__(self, displacement: Vec, reach: float) -> None:
+        self._displacement, self._reach = displacement, reach
+        self.forces = self.accepted = self.stiffness = 0.0
+        self._accepted_stiffness = 0.0
+
+    @property
+    def largest(self) -> float:
+        """The largest force of any term, now or before [force]."""
+        return max(self.forces, self.accepted)
+
+    @property
+    def noise(self) -> float:
+        """Out-of-balance force [force] that the last places of the coordinates make: no iteration gets below it."""
+        return float(self.stiffness * ROUNDED * self._reach)
+
+    @property
+    def moved(self) -> float:
+        """The largest displacement of a node along an axis [length]. Collective."""
+        return float(self._displacement.norm(PETSc.NormType.NORM_INFINITY))
+
+    @property
+    def balance(self) -> float:
+        """What out-of-balance forces are compared with [force]: the largest force. Collective.
+
+        A body that moves without strain has no other scale than rounding.
+        """
+        return max(self.largest, 1e-4 * self.stiffness * self.moved, self.noise / TOLERANCE)
+
+    def commit(self) -> None:
+        """The state is accepted."""
+        self.accepted, self._accepted_stiffness = self.largest, self.stiffness
+
+    def rollback(self) -> None:
+        """Back to the accepted state: the stiffness of an iterate gone astray must not loosen what counts as balance."""
+        self.stiffness = self._accepted_stiffness
+
+    def resume(self, accepted: float, stiffness: float) -> None:
+        """Go on from what another run had at its accepted state."""
+        self.accepted = accepted
+        self.stiffness = self._accepted_stiffness = stiffness
