@@ -117,7 +117,7 @@ def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict,
     watches = {id(plan.solver): PivotWatch(system, plan.solver, verdict, kept, plan.arcs) for plan in plans}
     for plan in plans[stages.index :]:
         if plan.stage is not plans[stages.index].stage:
-            system.next_stage()
+            system.trail.next_stage(system.ending())
             verdict.size = math.inf
         if plan.path:
             plan.path.follow(kept, verdict)

@@ -215,13 +215,13 @@ def test_a_dropped_trial_leaves_no_trace():
         arc = ArcLength(LinearSolver(system), tolerance=1e-11)  # rounding leaves 2e-12 on some partitions
         rate = arc.start(system)
         arc.step(system, Arc(0.1, rate))
-        system.commit()
+        system.trail.commit()
         for length in trials:
             arc.step(system, Arc(length, rate))
             dt = arc.made(system).dt
             if length != trials[-1]:
-                system.rollback()
-        system.commit()
+                system.trail.rollback()
+        system.trail.commit()
         states.append((displacements(system.state.u), system.state.travel.copy(), system.state.t, dt))
     for one, other in zip(*states, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)

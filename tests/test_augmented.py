@@ -253,12 +253,12 @@ def test_a_rollback_takes_multipliers_back():
     system = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
     stepper = Augmented(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
-    system.commit()
+    system.trail.commit()
     kept = {name: values.copy() for name, values in system.contacts[0].history().items()}
     stepper.step(system, 1.0)
     contact = system.contacts[0]
     assert COMM.allreduce(int((contact.trial.history.shift < kept["shift"]).sum())) > 0
-    system.rollback()
+    system.trail.rollback()
     for name, values in contact.history().items():
         np.testing.assert_array_equal(values, kept[name])
     assert system.assemble_residual() <= 1e-8 * system.scales.accepted  # Newton's tolerance
@@ -284,7 +284,7 @@ def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
     (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
     assert system.assemble_residual() <= 1e-8 * system.scales.forces  # Newton's tolerance
-    system.commit()
+    system.trail.commit()
 
 
 def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
@@ -357,7 +357,7 @@ def test_where_no_part_of_it_can_be_solved_the_penalty_has_the_say():
     for t in (1.0, 0.5):
         with pytest.raises(StepFailed, match="stumbled"):
             stepper.step(system, t)
-        system.rollback()
+        system.trail.rollback()
     report = stepper.step(system, 0.25)
     (note,) = report.said
     assert "contact 'c': penetration= is not kept" in note and "stumbled" in note

@@ -173,27 +173,28 @@ def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
 
 
 class Creeping:
-    """A system, and its stepper, that no step carries on, only a jump."""
+    """A system, its trail and stepper, that no step carries on, only a jump."""
 
-    damping, terms, committed_t, stages = True, (), 0.0, Stages(("",), (1.0,), 0)
+    damping, terms, stages = True, (), Stages(("",), (1.0,), 0)
     holds, tools = SimpleNamespace(reliant=[]), SimpleNamespace(free=np.zeros((0, 6), dtype=bool))
 
     def __init__(self, rests):
         self.state, self.rests, self.jumps, self.steps = SimpleNamespace(t=0.0), rests, [], 0
+        self.trail, self.last = self, SimpleNamespace(t=0.0)
 
     def step(self, system, t):
         self.steps += 1
         raise StepFailed("stumbled")
 
     def jump(self, system, goal, stepper):
-        self.jumps.append(goal - self.committed_t)
+        self.jumps.append(goal - self.last.t)
         if not self.rests:
             raise StepFailed("damped motion did not come to rest")
         self.state.t = goal
         return StepReport(residuals=[0.0], work=1.0)
 
     def commit(self):
-        self.committed_t = self.state.t
+        self.last = SimpleNamespace(t=self.state.t)
 
     def rollback(self):
         pass

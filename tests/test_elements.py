@@ -203,10 +203,10 @@ def test_a_step_cut_back_equals_the_small_step():
         s = system()
         stepper = Newton(linear.LinearSolver(s))
         stepper.step(s, 0.2)
-        s.commit()
+        s.trail.commit()
         if give_up:
             stepper.step(s, 1.0)
-            s.rollback()
+            s.trail.rollback()
         report = stepper.step(s, 0.5)
         ends.append((report.residuals, s.state.u.x.array.copy()))
     (direct, u), (again, v) = ends

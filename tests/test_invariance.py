@@ -262,9 +262,9 @@ def final(name, times, lost=None):
     for i, t in enumerate(times):
         if lost and i == len(times) - 2:
             stepper.step(system, lost)
-            system.rollback()
+            system.trail.rollback()
         stepper.step(system, t)
-        system.commit()
+        system.trail.commit()
     slid = [contact.accepted.history.slip_path for contact in system.contacts]
     return system.state.u.x.array.copy(), np.concatenate([path.ravel() for path in slid])
 

@@ -187,7 +187,7 @@ def test_the_state_is_left_as_it_was():
     total = COMM.allreduce(force)
     np.testing.assert_allclose(total[2], result.history[-1]["c_force_z_N"], rtol=1e-9)  # nothing moved but round-off
     assert system.assemble_residual() < 1e-7 * abs(total[2])
-    np.testing.assert_array_equal(system.state.u.x.array, system._committed[0])
+    np.testing.assert_array_equal(system.state.u.x.array, system.trail.last.u)
 
 
 def test_error_of_a_homogeneous_bar():

@@ -183,10 +183,10 @@ def final(times, fails=None, lost=None):
         stepper = Adapted(Stumbling(linear, fails if i == 1 else None))
         if lost and i == 1:
             stepper.step(system, lost)
-            system.rollback()
+            system.trail.rollback()
         report = stepper.step(system, t)
         Verdict().accept(report, system)
-        system.commit()
+        system.trail.commit()
     contact = system.contacts[0]
     return displacements(system.state.u), of_all(contact.key, contact.trial.law.eps_n), report, system
 

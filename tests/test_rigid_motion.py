@@ -392,7 +392,7 @@ def test_the_tangent_carries_along_what_is_tied(to):
     state.q[:] = 0.1 * np.random.default_rng(3).uniform(-1, 1, state.q.shape)
     state.q[0, 2] = 0.1
     ties.place(state.poses, state.q, state.u.x.array)
-    system.commit()
+    system.trail.commit()
     state.q[:] += 0.05 * np.random.default_rng(4).uniform(-1, 1, state.q.shape)
     free = np.ones(len(state.u.x.array))
     free[system.supports.dofs] = 0.0

@@ -47,7 +47,7 @@ def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
     # pressed until t = 0.1, then drawn: at first little, for the block shears before it slides
     for t in [0.05, 0.1, *(0.1 + 0.9 * np.array([1e-4, 1e-3, 4e-3, *np.linspace(0, 1, 91)[1:]]))]:
         stepper.step(system, t)
-        system.commit()
+        system.trail.commit()
         if t < 0.2:
             continue
         pressure, along = contact.forces.split_traction(state)

@@ -88,10 +88,10 @@ def final(softened, stumbles=False):
         stepper.helps = softened
         if stumbles and t == 0.75:
             stepper.step(system, 1.0)
-            system.rollback()
+            system.trail.rollback()
         report = stepper.step(system, t)
         Verdict().accept(report, system)
-        system.commit()
+        system.trail.commit()
     return system, report
 
 
@@ -120,12 +120,12 @@ def test_a_failure_on_the_way_puts_penalties_back():
     system = ball()
     stepper = Softened(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
-    system.commit()
+    system.trail.commit()
     before = [c.trial for c in system.contacts]
     stepper.helps, stepper.rough.limit, stepper.stepper.limit = True, 1, 1
     with pytest.raises(StepFailed):
         stepper.step(system, 1.0)
-    system.rollback()
+    system.trail.rollback()
     assert all(contact.trial is trial for contact, trial in zip(system.contacts, before, strict=True))
 
 
@@ -133,7 +133,7 @@ def test_a_step_that_softer_penalties_fail_in_is_solved_without_them():
     system = ball()
     stepper = Softened(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
-    system.commit()
+    system.trail.commit()
     laws = [c.trial.law for c in system.contacts]
     stepper.helps, stepper.rough.limit = True, 1
     assert stepper.step(system, 1.0).raises == 0

@@ -43,7 +43,7 @@ def carried(system, method, tolerance=1e-8):
     newton = Newton(solver, tolerance=tolerance)
     for i in range(STEPS):
         iterations.append(newton.step(system, (i + 1) / STEPS).iterations)
-        system.commit()
+        system.trail.commit()
     return solver, iterations
 
 

@@ -9,7 +9,7 @@ from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.spring_term import Springs, SpringTerm
 from fenics_contact.assembly.term import State
-from fenics_contact.types import Bools, Floats
+from fenics_contact.types import Array, Bools, Floats
 
 if TYPE_CHECKING:  # it has one of these
     from fenics_contact.assembly.system import System
@@ -57,7 +57,7 @@ class Grounding(SpringTerm):
         if self._pull is not None:
             self._left = self._pull
         self._pull, self.share, self._softest = None, SHARE if self._engaged else 0.0, LEAST * SHARE
-        self.begin(*self._system.committed)
+        self.begin(*self._system.trail.last[:2])
 
     def pull(self, state: State) -> float:
         """Pull of the springs over what is allowed, a share of the largest force or round-off. Collective."""
@@ -79,8 +79,8 @@ class Grounding(SpringTerm):
         if self._before is None or self._pull is None or self.share > self._softest:
             return 0.0
         fading = np.log(self._pull) / np.log(self._before / self._pull) if self._before > self._pull else np.inf
-        gone, way = self._way(state, *self._system.committed), self._way(state, self._reference.x.array, self._q)
-        left = FAR * self._system.extent - gone
+        last, way = self._system.trail.last, self._way(state, self._reference.x.array, self._q)
+        left = FAR * self._system.extent - self._way(state, last.u, last.q)
         return min(fading, left / way if left > 0.0 < way else np.inf)
 
     def _way(self, state: State, u: Floats, q: Floats) -> float:
@@ -104,6 +104,10 @@ class Grounding(SpringTerm):
         self.most = {"steps": self.most["steps"] + 1.0, "energy": energy, "energy_share": share}
         self._pull, self.share, self._softest = None, SHARE, LEAST * SHARE
         self.begin(state.u.x.array, state.q)
+
+    def restore(self, values: dict[str, Array], state: State) -> None:
+        """The springs begin anew at the accepted state."""
+        self.rollback()
 
     def trouble(self, state: State) -> Finding | None:
         if self._left * ALLOWED > 0.1:

@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact.assembly.numbering import gather, node_keys, spread
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
+from fenics_contact.assembly.trail import Accepted
 from fenics_contact.types import Array, Floats, Ints64
 
 COORDINATES = 1e-9  # of the mesh's size: what moving nodes between ranks rounds is 1e-16, another mesh is far from it
@@ -33,8 +34,8 @@ class Memory:
         owned = system.space.dofmap.index_map.size_local
         nodal = {"X": self._X.ravel(), "u": system.state.u.x.array} | {f"field/{k}": v for k, v in (fields or {}).items()}
         out: dict[str, Any] = {}
-        *before, _ = system.accepted
-        nodal |= {f"before/{i}/u": u for i, (u, _, _) in enumerate(before)}
+        before = system.trail.accepted[:-1]
+        nodal |= {f"before/{i}/u": one.u for i, one in enumerate(before)}
         for name, values in nodal.items():
             _put(out, name, gather(comm, self.keys[:owned], values.reshape(-1, 3)[:owned]))
         for term in system.terms:
@@ -42,10 +43,7 @@ class Memory:
                 _put(out, f"{_label(term)}/{name}", gather(comm, term.key, values))
         out |= {"q": system.state.q, "t": system.state.t}
         out |= {"counted": system.state.poses.counted, "turns": system.state.poses.turns}
-        out |= {
-            "before/q": np.array([q for _, q, _ in before]),
-            "before/t": np.array([t for _, _, t in before]),
-        }
+        out |= {"before/q": np.array([one.q for one in before]), "before/t": np.array([one.t for one in before])}
         out |= {"force_scale": system.scales.accepted, "stiffness": system.scales.stiffness}
         out |= {f"most/{term.name}": np.array(list(term.most.values())) for term in system.springs}
         return out if comm.rank == 0 else None
@@ -70,7 +68,8 @@ class Memory:
         for term in system.springs:
             term.recall(comm.bcast(arrays and arrays[f"most/{term.name}"].tolist()))
         places = [self._nodal(arrays, f"before/{i}/u").ravel() for i in range(len(before[1]))]
-        system.resume(q, float(t), kept, list(zip(places, *before, strict=True)))
+        system.trail.resume(q, float(t), kept, [Accepted(*one) for one in zip(places, *before, strict=True)])
+        system.assemble_residual()  # the terms' tractions and the reactions are those of the state
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
 
@@ -98,7 +97,8 @@ class Memory:
             kept.append(own if values is None else values)
             left += [term.name] if values is None and term in system.contacts else []
         system.scales.resume(*comm.bcast(arrays and [arrays["force_scale"], arrays["stiffness"]]))
-        system.resume(q, 0.0, kept)
+        system.trail.resume(q, 0.0, kept)
+        system.assemble_residual()
         return left
 
     def _refuse_other_nodes(self, arrays: Arrays) -> None:

@@ -21,11 +21,11 @@ from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FluidTerm, FormTerm, State, Term
+from fenics_contact.assembly.trail import Accepted, Trail
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Floats, Vec
+from fenics_contact.types import Floats, Vec
 
 Terms = tuple[FormTerm, *tuple[Term, ...]]  # the solid first
-Accepted = tuple[Floats, Floats, float]  # displacement (local array) and tools' coordinates (tools, 6) [length], t
 
 
 class System:
@@ -78,8 +78,7 @@ class System:
         self.extent = bodies_size(self.space)
         self.scales = Scales(self.vector, max(self.extent, reach))
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
-        self._committed = self._snapshot()
-        self.accepted = [self._committed]  # (u local array, q, t) of the last three accepted states
+        self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
         self._foreseeing = [contact for contact in contacts if contact.unknowns.foresees]
         self._linearised: dict[Term, Any] = {}  # where the points of these were at the last tangent
         self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
@@ -88,9 +87,6 @@ class System:
             grounding.bind(self)
 
     # -- steps ----------------------------------------------------------------------------------------------------
-    def _snapshot(self) -> Accepted:
-        return self.state.u.x.array.copy(), self.state.q.copy(), self.state.t
-
     def begin_step(self, t: float) -> tuple[Floats, Floats]:
         """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
         self.state.t = t
@@ -107,37 +103,6 @@ class System:
             values[supports.tied] = u[supports.dofs[supports.tied]]
         return values
 
-    def commit(self) -> None:
-        for term in self.terms:
-            term.commit(self.state)
-        self.state.poses.accept(self.state.q)
-        self.scales.commit()
-        self._committed = self._snapshot()
-        self.accepted = [*self.accepted[-2:], self._committed]
-
-    def rollback(self) -> None:
-        """Return to the last committed state."""
-        self.release()
-        for term in self.terms:
-            term.rollback()
-        self.scales.rollback()
-        self.state.u.x.array[:], self.state.q[:], self.state.t = self._committed
-        self.set_loads(self.state.t)
-
-    def resume(self, q: Floats, t: float, histories: Sequence[dict[str, Array]], before: Sequence[Accepted] = ()) -> None:
-        """Declare the displacement in the state, with these tools' coordinates and t, the committed one, after those of
-        `before`, like `accepted`; histories: of each term, what its `history` gave there."""
-        self.state.q[:] = q
-        self.state.t = t
-        self.set_loads(t)
-        for term, values in zip(self.terms, histories, strict=True):
-            term.restore(values, self.state)
-        self._committed = self._snapshot()
-        self.accepted = [*before, self._committed]
-        if self.grounding:
-            self.grounding.rollback()
-        self.assemble_residual()  # the terms' tractions and the reactions are those of the state
-
     def extrapolate(self, owed: Floats) -> bool:
         """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
 
@@ -147,15 +112,15 @@ class System:
         settled = not self._foreseeing or any(contact.unknowns.settles for contact in self._foreseeing)
         if settled or self.condensed or len(self.tools):
             return False
-        u = self._committed[0]
+        u, _, t = self.trail.last
         for count in (3, 2):
-            step = self._onwards(self.accepted[-count:]) if len(self.accepted) >= count else None
+            step = self._onwards(self.trail.accepted[-count:]) if len(self.trail.accepted) >= count else None
             if step is None or self._strays(self.supports.held(step) - owed, owed):
                 continue
             self.supports.put(step, owed)
             self.state.u.x.array[:] = u + step
             for contact in self._foreseeing:
-                contact.unknowns.hold((self.state.t - self._committed[2]) / (self._committed[2] - self.accepted[-2][2]))
+                contact.unknowns.hold((self.state.t - t) / (t - self.trail.accepted[-2].t))
             if np.isfinite(self.assemble_residual()):
                 return True
             self.release()
@@ -196,23 +161,6 @@ class System:
         stated = self.tools.forces(self.state.t)
         forces = np.where(self.tools.free, stated, self.tool_residual + stated)
         return End(self.state.t, self.state.q.copy(), forces)
-
-    def next_stage(self) -> None:
-        """The stage that is on ends at the committed state, and the next one begins there, rotations too; steps are not
-        extrapolated over the corner. Collective."""
-        self.stages.ends.append(self.ending())
-        self.state.poses.begin(self.state.q)
-        self.set_loads(self.state.t)
-        self.accepted = [self._committed]
-
-    @property
-    def committed(self) -> tuple[Floats, Floats]:
-        """Displacement (local array) and tools' coordinates (tools, 6) of the last accepted state."""
-        return self._committed[:2]
-
-    @property
-    def committed_t(self) -> float:
-        return self._committed[2]
 
     def new_vector(self) -> Vec:
         """A PETSc vector like u, of owned and ghost dofs, zero."""

@@ -158,10 +158,9 @@ class ArcLength:
 
     def made(self, system: System) -> Increment:
         """Increment from the last accepted state to the present one."""
-        u, q = system.committed
-        du = system.new_vector()
-        du.array[:] = (system.state.u.x.array - u)[: du.getLocalSize()]
-        return Increment(du, system.state.q - q, system.state.t - system.committed_t)
+        last, state, du = system.trail.last, system.state, system.new_vector()
+        du.array[:] = (state.u.x.array - last.u)[: du.getLocalSize()]
+        return Increment(du, state.q - last.q, state.t - last.t)
 
     def rate_along(self, system: System) -> Increment:
         """Unit rate of the path at a converged state, pointing the way it was reached."""

@@ -67,7 +67,7 @@ def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
     Each term's forces at x + h d must be F + h K d + O(h^2). Points of a contact that change their status or facet along
     the way have no derivative there and are left out, e.g. half of those that slipped: they rest on Coulomb's cone.
     """
-    system.rollback()
+    system.trail.rollback()
     move = _move(system)
     others = [term for term in system.terms if term not in system.contacts]
     blocks = [_taylor(system, term, term.name, 0, move) for term in others]
@@ -104,7 +104,7 @@ def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> It
         for h in (0.0, *SHARES):
             _displace(system, move, h)
             branches.append(term.parts.branches(system.state, trial))
-        system.rollback()
+        system.trail.rollback()
         same = np.all([(b == branches[0]).all(axis=1) for b in branches], axis=0)
         status = branches[0][:, 0]
         for name, code in term.parts.laws(frictionless).items():
@@ -113,13 +113,13 @@ def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> It
 
 def _displace(system: System, move: tuple[Floats, Floats], share: float) -> None:
     """The accepted state moved by share of a motion."""
-    system.rollback()
+    system.trail.rollback()
     system.state.u.x.array[:] += share * move[0]
     system.state.q[:] += share * move[1]
 
 
 def _taylor(system: System, term: Term, name: str, points: int, move: tuple[Floats, Floats], trial: Any = None) -> Block:
-    system.rollback()
+    system.trail.rollback()
     force, tool_force = _forces(system, term, trial)
     linear, tool_linear = _rate(system, term, trial, *move)
     size = _norm(linear, tool_linear)
@@ -130,7 +130,7 @@ def _taylor(system: System, term: Term, name: str, points: int, move: tuple[Floa
         there.axpy(-1.0, force)
         there.axpy(-h, linear)
         remainders.append(_norm(there, tool_there - tool_force - h * tool_linear))
-    system.rollback()
+    system.trail.rollback()
     shares = np.array(remainders) / size if size > 0.0 else np.sign(remainders)
     known = shares[shares > ROUNDING]
     order = np.inf if len(known) < 2 else float(np.log(known[-2] / known[-1]) / np.log(SHARES[0] / SHARES[1]))

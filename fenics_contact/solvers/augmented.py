@@ -59,7 +59,7 @@ class Augmented(Generic[Goal, Report]):
 
     def _augment(self, system: System, goal: Goal, report: Report) -> Report:
         best, tries = None, SHARES
-        step = system.committed_t, system.state.t
+        step = system.trail.last.t, system.state.t
         patience = BRIEF if step == self._spent else STALLED
         while True:
             report.misfits.append(misfit(system))
@@ -82,7 +82,7 @@ class Augmented(Generic[Goal, Report]):
                     report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
                 start, count = self._failed
-                self._failed = system.committed_t, count + 1 if start == system.committed_t else 1
+                self._failed = system.trail.last.t, count + 1 if start == system.trail.last.t else 1
                 if best is None or self._failed[1] < PATIENCE or failure.finding.kind in NO_HELP:
                     raise
                 return best.accept(system, report, failure)
@@ -187,7 +187,7 @@ class Adapted(Generic[Goal, Report]):
             try:
                 report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
-                system.rollback()
+                system.trail.rollback()
                 report.notes.append(f"not solved with them ({failure}): penalties stay in this step")
                 report.add(self._adapt(system, goal, solve, (*forgone, *raised)))
                 return report

@@ -219,7 +219,7 @@ class Path:
 
     def _back(self) -> None:
         """To the accepted state, tangent included: a term may predict from its last tangent."""
-        self.system.rollback()
+        self.system.trail.rollback()
         self.system.assemble_tangent()
 
     def _step(self, length: float, rate: Increment) -> tuple[Arrival, str | None]:
@@ -246,7 +246,7 @@ class Path:
 
     def _accept(self, arrival: Arrival, leg: Leg, reached: str | None) -> None:
         """Commit the arrival; direction and length of the next step follow from it."""
-        self.system.commit()
+        self.system.trail.commit()
         # a located limit point lies a hair before or behind the extremum: its own sign says nothing
         self.slope = self._onward if arrival.report.limit_point else arrival.rate.dt
         self._look(arrival)

@@ -53,10 +53,10 @@ def run(
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     for target in times:
         restless = 0
-        while target - system.committed_t > 1e-12:
+        while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
-            goal = _goal(system.committed_t, target, verdict.size)
-            size = goal - system.committed_t
+            goal = _goal(system.trail.last.t, target, verdict.size)
+            size = goal - system.trail.last.t
             report: StepReport | None
             try:
                 report = _attempt(system, stepper, goal)
@@ -70,13 +70,13 @@ def run(
                     verdict.stop(diagnose(system, failure, goal), goal)
                     return verdict
                 if report is None:
-                    system.rollback()
+                    system.trail.rollback()
                     verdict.cut(failure, f"step to t = {goal:.6g}")
                     verdict.size = size / 2
                     continue
             else:
                 within = sooner
-            system.commit()
+            system.trail.commit()
             if report.work > 0.0:
                 verdict.size = within
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from fenics_contact.assembly.damping import Damping
-from fenics_contact.assembly.system import Accepted, System
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -32,10 +33,10 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
     Collective.
     """
     kept = _keep(system)
-    system.rollback()
+    system.trail.rollback()
     _damping(system).begin(system.state.u.x.array, system.state.q)
     report, moving, share, work = StepReport(), _moving(system), FIRST, 0.0
-    before, scale = system.accepted[-1], system.scales.accepted
+    before, scale = system.trail.last, system.scales.accepted
     for _ in range(MOTIONS):
         try:
             moved = _settle(system, moving, goal, share)
@@ -48,7 +49,7 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
         work += spent
         resting = force <= RESTING * max(system.scales.forces, scale)
         report.add(moved)
-        system.commit()
+        system.trail.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
         if resting and (last := _at_rest(system, stepper, goal)):
             report.add(last)
@@ -72,7 +73,7 @@ def _settle(system: System, stepper: Stepper, goal: float, share: float) -> Step
         if wrong := system.objection():
             raise StepFailed.of(wrong)
     except StepFailed:
-        system.rollback()
+        system.trail.rollback()
         raise
     return report
 
@@ -103,7 +104,7 @@ def _conclude(system: System, report: StepReport, work: float, before: Accepted,
         "and the strain energy left; where several states may follow it is the one that slow motion comes to"
     ]
     system.scales.accepted = scale
-    system.accepted.clear()
+    system.trail.accepted.clear()
 
 
 def _damping(system: System) -> Damping:
@@ -114,7 +115,7 @@ def _damping(system: System) -> Damping:
 
 
 def _keep(system: System) -> Kept:
-    u, q, t = system.accepted[-1]
+    u, q, t = system.trail.last
     poses = system.state.poses.counted.copy(), system.state.poses.turns.copy()
     return u.copy(), q.copy(), t, poses, system.scales.accepted, [term.history() for term in system.terms]
 
@@ -124,5 +125,6 @@ def _restore(system: System, kept: Kept) -> None:
     _damping(system).share = 0.0
     system.state.u.x.array[:] = u
     system.state.poses.resume(*poses)
-    system.resume(q, t, histories)
+    system.trail.resume(q, t, histories)
+    system.assemble_residual()
     system.scales.accepted = scale

@@ -36,7 +36,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     """
     known = failure.finding
     inverted = system.check()
-    system.rollback()
+    system.trail.rollback()
     if known.kind in CERTAIN:
         return known
     if worst := system.check(CRUSHING):  # whatever failed last
@@ -63,7 +63,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         found = _restless(system, goal) or _letting_go(system) or sliding(system, MOSTLY)
         return found or _unexplained(system, known, inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
-        if goal is None or goal - system.committed_t > LONG:
+        if goal is None or goal - system.trail.last.t > LONG:
             return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
         # more steps would not be shorter ones; a force near the most that contacts can take may have no balance ahead
         ways = [*damping(system), *_moved_instead(system), known.remedy]
@@ -84,7 +84,7 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
     reason = known.reason
     if inverted:
         reason = f"on its way to balance {inverted.reason}, which the path itself does not ask for"
-    if goal is not None and goal - system.committed_t > LONG:
+    if goal is not None and goal - system.trail.last.t > LONG:
         remedy = "take more steps, or allow shorter ones (smallest_step=)"
     else:
         remedy = "".join(damping(system))
@@ -93,7 +93,9 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
 
 def _restless(system: System, goal: float | None) -> Finding | None:
     """A finding if an arc was to start where loads are out of balance: what they do at once is no part of it. Collective."""
-    if goal is not None or len(system.accepted) > 1 or not system.assemble_residual() > TOLERANCE * system.scales.balance:
+    if goal is not None or len(system.trail.accepted) > 1:
+        return None
+    if not system.assemble_residual() > TOLERANCE * system.scales.balance:
         return None
     text = "at the start loads act on bodies at rest: the path begins where they have given way, and no short arc meets it"
     return Finding(UNKNOWN, text, remedy="let the functions of the loads start from 0")
@@ -101,7 +103,7 @@ def _restless(system: System, goal: float | None) -> Finding | None:
 
 def _letting_go(system: System) -> Finding | None:
     """A finding if hardly anything holds a body any more in the accepted state, where something did before. Collective."""
-    if len(system.accepted) < 2 or not system.holds.reliant:
+    if len(system.trail.accepted) < 2 or not system.holds.reliant:
         return None
     loose = system.holds.loose(lambda contact: contact.forces.holding(system.state, FADED * system.scales.accepted))
     if not loose:
@@ -114,12 +116,12 @@ def _letting_go(system: System) -> Finding | None:
 
 def _inverts_ahead(system: System, goal: float | None) -> bool:
     """Whether an element is about to turn inside out where the last step, carried on to `goal`, leads. Collective."""
-    if goal is None or len(system.accepted) < 2:
+    if goal is None or len(system.trail.accepted) < 2:
         return True
-    (u, _, t), (u_now, _, t_now) = system.accepted[-2:]
+    (u, _, t), (u_now, _, t_now) = system.trail.accepted[-2:]
     system.state.u.x.array[:] = u_now + (goal - t_now) / (t_now - t) * (u_now - u)
     ahead = system.check(SQUEEZED) is not None
-    system.rollback()
+    system.trail.rollback()
     return ahead
 
 
@@ -127,7 +129,7 @@ def _lifted(system: System, goal: float | None) -> Finding | None:
     """A finding if a tool that has been in contact is drawn off by the force that should push it. Collective."""
     if goal is None:
         return None
-    then, before = system.tools.forces(goal), [system.tools.forces(t) for _, _, t in system.accepted]
+    then, before = system.tools.forces(goal), [system.tools.forces(t) for _, _, t in system.trail.accepted]
     for i in np.flatnonzero(system.tools.free.any(axis=1)):
         name, free = system.tools.names[i], system.tools.free[i]
         met = any(contact.trial.history.met.any() for contact in system.contacts if contact.master_name == name)
@@ -142,7 +144,7 @@ def _lifted(system: System, goal: float | None) -> Finding | None:
 def _pressed_apart(system: System) -> Finding | None:
     """A finding if bodies and tools lie inside one another before anything has been loaded: the first step must press them
     apart in one go, which is no small change. Collective."""
-    if len(system.accepted) > 1 or system.vector.norm() > 0.0:
+    if len(system.trail.accepted) > 1 or system.vector.norm() > 0.0:
         return None
     return next((found for contact in system.contacts if (found := contact.findings.drawn_inside(system.state))), None)
 

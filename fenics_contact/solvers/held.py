@@ -73,7 +73,7 @@ class Held:
         loaded = _loaded(system)
         resting, reason = system.loose(), "nothing pressed on it before"
         loose = set() if resting & loaded else resting
-        if not loose or system.committed_t == 0.0:  # before that nothing presses yet, and the first step may change that
+        if not loose or system.trail.last.t == 0.0:  # before that nothing presses yet, and the first step may change that
             try:
                 report = self.stepper.step(system, t)
                 if not (wrong := system.adrift()):
@@ -85,7 +85,7 @@ class Held:
             loose, reason = system.loose() | resting, str(failure)
             if failure.finding.kind in NO_HELP or not loose or loose & loaded:
                 raise failure
-        system.rollback()
+        system.trail.rollback()
         springs.engaged = True
         report = self.stepper.step(system, t)
         if not self._said:

@@ -252,7 +252,7 @@ def _reach(system: System, motions: Motions, combined: Floats) -> float:
 def thrown(system: System) -> Finding | None:
     """A finding of a free tool that no load pushes, and that has lost every contact in this step and gone far: Newton's
     method took it somewhere, where nothing holds it, and any place would be as good. Collective."""
-    q = system.accepted[-1][1]
+    q = system.trail.last.q
     least = max(ALLOWED * system.scales.largest, TOLERANCE * system.scales.balance)
     loads = system.tools.forces(system.state.t)
     for i, name in enumerate(system.tools.names):

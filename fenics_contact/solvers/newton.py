@@ -51,7 +51,7 @@ class Newton:
             try:
                 return self._iterate(system, np.zeros_like(du), dq, report)
             except StepFailed:
-                system.rollback()
+                system.trail.rollback()
                 du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, report)
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
@@ -24,9 +25,9 @@ def wandered(system: System, report: StepReport) -> bool:
     """
     if report.augmentations or sum(size > FAR for size in report.residuals) < WANDERING:
         return False
-    if len(system.accepted) < 2:
+    if len(system.trail.accepted) < 2:
         return True
-    (old, old_q, before), (u, q, t) = system.accepted[-2:]
+    (old, old_q, before), (u, q, t) = system.trail.accepted[-2:]
     ratio = (system.state.t - t) / (t - before)
     start, end = _place(system, u, q), _place(system)
     foreseen = _place(system, u + ratio * (u - old), q + ratio * (q - old_q))
@@ -39,7 +40,7 @@ def snapped(system: System, goal: float) -> str | None:
     Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where none of them
     is solved it must be a fold that the path's rate foresees. The system is left at the accepted state.
     """
-    u, q, t = system.accepted[-1]
+    u, q, t = system.trail.last
     newton, start = Newton(LinearSolver(system)), _place(system, u, q)
     low, high, before, blocked = (t, start), (goal, _place(system)), (t, start), False
     total = _distance(system, start, high[1])
@@ -47,7 +48,7 @@ def snapped(system: System, goal: float) -> str | None:
         if _distance(system, low[1], high[1]) <= MOST * total:
             break  # no jump in between has that much of the step's way
         middle = 0.5 * (low[0] + high[0])
-        system.rollback()
+        system.trail.rollback()
         try:
             newton.step(system, middle)
         except StepFailed:
@@ -61,7 +62,7 @@ def snapped(system: System, goal: float) -> str | None:
     gap = _distance(system, low[1], high[1])
     if gap > MOST * total and blocked:
         gap *= _folds(system, newton, before, low, high[0])
-    system.rollback()
+    system.trail.rollback()
     if not gap > MOST * total:
         return None
     largest = max(system.comm.allgather(max(np.abs(b - a).max(initial=0.0) for a, b in zip(low[1], high[1], strict=True))))
@@ -75,12 +76,12 @@ def _folds(system: System, newton: Newton, before: tuple[float, Place], low: tup
     """Whether the path folds back between its state `low` and t = blocked, which no step reaches. Collective."""
     if not low[0] > before[0]:
         return False
-    system.rollback()
+    system.trail.rollback()
     try:
         newton.step(system, low[0])
     except StepFailed:
         return False
-    return fold_ahead(system, [(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
+    return fold_ahead(system, [Accepted(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
 
 
 def _place(system: System, u: Floats | None = None, q: Floats | None = None) -> Place:

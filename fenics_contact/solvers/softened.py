@@ -34,7 +34,7 @@ class Softened:
             except StepFailed as failure:
                 if failure.finding.kind in NO_HELP:
                     raise
-            system.rollback()
+            system.trail.rollback()
             return self.stepper.step(system, t)
         try:
             return self.stepper.step(system, t)
@@ -42,7 +42,7 @@ class Softened:
             if not softer or failure.finding.kind in NO_HELP:
                 raise
             tried = failure
-        system.rollback()
+        system.trail.rollback()
         report = self._step(system, t, softer)
         self.helps = True
         report.notes.append(

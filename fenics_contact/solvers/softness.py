@@ -5,7 +5,8 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, foremost, spot
-from fenics_contact.assembly.system import Accepted, System
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
@@ -139,7 +140,7 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     unloaded = _unloaded_stiffness(system, mode)
     if not abs(now) < FOLDED * unloaded:
         return None
-    step = 0.0 if goal is None else abs(goal - system.committed_t)
+    step = 0.0 if goal is None else abs(goal - system.trail.last.t)
     if step > NEAR:
         return None
     text = "the load path folds back or forks"
@@ -184,7 +185,7 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
                 break
     except StepFailed:
         pass
-    system.rollback()
+    system.trail.rollback()
     return found
 
 
@@ -195,7 +196,7 @@ def damping(system: System) -> list[str]:
 
 def _loaded(system: System) -> bool:
     """Whether forces, and not only supports and tools on their ways, grow with t at the accepted state. Collective."""
-    t = system.committed_t
+    t = system.trail.last.t
     system.begin_step(t + LOAD_PROBE)
     system.assemble_residual()
     change = system.residual_vector.copy()
@@ -213,7 +214,7 @@ def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
     where the tangent is singular. A first step, which has none before it, may have any fold ahead: zero. states: (u,
     q, t) of the last two, by default the accepted ones.
     """
-    states = states or system.accepted
+    states = states or system.trail.accepted
     if len(states) < 2:
         return 0.0
     (u, tools, t), (u_now, tools_now, t_now) = states[-2:]
@@ -237,5 +238,5 @@ def _unloaded_stiffness(system: System, mode: Motion) -> float:
     system.matrix.assemble()
     force = system.matrix.createVecLeft()
     system.matrix.mult(mode.du, force)
-    system.rollback()
+    system.trail.rollback()
     return mode.du.dot(force)

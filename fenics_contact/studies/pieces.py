@@ -69,7 +69,7 @@ def _carried(system: System, timers: Timers, steps: int) -> Row:
     stepper, tangents, start = Newton(linear), 0, time.perf_counter()
     for i in range(steps):
         tangents += stepper.step(system, (i + 1) / steps).iterations
-        system.commit()
+        system.trail.commit()
     wall, spent = time.perf_counter() - start, timers.seconds
     stages = {
         "bulk_s": spent["bulk tangent"] + spent["residual"],
