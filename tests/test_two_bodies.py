@@ -344,9 +344,9 @@ def test_foreseen_gaps_are_linear_in_the_motion(points):
         state.u.x.array[:] = start
         system.assemble_tangent()
         state.u.x.array[:] = start + step * way
-        system.foresee()
+        system.foresight.foresee(system.state)
         foreseen = contact.trial.judged.reshape(contact.surface.points, -1)[:, 0]
-        system.release()
+        system.foresight.release()
         gaps = contact.response(state).gap.ravel()
         errors.append(np.linalg.norm(foreseen - gaps))
     errors = np.array(errors)

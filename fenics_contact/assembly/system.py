@@ -13,6 +13,7 @@ from fenics_contact.assembly.couplings import Couplings
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import CRUSHED, RIGID_MOTION, Finding
+from fenics_contact.assembly.foresight import Foresight
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED, Holds
 from fenics_contact.assembly.scales import TOLERANCE, Scales
@@ -21,7 +22,7 @@ from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.supports import Supports, ToolMotion
 from fenics_contact.assembly.term import ContactTerm, FluidTerm, FormTerm, State, Term
-from fenics_contact.assembly.trail import Accepted, Trail
+from fenics_contact.assembly.trail import Trail
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Vec
 
@@ -79,10 +80,7 @@ class System:
         self.scales = Scales(self.vector, max(self.extent, reach))
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
-        self._foreseeing = [contact for contact in contacts if contact.unknowns.foresees]
-        self._linearised: dict[Term, Any] = {}  # where the points of these were at the last tangent
-        self.foresees = bool(self._foreseeing)  # has a term unknowns of its own that solves carry along?
-        self.settles = bool(contacts) and all(c.unknowns.settles for c in contacts)  # do these say who is in contact?
+        self.foresight = Foresight(contacts)
         if grounding:
             grounding.bind(self)
 
@@ -102,57 +100,6 @@ class System:
             supports.ties.place(state.poses, q, u)
             values[supports.tied] = u[supports.dofs[supports.tied]]
         return values
-
-    def extrapolate(self, owed: Floats) -> bool:
-        """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
-
-        owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where
-        an element would turn inside out, or where no term foresees the kinks of a contact, or one settles them by itself.
-        """
-        settled = not self._foreseeing or any(contact.unknowns.settles for contact in self._foreseeing)
-        if settled or self.condensed or len(self.tools):
-            return False
-        u, _, t = self.trail.last
-        for count in (3, 2):
-            step = self._onwards(self.trail.accepted[-count:]) if len(self.trail.accepted) >= count else None
-            if step is None or self._strays(self.supports.held(step) - owed, owed):
-                continue
-            self.supports.put(step, owed)
-            self.state.u.x.array[:] = u + step
-            for contact in self._foreseeing:
-                contact.unknowns.hold((self.state.t - t) / (t - self.trail.accepted[-2].t))
-            if np.isfinite(self.assemble_residual()):
-                return True
-            self.release()
-            self.state.u.x.array[:] = u
-        return False
-
-    def _onwards(self, states: list[Accepted]) -> Floats:
-        """Displacement from the last of these states to the present t on the polynomial through all of them (Lagrange)."""
-        times = np.array([state[2] for state in states])
-        step = -states[-1][0]
-        for i, (u, _, t) in enumerate(states):
-            others = np.delete(times, i)
-            step = step + np.prod((self.state.t - others) / (t - others)) * u
-        return step
-
-    def _strays(self, gap: Floats, owed: Floats) -> bool:
-        """True where supports would end further from their places than half the way they go. Collective."""
-        left, whole = self.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
-        return bool(left > 0.25 * whole)
-
-    def foresee(self) -> None:
-        """Let the terms take what the last tangent foresees at the state as their own unknowns, until `release`."""
-        for contact in self._foreseeing:
-            contact.unknowns.foresee(self.state, self._linearised[contact])
-
-    def release(self) -> None:
-        for contact in self.contacts:
-            contact.unknowns.release()
-
-    def hold_sights(self) -> bool:
-        """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
-        return max((contact.hold_sights(self.state) for contact in self.contacts), default=False)
 
     def ending(self) -> End:
         """How the stage that is on would end at the committed state; the force on a tool that is moved is what it takes to
@@ -251,7 +198,7 @@ class System:
                 blocks = term.tangent(self.state, (trials or {}).get(term))
             with self.timers("bulk tangent" if blocks.forms else "insertion"):
                 insert(blocks, self.matrix, self.border)
-            self._linearised[term] = blocks.at
+            self.foresight.linearised[term] = blocks.at
         with self.timers("insertion"):
             self.matrix.assemble()
             largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)

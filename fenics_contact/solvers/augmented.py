@@ -113,7 +113,7 @@ class _Place:
         self.misfit, self.residual = report.misfits[-1], report.residuals[-1]
 
     def take(self, system: System) -> None:
-        system.release()
+        system.foresight.release()
         system.begin_step(self.t)
         system.state.u.x.array[:], system.state.q[:] = self.u, self.q
         for contact, trial in self.multipliers:

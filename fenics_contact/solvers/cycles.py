@@ -29,12 +29,12 @@ class StatusWatch:
         """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on."""
         period = self._period()
         if period and residuals[-1] > 0.5 * residuals[-1 - TURNS * period]:
-            if self.system.hold_sights():
+            if self.system.foresight.hold_sights(self.system.state):
                 self._seen.clear()
                 return
             self.blame()
             self._finding = self._cycle(period)
-            shortened = "" if self.system.settles else SHORTENED
+            shortened = "" if self.system.foresight.settles else SHORTENED
             self.notes.append(f"{self._finding.reason} ({self._finding.place}){shortened}")
             self._seen.clear()
 

@@ -46,7 +46,7 @@ class Following:
         except StepFailed as failure:
             if failure.finding.kind in NO_HELP or not springs.stiffen():
                 raise
-        system.release()
+        system.foresight.release()
         system.state.u.x.array[:], system.state.q[:] = place
         return self.stepper.settle(system, t)
 

@@ -6,6 +6,7 @@ from petsc4py import PETSc
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.cycles import StatusWatch
+from fenics_contact.solvers.extrapolation import extrapolate
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Solution
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
@@ -35,7 +36,7 @@ class Newton:
     is a predictor, in which the tangent of the last accepted state carries supports and tools to their new places. While
     the out-of-balance force is large, contact pressures are unknowns beside the displacement: a point is judged open or
     closed, stuck or slipping by the pressure that the last solve foresees and not by a gap that is still wrong
-    (System.foresee; the primal-dual active set of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006, with a penalty).
+    (Foresight; the primal-dual active set of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006, with a penalty).
     tolerance: out-of-balance force over the largest force seen (1e-8: below it the penalty's own error rules by far and
     the last quadratic iteration usually lands near round-off); limit: largest number of tangents.
     """
@@ -47,7 +48,7 @@ class Newton:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         report = StepReport()
         du, dq = system.begin_step(t)
-        if system.extrapolate(du):
+        if extrapolate(system, du):
             try:
                 return self._iterate(system, np.zeros_like(du), dq, report)
             except StepFailed:
@@ -63,30 +64,31 @@ class Newton:
     def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
-        whole, watch = SETTLING if system.foresees else 1, StatusWatch(system, report.notes)
+        foresight, foresees = system.foresight, bool(system.foresight.contacts)
+        whole, watch = SETTLING if foresees else 1, StatusWatch(system, report.notes)
         before, stalled, rises, left = np.inf, 0, 0, 0.0
         owed = du.copy(), dq.copy()
-        patient = bool(system.contacts) and not system.foresees and not system.condensed
+        patient = bool(system.contacts) and not foresees and not system.condensed
         system.assemble_residual()
         for solve in range(1, self.limit + 1):
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before, self.tolerance))
             report.iterations += 1
-            system.release()
+            foresight.release()
             size = _finite_residual(system)
             left = 0.0
-            if system.settles and not np.isfinite(size):
+            if foresight.settles and not np.isfinite(size):
                 size, left = self._upright(system, du, dq)
             if solve == 1 and not np.isfinite(size):
                 raise StepFailed("an element turned inside out")
             allowed = ASTRAY if rises > 0 and not watch.cycling else 0.0
             shorten = size > before and not (solve <= whole and np.isfinite(size)) and size > allowed
-            shorten = shorten and not system.settles
+            shorten = shorten and not foresight.settles
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
             if patient and stalled == PATIENCE:
                 patient, rises = False, RISES
-            if system.foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
+            if foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
                 size = self._correct(system, du, dq, size, report)
             before = size
             if system.condensed:
@@ -96,7 +98,7 @@ class Newton:
                 return report
             watch.look(report.residuals)
             if size > HELD and not shorten:
-                system.foresee()
+                foresight.foresee(system.state)
                 system.assemble_residual()
             owed = left * owed[0], left * owed[1]
             du, dq = owed

@@ -1,0 +1,39 @@
+"""By what all contacts judge their points within a step, beside the present gaps."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from fenics_contact.assembly.term import ContactTerm, State, Term
+
+
+class Foresight:
+    """Contact pressures as unknowns that solves carry along, and sights that are held.
+
+    contacts: those that foresee pressures; settles: do these alone say who is in contact; linearised: {term: where its
+    points were at the last tangent}.
+    """
+
+    def __init__(self, contacts: Sequence[ContactTerm]) -> None:
+        self._all = contacts
+        self.contacts = [contact for contact in contacts if contact.unknowns.foresees]
+        self.settles = bool(contacts) and all(contact.unknowns.settles for contact in contacts)
+        self.linearised: dict[Term, Any] = {}
+
+    def foresee(self, state: State) -> None:
+        """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
+        for contact in self.contacts:
+            contact.unknowns.foresee(state, self.linearised[contact])
+
+    def hold(self, share: float) -> None:
+        """Let them take the pressures of the last accepted state, carried on by `share` of the last change, until then."""
+        for contact in self.contacts:
+            contact.unknowns.hold(share)
+
+    def release(self) -> None:
+        """Let all contacts judge by their gaps again, those too that softer penalties have pressing as before."""
+        for contact in self._all:
+            contact.unknowns.release()
+
+    def hold_sights(self, state: State) -> bool:
+        """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
+        return max((contact.hold_sights(state) for contact in self._all), default=False)
