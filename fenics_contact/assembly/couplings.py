@@ -12,14 +12,14 @@ from fenics_contact.types import Ints64, Mat, Space
 class Couplings:
     """The keys that each term has asked for last, see `Term.couplings`, and matrices with the pattern of them all.
 
-    terms: the first one is the solid, whose cells couple the dofs of the space. patterns: number of matrices made so far.
+    terms: the first one is the solid, whose cells couple the dofs of the space; symmetric: is their tangent so. patterns:
+    number of matrices made so far.
     """
 
-    def __init__(self, terms: tuple[FormTerm, *tuple[Term, ...]], space: Space) -> None:
-        self._terms, self._comm = terms, lasting(space.mesh.comm)
+    def __init__(self, terms: tuple[FormTerm, *tuple[Term, ...]], space: Space, symmetric: bool) -> None:
+        self._terms, self._comm, self._symmetric = terms, lasting(space.mesh.comm), symmetric
         self._pattern = MatrixPattern(terms[0].tangent_form, space)
         self._keys: list[Ints64] = [np.empty(0, dtype=np.int64)] * len(terms)
-        self._symmetric = all(term.symmetric for term in terms)
         self.patterns = 0
 
     def matrix(self) -> Mat:

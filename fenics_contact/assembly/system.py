@@ -7,16 +7,17 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.acceptance import Acceptance
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.couplings import Couplings
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
-from fenics_contact.assembly.finding import CRUSHED, RIGID_MOTION, Finding
+from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.foresight import Foresight
 from fenics_contact.assembly.grounding import Grounding
-from fenics_contact.assembly.holds import ALLOWED, Holds
-from fenics_contact.assembly.scales import TOLERANCE, Scales
+from fenics_contact.assembly.holds import Holds
+from fenics_contact.assembly.scales import Scales
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End
@@ -31,6 +32,10 @@ Terms = tuple[FormTerm, *tuple[Term, ...]]  # the solid first
 
 class System:
     """Sum of terms with supports and tools; the steppers know nothing else.
+
+    A step begins with begin_step; residual, tangent and update take it into balance; where `acceptance` has no objection to
+    the state there, `trail` commits it, and rolls back otherwise. `scales` say what is balance, `foresight` by what contacts
+    judge their points on the way.
 
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
     tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(least=0.0): None, or the Finding
@@ -70,7 +75,7 @@ class System:
         self.comm = lasting(self.space.mesh.comm)
         self.symmetric = all(term.symmetric for term in terms)
         self.condensed = any(term.condensed for term in terms)
-        self.couplings = Couplings(terms, self.space)
+        self.couplings = Couplings(terms, self.space, self.symmetric)
         self.matrix = self.couplings.matrix()
         self.vector = compat.petsc_vector(state.u)
         self.residual_vector, self._work = ghosted_vector(self.space), ghosted_vector(self.space)
@@ -81,10 +86,11 @@ class System:
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
         self.foresight = Foresight(contacts)
+        self.acceptance = Acceptance(state, terms, check, self.holds, self.scales, grounding)
         if grounding:
             grounding.bind(self)
 
-    # -- steps ----------------------------------------------------------------------------------------------------
+    # -- a step -------------------------------------------------------------------------------------------------------
     def begin_step(self, t: float) -> tuple[Floats, Floats]:
         """Set the loads of t; returns the motion still owed: du on the supports' dofs and dq of the moved tools."""
         self.state.t = t
@@ -92,69 +98,6 @@ class System:
         owed = self.places(t) - self.supports.held(self.state.u.x.array)
         return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.q)
 
-    def places(self, t: float) -> Floats:
-        """Displacements [length] of the supports' dofs at t: prescribed ones, and where tools at t carry what is tied."""
-        values, supports, state = self.supports.values(t), self.supports, self.state
-        if supports.ties:
-            q, u = np.where(self.tools.free, state.q, self.tools.prescribed(t)), np.zeros_like(state.u.x.array)
-            supports.ties.place(state.poses, q, u)
-            values[supports.tied] = u[supports.dofs[supports.tied]]
-        return values
-
-    def ending(self) -> End:
-        """How the stage that is on would end at the committed state; the force on a tool that is moved is what it takes to
-        hold it. Collective."""
-        self.assemble_residual()
-        stated = self.tools.forces(self.state.t)
-        forces = np.where(self.tools.free, stated, self.tool_residual + stated)
-        return End(self.state.t, self.state.q.copy(), forces)
-
-    def new_vector(self) -> Vec:
-        """A PETSc vector like u, of owned and ghost dofs, zero."""
-        vector = self.residual_vector.duplicate()
-        with vector.localForm() as local:
-            local.set(0.0)
-        return vector
-
-    def update(self, du: Vec, dq: Floats, share: float = 1.0) -> None:
-        """Add a PETSc increment (owned part) and one of the tools' coordinates to the state.
-
-        share: how much of the last tangent solve's increment the state then holds.
-        """
-        self.vector.axpy(1.0, du)
-        copy_to_ghosts(self.vector)
-        self.state.q += dq
-        self.supports.ties.place(self.state.poses, self.state.q, self.state.u.x.array)
-        self.state.share = share
-
-    def objection(self) -> Finding | None:
-        """None, or the Finding why a state in balance must not be accepted. Collective."""
-        found = self.check(CRUSHED)
-        for term in self.terms:
-            found = found or term.objection(self.state)
-        return found or self.adrift()
-
-    def loose(self) -> set[int]:
-        """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
-        if not self.holds.reliant:
-            return set()
-        # a force that an unbalanced one may be as large as holds nothing
-        least = max(ALLOWED * self.scales.largest, TOLERANCE * self.scales.balance)
-        return set(self.holds.loose(lambda contact: contact.forces.holding(self.state, least)))
-
-    def adrift(self) -> Finding | None:
-        """None, or the Finding that a body has lost what holds it: then any place is in balance, and none is the answer."""
-        if self.grounding is None or self.grounding.engaged or not (loose := self.loose()):
-            return None
-        names = ", ".join(self.bodies[i][0] for i in sorted(loose))
-        remedy = "solve(..., stabilise=True), fix a surface, or end the path before"
-        return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)
-
-    def strain_energy(self) -> float:
-        """Of the bodies at the state, over that at rest [force x length]. Collective."""
-        return self.comm.allreduce(self.terms[0].strain_energy()) - self._at_rest
-
-    # -- evaluation -----------------------------------------------------------------------------------------------
     def assemble_residual(self, followed: bool = False) -> float:
         """Fill residual_vector (supports' dofs zero) with (23), and tool_residual; returns the out-of-balance norm [force].
 
@@ -213,6 +156,46 @@ class System:
         forces, state = np.zeros_like(self.state.u.x.array), self.state
         self.supports.put_forces(forces, self.reactions)
         self.supports.ties.extend(border, self.matrix, state.poses, state.q, self.tools.free, forces)
+
+    def update(self, du: Vec, dq: Floats, share: float = 1.0) -> None:
+        """Add a PETSc increment (owned part) and one of the tools' coordinates to the state.
+
+        share: how much of the last tangent solve's increment the state then holds.
+        """
+        self.vector.axpy(1.0, du)
+        copy_to_ghosts(self.vector)
+        self.state.q += dq
+        self.supports.ties.place(self.state.poses, self.state.q, self.state.u.x.array)
+        self.state.share = share
+
+    # -- what else is asked of the state ------------------------------------------------------------------------------
+    def places(self, t: float) -> Floats:
+        """Displacements [length] of the supports' dofs at t: prescribed ones, and where tools at t carry what is tied."""
+        values, supports, state = self.supports.values(t), self.supports, self.state
+        if supports.ties:
+            q, u = np.where(self.tools.free, state.q, self.tools.prescribed(t)), np.zeros_like(state.u.x.array)
+            supports.ties.place(state.poses, q, u)
+            values[supports.tied] = u[supports.dofs[supports.tied]]
+        return values
+
+    def ending(self) -> End:
+        """How the stage that is on would end at the committed state; the force on a tool that is moved is what it takes to
+        hold it. Collective."""
+        self.assemble_residual()
+        stated = self.tools.forces(self.state.t)
+        forces = np.where(self.tools.free, stated, self.tool_residual + stated)
+        return End(self.state.t, self.state.q.copy(), forces)
+
+    def strain_energy(self) -> float:
+        """Of the bodies at the state, over that at rest [force x length]. Collective."""
+        return self.comm.allreduce(self.terms[0].strain_energy()) - self._at_rest
+
+    def new_vector(self) -> Vec:
+        """A PETSc vector like u, of owned and ghost dofs, zero."""
+        vector = self.residual_vector.duplicate()
+        with vector.localForm() as local:
+            local.set(0.0)
+        return vector
 
     def border_vector(self, values: Floats) -> Vec:
         """Local array of a border row or column (owned and ghost dofs) -> PETSc vector summed over ranks."""

@@ -279,7 +279,7 @@ class Path:
 
     def _arrive(self, length: float, rate: Increment) -> Arrival:
         report = self.stepper.step(self.system, Arc(length, rate))
-        if wrong := self.system.objection():
+        if wrong := self.system.acceptance.objection():
             raise StepFailed.of(wrong)
         arrival = Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system), report)
         report.negative = self._pivots()

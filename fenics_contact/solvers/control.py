@@ -90,7 +90,7 @@ def run(
 def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
     """The report of a step to a state that may be accepted; StepFailed."""
     report = stepper.step(system, goal)
-    if wrong := system.objection() or thrown(system):
+    if wrong := system.acceptance.objection() or thrown(system):
         raise StepFailed.of(wrong)
     if wandered(system, report):
         words = snapped(system, goal)

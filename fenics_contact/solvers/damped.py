@@ -70,7 +70,7 @@ def _settle(system: System, stepper: Stepper, goal: float, share: float) -> Step
     _damping(system).share = share
     try:
         report = stepper.settle(system, goal)
-        if wrong := system.objection():
+        if wrong := system.acceptance.objection():
             raise StepFailed.of(wrong)
     except StepFailed:
         system.trail.rollback()

@@ -71,18 +71,18 @@ class Held:
         springs.engaged = False
         system.begin_step(t)
         loaded = _loaded(system)
-        resting, reason = system.loose(), "nothing pressed on it before"
+        resting, reason = system.acceptance.loose(), "nothing pressed on it before"
         loose = set() if resting & loaded else resting
         if not loose or system.trail.last.t == 0.0:  # before that nothing presses yet, and the first step may change that
             try:
                 report = self.stepper.step(system, t)
-                if not (wrong := system.adrift()):
+                if not (wrong := system.acceptance.adrift()):
                     self._said = False
                     return report
                 failure = StepFailed.of(wrong)
             except StepFailed as tried:
                 failure = tried
-            loose, reason = system.loose() | resting, str(failure)
+            loose, reason = system.acceptance.loose() | resting, str(failure)
             if failure.finding.kind in NO_HELP or not loose or loose & loaded:
                 raise failure
         system.trail.rollback()

@@ -1,0 +1,49 @@
+"""What must be so before a state in balance is accepted."""
+
+from collections.abc import Callable, Sequence
+
+from fenics_contact.assembly.finding import CRUSHED, RIGID_MOTION, Finding
+from fenics_contact.assembly.grounding import Grounding
+from fenics_contact.assembly.holds import ALLOWED, Holds
+from fenics_contact.assembly.scales import TOLERANCE, Scales
+from fenics_contact.assembly.term import State, Term
+
+
+class Acceptance:
+    """Asks the volume ratio, the terms, and what holds the bodies. check, holds, grounding: as System has them."""
+
+    def __init__(
+        self,
+        state: State,
+        terms: Sequence[Term],
+        check: Callable[..., Finding | None],
+        holds: Holds,
+        scales: Scales,
+        grounding: Grounding | None,
+    ) -> None:
+        self._state, self._terms, self._check = state, terms, check
+        self._holds, self._scales, self._grounding = holds, scales, grounding
+
+    def objection(self) -> Finding | None:
+        """None, or the Finding why a state in balance must not be accepted. Collective."""
+        found = self._check(CRUSHED)
+        for term in self._terms:
+            found = found or term.objection(self._state)
+        return found or self.adrift()
+
+    def loose(self) -> set[int]:
+        """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
+        if not self._holds.reliant:
+            return set()
+        # a force that an unbalanced one may be as large as holds nothing
+        least = max(ALLOWED * self._scales.largest, TOLERANCE * self._scales.balance)
+        return set(self._holds.loose(lambda contact: contact.forces.holding(self._state, least)))
+
+    def adrift(self) -> Finding | None:
+        """None, or the Finding that a body has lost what holds it: then any place is in balance, and none is the answer.
+        Collective."""
+        if self._grounding is None or self._grounding.engaged or not (loose := self.loose()):
+            return None
+        names = ", ".join(self._holds.bodies[i][0] for i in sorted(loose))
+        remedy = "solve(..., stabilise=True), fix a surface, or end the path before"
+        return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)
