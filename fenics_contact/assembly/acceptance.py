@@ -13,14 +13,9 @@ class Acceptance:
     """Asks the volume ratio, the terms, and what holds the bodies. check, holds, grounding: as System has them."""
 
     def __init__(
-        self,
-        state: State,
-        terms: Sequence[Term],
-        check: Callable[..., Finding | None],
-        holds: Holds,
-        scales: Scales,
+        self, state: State, terms: Sequence[Term], check: Callable[..., Finding | None], holds: Holds, scales: Scales,
         grounding: Grounding | None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._state, self._terms, self._check = state, terms, check
         self._holds, self._scales, self._grounding = holds, scales, grounding
 

@@ -10,13 +10,13 @@ from fenics_contact import compat
 from fenics_contact.assembly.acceptance import Acceptance
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.border import Border
-from fenics_contact.assembly.couplings import Couplings
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.foresight import Foresight
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
+from fenics_contact.assembly.pattern import Couplings
 from fenics_contact.assembly.scales import Scales
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm

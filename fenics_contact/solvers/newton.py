@@ -1,12 +1,14 @@
 """Steppers from one load parameter to the next: full Newton, and the paper's incremental scheme."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.cycles import StatusWatch
-from fenics_contact.solvers.extrapolation import extrapolate
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Solution
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
@@ -48,7 +50,7 @@ class Newton:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         report = StepReport()
         du, dq = system.begin_step(t)
-        if extrapolate(system, du):
+        if _extrapolate(system, du):
             try:
                 return self._iterate(system, np.zeros_like(du), dq, report)
             except StepFailed:
@@ -146,6 +148,48 @@ class Newton:
         if not np.isfinite(size):
             raise StepFailed("an element turned inside out")
         return size
+
+
+def _extrapolate(system: System, owed: Floats) -> bool:
+    """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
+
+    owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where an
+    element would turn inside out, or where no term foresees the kinks of a contact, or one settles them by itself.
+    Collective.
+    """
+    foresight, accepted, state = system.foresight, system.trail.accepted, system.state
+    settled = not foresight.contacts or any(contact.unknowns.settles for contact in foresight.contacts)
+    if settled or system.condensed or len(system.tools):
+        return False
+    u, _, t = system.trail.last
+    for count in (3, 2):
+        step = _onwards(accepted[-count:], state.t) if len(accepted) >= count else None
+        if step is None or _strays(system, system.supports.held(step) - owed, owed):
+            continue
+        system.supports.put(step, owed)
+        state.u.x.array[:] = u + step
+        foresight.hold((state.t - t) / (t - accepted[-2].t))
+        if np.isfinite(system.assemble_residual()):
+            return True
+        foresight.release()
+        state.u.x.array[:] = u
+    return False
+
+
+def _onwards(states: Sequence[Accepted], t: float) -> Floats:
+    """Displacement from the last of these states to t on the polynomial through all of them (Lagrange)."""
+    times = np.array([state.t for state in states])
+    step = -states[-1].u
+    for i, state in enumerate(states):
+        others = np.delete(times, i)
+        step = step + np.prod((t - others) / (state.t - others)) * state.u
+    return step
+
+
+def _strays(system: System, gap: Floats, owed: Floats) -> bool:
+    """True where supports would end further from their places than half the way they go. Collective."""
+    left, whole = system.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
+    return bool(left > 0.25 * whole)
 
 
 def _move(system: System, du: Vec, dq: Floats, start: float, end: float) -> float:
