@@ -30,7 +30,7 @@ LED = 0.01  # of a contact's force: what more of it acts on prescribed points is
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
-SLID_OFF = 0.5  # of the area that has been in contact: when so much has left the master, that is what ails the contact
+SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
 
 
 def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
@@ -41,11 +41,11 @@ def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None
 
 def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
     """(share of the area that has been in contact and has left the master, in words, place). Collective."""
-    comm = state.u.function_space.mesh.comm
-    area, met = contact.surface.area.ravel(), contact.trial.history.met.ravel()
-    gone = np.where(met, area, 0.0) * contact.places.bare(contact.places.feet(state))
-    whole, left = comm.allreduce(np.array([area[met].sum(), gone.sum()]))
-    lost = left / whole if whole > 0.0 else 0.0
+    comm, h = state.u.function_space.mesh.comm, contact.trial.history
+    bare, area = contact.places.bare(contact.places.feet(state)), np.where(h.met, contact.surface.area, 0.0).ravel()
+    # a tool that is led along a surface leaves more and more of it, and meets as much anew
+    gone, left = area * bare, comm.allreduce((area * (1.0 - bare)).sum())
+    lost = max(1.0 - left / h.faced, 0.0) if h.faced > 0.0 else 0.0
     text = f"{lost:.0%} of the area that was in contact has no partner on '{contact.master_name}' any more"
     return lost, text, worst(contact, comm, gone)[1]
 

@@ -24,7 +24,7 @@ from fenics_contact.contact.unknowns import Unknowns
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Floats, Ints, Ints64
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 
 
 class Contact:
@@ -143,8 +143,14 @@ class Contact:
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]
         met, path = h.met | (response.status != OPEN), h.slip_path + slid
         self.trial = self.accepted = trial.remembering(
-            anchors=kept, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps, feet=feet
-        )
+            anchors=kept, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps, feet=feet,
+            faced=max(h.faced, self._facing(state, feet, met)),
+        )  # fmt: skip
+
+    def _facing(self, state: State, feet: Any, met: Bools) -> float:
+        """Area [length^2] of the points that have been in contact which lies over the master. Collective."""
+        over = self.surface.area.ravel() * (1.0 - self.places.bare(feet))
+        return float(state.u.function_space.mesh.comm.allreduce(over[met.ravel()].sum()))
 
     def take(self, trial: Trial) -> None:
         """Go on with other penalties or multipliers, until the next rollback or commit."""
@@ -181,7 +187,9 @@ class Contact:
         anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
         gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps
         h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
-        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=self.places.feet(state))
+        feet = self.places.feet(state)
+        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet)
+        h = replace(h, faced=self._facing(state, feet, h.met))
         self.trial = self.accepted = self.penalties.with_raised(Trial(self.accepted.law, h, self.surface.area))
 
     # -- what others ask ------------------------------------------------------------------------------------------
