@@ -15,7 +15,7 @@ from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
-from fenics_contact.contact.tools import Tool
+from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Steps, checkpoint_steps, stated_stages
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
@@ -141,7 +141,8 @@ def solve(
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
-    along_slave = [contact.name for contact in scene.contacts if contact.points != "nodes"]
+    met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
+    along_slave = [contact.name for contact in met if contact.points != "nodes"]
     summary["energy"] = energy_summary(kept.history, scene.units, along_slave)
     kept.remark(kept.results.notes())
     taken = len(kept.history)

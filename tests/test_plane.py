@@ -28,7 +28,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, roller, two_blocks
+from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, roller, tool_surfaces, two_blocks
 from fenics_contact.studies.exact import Radial, boussinesq, flamant, under_hertz
 
 RUBBER = neo_hooke(1.0, 10.0)
@@ -551,6 +551,25 @@ def cut_a_line():
     solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1, progress=False).line("top", "x", cut={"y": 1.0})
 
 
+def on_a_curve(flip=False, **options):
+    scene = block(plane="strain", degree=options.pop("degree", 1))
+    lid = {"lid": ((0.0, 1.0), (1.0, 1.0), (2, 2))}
+    scene.contact("box_ymax", rigid_curve(rectangles.build, "lid_ymin", "lid", flip=flip, rectangles=lid), **options)
+    scene.fix("box_ymin")
+    scene.system()
+
+
+def plate_in_the_plane():
+    scene = block(plane="strain")
+    scene.contact("box_ymax", rigid_surface(tool_surfaces.ball, "ball", radius=1.0, centre=(0.5, 2.0, 0.0), size=0.3))
+
+
+def soft_triangles():
+    square = {"box": ((0.0, 0.0), (1.0, 1.0), (2, 2))}
+    mesh = read_gmsh(rectangles.build, rectangles=square, triangles=True)
+    Scene(Body(mesh, "box", neo_hooke(1.0, 10.0)), plane="strain", element="mixed")
+
+
 FLOOR = rigid_plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), name="lid")
 BAD = {
     "nothing said": (block, "plane="),
@@ -577,6 +596,10 @@ BAD = {
     ),
     "body force along z": (lambda: block(plane="strain").body_force((0.0, 0.0, 1.0)), "along z"),
     "spring along z": (lambda: block(plane="strain").spring("box_ymax", 1.0, direction=(0.0, 0.0, 1.0)), "along z"),
+    "curve that faces away": (lambda: on_a_curve(flip=True), "rigid_curve(..., flip=True)"),
+    "nodes on a curve": (lambda: on_a_curve(points="nodes", degree=2), 'met by points="averages"'),
+    "surface in the plane": (plate_in_the_plane, "give rigid_curve"),
+    "triangles that lock": (soft_triangles, "or with quadrilaterals"),
     "curve in space": (lambda: solid_on_a_curve(), "plane scenes"),
     "turned apart": (lambda: met(FLOOR, move_apart=Motion(rz=0.1)), "in no contact"),
     "cut of a line": (cut_a_line, "line itself"),

@@ -49,7 +49,7 @@ def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:
     for form in blocks.forms:
         form.add(matrix)
     if blocks.cells is not None and len(blocks.cells[0]):
-        nodes, values = blocks.cells
+        nodes, values = np.ascontiguousarray(blocks.cells[0]), blocks.cells[1]  # as PETSc asks for them
         matrix.setValuesBlockedLocalRCV(nodes, nodes, values, addv=True)
     if blocks.pairs is not None:
         _insert_pairs(*blocks.pairs, blocks.whole, matrix)

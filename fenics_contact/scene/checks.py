@@ -100,14 +100,16 @@ def refuse_pair(contact: ContactStatement, others: Sequence[ContactStatement], d
             )
         if degree != 1 and points == 1:
             raise SceneError(f"{what}: one point does not hold a facet of degree 2, which has more nodes; use points=2 or 3")
+    if isinstance(master, MeshedTool) and master.is_curve and points != "averages":
+        raise SceneError(f'{what}: a tool of curves is met by points="averages"')
     if isinstance(master, RigidTool) and points == "averages":
         raise SceneError(f"{what}: averages meet facets; an analytic tool is met by nodes or Gauss points")
     if isinstance(master, RigidTool) and points == "corners":
         raise SceneError(f'{what}: an analytic tool has a normal of its own: use points="nodes" or Gauss points')
     if bare_corners and points in ("nodes", "corners"):
         raise SceneError(
-            f'{what}: points="{points}" needs degree=1 here: at degree 2 corners of tetrahedra, and nodes on the axis of an '
-            "axisymmetric scene, have no area of their own; use Gauss points, points=3, which is the default there"
+            f'{what}: points="{points}" needs degree=1 on tetrahedra and in axisymmetric scenes: at degree 2 corners of '
+            "tetrahedra, and nodes on an axis, have no area of their own; use Gauss points, points=3, the default there"
         )
     if isinstance(master, MeshedTool) and degree != 1 and points in ("nodes", "corners"):
         raise SceneError(f"{what}: {points} on a meshed tool need degree=1; use averages, or Gauss points, points=3")
@@ -160,17 +162,20 @@ def refuse_chords(name: str, mesh: Mesh, degree: int) -> None:
 
 
 def refuse_on_plane(contact: ContactStatement, section: Section | None, degree: int) -> None:
-    """Curves of a plane mesh meet curves by averages or, of degree 2, by Gauss points; tools of curves are met by averages
-    alone, and in no other scene."""
+    """Curves of a plane mesh meet curves by averages or, of degree 2, by Gauss points; tools of curves belong there alone,
+    and those of facets to space."""
     if section is None and isinstance(contact.master, MeshedTool) and contact.master.is_curve:
         raise SceneError(
             f"contact '{contact.name}': rigid_curve '{contact.master.name}' belongs to plane scenes; in space give "
             "rigid_surface or rigid_extrusion"
         )
+    if section is not None and isinstance(contact.master, MeshedTool) and not contact.master.is_curve:
+        raise SceneError(
+            f"contact '{contact.name}': rigid_surface '{contact.master.name}' belongs to scenes in space; in a plane one "
+            "give rigid_curve or rigid_extrusion"
+        )
     if section is None or isinstance(contact.master, RigidTool) or contact.points == "averages":
         return
-    if isinstance(contact.master, MeshedTool):
-        raise SceneError(f"contact '{contact.name}': a tool of curves is met by points=\"averages\"")
     if degree == 1:
         raise SceneError(f"contact '{contact.name}': in a plane scene curves of degree 1 are met by points=\"averages\"")
 
@@ -322,10 +327,12 @@ def refuse_behind(system: System) -> None:
     for contact in system.contacts:
         share = contact.places.back_share(system.state)
         if share > 0.5:
+            way = "its facets must be counter-clockwise seen from the body: use rigid_surface(..., flip=True)"
+            if system.space.mesh.topology.dim == 2:
+                way = "the tool must lie on the left of its curve: use rigid_curve(..., flip=True)"
             raise SceneError(
                 f"contact '{contact.name}': the normals of '{contact.master_name}' point away from the slave surface, whose "
-                f"points see its back ({share:.0%} of them); its facets must be counter-clockwise seen from the body: use "
-                "rigid_surface(..., flip=True)"
+                f"points see its back ({share:.0%} of them); {way}"
             )
 
 

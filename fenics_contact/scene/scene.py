@@ -90,10 +90,10 @@ class Scene:
             raise SceneError("all bodies of a scene live in one mesh: give them as named volumes of one gmsh model")
         refuse_volumes(self.mesh, [body.group for body in bodies])
         self.section = section_of(self.mesh, plane, thickness)
-        tetrahedra = compat.cell_name(self.mesh.domain) in ("tetrahedron", "triangle")
+        simplices = {"tetrahedron": "tetrahedra", "triangle": "triangles"}.get(compat.cell_name(self.mesh.domain), "")
         laws = {body.group: body.material for body in bodies}
-        refuse_element(element, degree, tetrahedra, laws, accept_locking)
-        self.notes = locking_notes(degree, tetrahedra, laws)
+        refuse_element(element, degree, simplices, laws, accept_locking)
+        self.notes = locking_notes(degree, simplices, laws)
         self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
         self.contacts: list[ContactStatement] = []
@@ -220,8 +220,8 @@ class Scene:
             return
         if self._bare_corners:
             raise SceneError(
-                f'{what}: where="open" needs degree=1 here: at degree 2 corners of tetrahedra, and nodes on the axis of an '
-                "axisymmetric scene, have no area of their own"
+                f'{what}: where="open" needs degree=1 on tetrahedra and in axisymmetric scenes: at degree 2 corners of '
+                "tetrahedra, and nodes on an axis, have no area of their own"
             )
         if from_ is not None:
             refuse_apart(self.mesh, self.space, facets, self._facets(from_), f"{what}: from_ = '{from_}'")

@@ -38,12 +38,14 @@ LOCKS = 100.0
 # 20 moved sideways 2.9, 9, 19, 38 %; with 6 cells they are 1.5, 7, 15, 28 and 1.8, 5.5, 11, 22 %. Cook's membrane, free to
 # bend, loses 3, 4, 5, 7 % with 16 cells per edge.
 LOCKS_TETRAHEDRA, NOTED_TETRAHEDRA = 5.0, 2.0
+BRICKS = {"tetrahedra": "hexahedra", "triangles": "quadrilaterals"}  # what does not lock in their place
 
 
 def refuse_element(
-    element: str, degree: int, tetrahedra: bool, materials_by_body: Mapping[str, Material], accept_locking: bool
+    element: str, degree: int, simplices: str, materials_by_body: Mapping[str, Material], accept_locking: bool
 ) -> None:
-    """An element must be known, fit its materials, and not lock; a locking one may be asked for."""
+    """An element must be known, fit its materials, and not lock; a locking one may be asked for. simplices: a key of BRICKS
+    where cells are such, else empty."""
     if element not in ELEMENTS:
         raise SceneError(
             f"element '{element}' is not one of {', '.join(ELEMENTS)}; use element='mixed' for rubber with K / mu above "
@@ -55,25 +57,25 @@ def refuse_element(
                 f"element '{element}' needs an energy isochoric(I1, I2) + volumetric(J), but '{material.name}' of body "
                 f"'{body}' is not stated as such a sum; use element='displacement' with degree=2"
             )
-        ratio, limit = _bulk_over_shear(material), LOCKS_TETRAHEDRA if tetrahedra else LOCKS
-        locks = degree == 1 and (element == "displacement" or tetrahedra)
+        ratio, limit = _bulk_over_shear(material), LOCKS_TETRAHEDRA if simplices else LOCKS
+        locks = degree == 1 and (element == "displacement" or bool(simplices))
         if locks and ratio > limit and not accept_locking:
-            cells = "tetrahedra of degree 1 (whatever their pressure)" if tetrahedra else "hexahedra of degree 1"
-            remedy = "element='mixed' with degree=2 or with hexahedra" if tetrahedra else "element='mixed'"
+            cells = f"{simplices} of degree 1 (whatever their pressure)" if simplices else "hexahedra of degree 1"
+            remedy = f"element='mixed' with degree=2 or with {BRICKS[simplices]}" if simplices else "element='mixed'"
             raise SceneError(
                 f"body '{body}' has K / mu = {ratio:.3g}: {cells} with element '{element}' lock above {limit:g}; use "
                 f"{remedy}, or accept_locking=True to see it"
             )
 
 
-def locking_notes(degree: int, tetrahedra: bool, materials_by_body: Mapping[str, Material]) -> list[str]:
-    """What a verdict must say of bodies whose tetrahedra are stiffer than their material by more than about 3 %."""
-    if degree != 1 or not tetrahedra:
+def locking_notes(degree: int, simplices: str, materials_by_body: Mapping[str, Material]) -> list[str]:
+    """What a verdict must say of bodies whose simplices are stiffer than their material by more than about 3 %."""
+    if degree != 1 or not simplices:
         return []
     ratios = {body: _bulk_over_shear(material) for body, material in materials_by_body.items()}
     return [
-        f"body '{body}', K / mu = {ratio:.3g}: its tetrahedra of degree 1 lock, with 4 cells across a bonded part by 3 % at "
-        "K / mu of 2, 10 % at 5, 20 % at 10; element='mixed' with degree=2 does not, nor with hexahedra"
+        f"body '{body}', K / mu = {ratio:.3g}: its {simplices} of degree 1 lock, with 4 cells across a bonded part by 3 % "
+        f"at K / mu of 2, 10 % at 5, 20 % at 10; element='mixed' with degree=2 does not, nor with {BRICKS[simplices]}"
         for body, ratio in ratios.items()
         if ratio > NOTED_TETRAHEDRA
     ]
