@@ -366,6 +366,20 @@ def test_a_picture_goes_as_far_as_the_walls_that_the_bodies_face(plane):
         holds(figure)
 
 
+@pytest.mark.parametrize("cells", [(4, 8), (8, 8)])
+def test_the_shaft_in_a_rings_bore_is_drawn(cells):
+    """The ring ends at its bore and not on the axis, which is its plane of symmetry."""
+    mesh = read_gmsh(rectangles.build, rectangles={"ring": ((1.0, 0.0), (0.5, 1.0), cells)})
+    scene = Scene(Body(mesh, "ring", neo_hooke(mu=1.0, K=5.0)), plane="axisymmetric")
+    scene.fix("ring_ymin", "y")
+    scene.swell("ring", 0.9)
+    scene.contact("ring_xmin", rigid_cylinder(1.0, (0, 0, 0), axis=(0, 1, 0), name="shaft"))
+    drawn = solve(scene, steps=1, progress=False).drawing()
+    if ROOT:
+        assert len(drawn.tools[0]) and "beyond" not in drawn.title
+        assert drawn.tools[0][..., 0].min() < 0.98  # a strip of it, not its outline alone
+
+
 def test_the_band_of_a_field_stays_in_a_thin_body():
     """Of a pad thirty times as long as thick."""
     figure = pad(rigid_cylinder(2.0, (15, 2, 0), (0, 0, 1), name="roll"), "strain", length=30.0, thickness=1.0).plot()

@@ -21,6 +21,7 @@ from fenics_contact.values import SceneError, finite, shown
 FROM_BELOW = 0.1  # sine of the angle below the x-y plane from which on the picture says so
 AROUND = 0.15  # of the bodies' largest length: how far about them tools are drawn
 FAR = 2.5  # of it: how far from them a wall may be that they face, for the picture to go as far
+IN_PLANE = 1e-3  # of it: what ends no farther from a plane of symmetry ends in it
 FACING = 0.5  # cosine of the angle between an axis and the normals of surface and wall from which on they face each other
 
 
@@ -96,8 +97,14 @@ def refuse_limits(limits: Sequence[float] | None) -> None:
 def _open_ends(points: Floats, planes: dict[int, float]) -> list[tuple[int, int]]:
     """(axis, -1 or 1) of the ends of the bodies that do not lie in a plane of symmetry."""
     low, high = points.min(axis=0), points.max(axis=0)
-    at_plane = {axis: -1 if abs(low[axis] - place) < abs(high[axis] - place) else 1 for axis, place in planes.items()}
-    return [(axis, sign) for axis in range(3) for sign in (-1, 1) if at_plane.get(axis) != sign]
+    near = IN_PLANE * float(np.max(high - low))  # a ring does not reach the axis that it is symmetric about
+    closed = {
+        (axis, sign)
+        for axis, place in planes.items()
+        for sign, end in ((-1, low[axis]), (1, high[axis]))
+        if abs(end - place) <= near
+    }
+    return [(axis, sign) for axis in range(3) for sign in (-1, 1) if (axis, sign) not in closed]
 
 
 def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None) -> Neighbourhood:
