@@ -23,7 +23,7 @@ class Acceptance:
         """None, or the Finding why a state in balance must not be accepted. Collective."""
         found = self._check(CRUSHED)
         for term in self._terms:
-            found = found or term.objection(self._state)
+            found = found or term.findings.objection(self._state)
         return found or self.adrift()
 
     def loose(self) -> set[int]:

@@ -8,7 +8,7 @@ import numpy as np
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.spring_term import Springs, SpringTerm
-from fenics_contact.assembly.term import State
+from fenics_contact.assembly.term import Silent, State
 from fenics_contact.types import Array, Bools, Floats
 
 if TYPE_CHECKING:  # it has one of these
@@ -34,7 +34,7 @@ class Grounding(SpringTerm):
         self._pull: float | None = None  # at the state evaluated last, and before
         self._before: float | None = None
         self._left, self._engaged, self._softest = 0.0, False, LEAST * SHARE
-        self.always = always
+        self.always, self.findings = always, Carrying(self)
         # accepted steps with springs in, and the largest of all they held then [force length]
         self.most = {"steps": 0.0, "energy": 0.0, "energy_share": 0.0}
 
@@ -109,16 +109,30 @@ class Grounding(SpringTerm):
         """The springs begin anew at the accepted state."""
         self.rollback()
 
+    @property
+    def carries(self) -> bool:
+        """Whether the springs held much of the load when they were taken back last."""
+        return self._left * ALLOWED > 0.1
+
+    def passed(self) -> list[str]:
+        """Names of the contacts whose points are so far apart that a tool may pass between them."""
+        return [contact.name for contact in self._system.contacts if _single(contact.surface)]
+
+
+class Carrying(Silent):
+    """What ails springs that hold what nothing else does."""
+
+    def __init__(self, springs: Grounding) -> None:
+        self._springs = springs
+
     def trouble(self, state: State) -> Finding | None:
-        if self._left * ALLOWED > 0.1:
-            text = "the stabilisation still carries the load: no contact has been met that holds the bodies"
-            remedy = "close the gap, fix a surface, or turn the load towards the contact"
-            if single := [f"'{c.name}'" for c in self._system.contacts if _single(c.surface)]:
-                remedy = (
-                    f"take points=3 in contact {' and '.join(single)}, for a tool passes between single ones; or {remedy}"
-                )
-            return Finding(RIGID_MOTION, text, remedy=remedy)
-        return None
+        if not self._springs.carries:
+            return None
+        text = "the stabilisation still carries the load: no contact has been met that holds the bodies"
+        remedy = "close the gap, fix a surface, or turn the load towards the contact"
+        if single := [f"'{name}'" for name in self._springs.passed()]:
+            remedy = f"take points=3 in contact {' and '.join(single)}, for a tool passes between single ones; or {remedy}"
+        return Finding(RIGID_MOTION, text, remedy=remedy)
 
 
 def _single(surface: Any) -> bool:

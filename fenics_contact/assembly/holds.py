@@ -30,7 +30,9 @@ class Holds:
         contacts: Sequence[ContactTerm],
         grounds: Sequence[tuple[Ints, Floats]] = (),
     ) -> None:
-        self.bodies, self._supported, self._ties = bodies, [], []
+        self.bodies, self.supports, self.contacts = bodies, supports, contacts
+        self._supported: list[set[str]] = []  # letters of the axes along which supports and grounds hold each body
+        self._ties: list[tuple[ContactTerm, Ints64]] = []  # contacts, and the numbers of the bodies that each touches
         for _, blocks in bodies:
             spanned = supports.spanned(blocks)
             for nodes, directions in grounds:

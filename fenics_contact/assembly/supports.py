@@ -1,102 +1,43 @@
-"""Prescribed dofs and moved or pushed tools as functions of the load parameter t."""
-
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+"""Prescribed dofs as functions of the load parameter t."""
 
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.change import Change
+from fenics_contact.assembly.entries import Entries
 from fenics_contact.assembly.pairs import Pairs
-from fenics_contact.assembly.pose import Poses
-from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.assembly.turned import ONE, Turned
-from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mat, Space
-
-Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (6,)
-
-
-class Prescribed(Protocol):
-    """Displacements [length] of an entry's nodes (n,) at t; few: what its stage states at t, the same on all ranks, of a
-    function at a few points; jump: the largest step [length] that it makes on this rank at the very start of the stage;
-    begin, said: see Supports."""
-
-    def __call__(self, t: float) -> Floats: ...
-
-    def few(self, t: float) -> Floats: ...
-
-    def jump(self) -> float: ...
-
-    def begin(self, origin: Floats, before: Sequence[float]) -> None: ...
-
-    def said(self) -> list[float]: ...
-
-
-class Carried(NamedTuple):
-    """Of an entry whose nodes lead those of paired faces that a statement holds: its number; of these X (n, 3) [length],
-    how they follow as in Follower, and how far they are ahead, t -> (n, 3) [length], which all ranks call."""
-
-    statement: int
-    X: Floats
-    turn: Floats
-    ahead: Floats
-    offset: Callable[[float], Floats]
-
-
-class Support(NamedTuple):
-    """Displacement of local nodes (n,), ghosts included, along a unit direction (3,): a function of t that gives (n,) and
-    that all ranks call [length]; carried: for which nodes they stand."""
-
-    nodes: Ints
-    direction: Floats
-    value: Prescribed
-    carried: Carried | None = None
-
-
-class Hindered(NamedTuple):
-    """A support of local nodes (n,) that are tied to a body, which it must not hinder: its name, unit direction (3,) and
-    what it prescribes of them."""
-
-    name: str
-    nodes: Ints64
-    direction: Floats
-    value: Prescribed
+from fenics_contact.types import Floats, Ints, Ints64, Mat, Space
 
 
 class Supports:
     """Dofs with prescribed displacement: components along the nodes' axes, which are x, y, z but for turned nodes.
 
-    space: of u; entries: Support; names: of the entries. dofs: 3 node + axis, local, first those of nodes that are not
+    space: of u; entries: Entries. dofs: 3 node + axis, local, first those of nodes that are not
     turned; owned: those of owned nodes; turned: the nodes where a support along another direction acts, with all supports
     that meet there, None where no rank has one; ties: of nodes in none of the entries, which rigid bodies hold, tied: which
     of the dofs are theirs; pairs: of nodes in neither, whose displacement relative to those that lead them is prescribed;
-    hindered: of tied nodes, which have no other part in this; change: u = T v such that all is components of v, None: they
-    are those of u. Collective, but for `free`, `spanned` and `parts`.
+    change: u = T v such that all is components of v, None: they are those of u. Collective, but for `free`, `spanned` and
+    `parts`.
     """
 
-    def __init__(
-        self, space: Space, entries: Sequence[Support], names: Sequence[str], ties: Ties | None = None,
-        pairs: Pairs | None = None, hindered: Sequence[Hindered] = (),
-    ) -> None:  # fmt: skip
-        self.entries, self._names, self.ties, self.pairs = entries, names, ties or Ties(), pairs
-        self.hindered = hindered
-        nodes = _joined([np.asarray(entry.nodes, dtype=np.int64) for entry in entries], np.int64)
-        self._entry = np.repeat(np.arange(len(entries)), [len(entry.nodes) for entry in entries])
-        self._directions = np.array([entry.direction for entry in entries], dtype=float).reshape(-1, 3)
-        skew = np.count_nonzero(self._directions, axis=1) > 1
-        apart = np.isin(nodes, nodes[skew[self._entry]])
+    def __init__(self, space: Space, entries: Entries, ties: Ties | None = None, pairs: Pairs | None = None) -> None:
+        self.entries, self.ties, self.pairs = entries, ties or Ties(), pairs
+        nodes, directions, entry = entries.nodes, entries.directions, entries.entry
+        skew = np.count_nonzero(directions, axis=1) > 1
+        apart = np.isin(nodes, nodes[skew[entry]])
         self._straight = np.flatnonzero(~apart)
-        axis, sign = np.abs(self._directions).argmax(axis=1), self._directions.sum(axis=1)
-        self._sign = sign[self._entry]
-        dofs = 3 * nodes[self._straight] + axis[self._entry[self._straight]]
+        axis, sign = np.abs(directions).argmax(axis=1), directions.sum(axis=1)
+        self._sign = sign[entry]
+        dofs = 3 * nodes[self._straight] + axis[entry[self._straight]]
         stated, self._first, self._inverse = np.unique(dofs, return_index=True, return_inverse=True)
         plain = np.union1d(stated, self.ties.dofs)
         self._stated = np.atleast_1d(np.searchsorted(plain, stated))
-        self.turned = self._turned(nodes, np.flatnonzero(apart)) if skew.any() else None
+        self.turned = self._turned(np.flatnonzero(apart)) if skew.any() else None
         turned = 3 * self.turned.nodes[:, None] + np.arange(3) if self.turned else np.empty((0, 3), dtype=np.int64)
         held = [plain, turned[self.turned.held] if self.turned else turned.ravel()]
-        self._plain, self._nodes, self._alone = plain, nodes, sum(map(len, held))
+        self._plain, self._alone = plain, sum(map(len, held))
         self.dofs = np.concatenate([*held, pairs.dofs] if pairs else held)
         self.change = self._change(space)
         self._free_of_led = np.tile(np.eye(3), (len(pairs.nodes) if pairs else 0, 1, 1))
@@ -109,14 +50,15 @@ class Supports:
         changes = [part.change(space) for part in (self.pairs, self.turned) if part is not None]
         return changes[0].after(changes[1], space) if len(changes) > 1 else changes[0] if changes else None
 
-    def _turned(self, nodes: Ints64, rows: Ints64) -> Turned:
-        """The nodes of these rows of all entries."""
+    def _turned(self, rows: Ints64) -> Turned:
+        """The nodes of these rows of the entries."""
+        nodes = self.entries.nodes
         rows = rows[np.argsort(nodes[rows], kind="stable")]
         known, first, count = np.unique(nodes[rows], return_index=True, return_counts=True)
         places = np.arange(max(count, default=0))
         there = places < count[:, None]
         self._rows = np.where(there, rows[np.minimum(first[:, None] + places, len(rows) - 1)], -1)
-        directions = np.where(there[..., None], self._directions[self._entry[self._rows]], 0.0)
+        directions = np.where(there[..., None], self.entries.directions[self.entries.entry[self._rows]], 0.0)
         return Turned(known, directions)
 
     @property
@@ -126,16 +68,14 @@ class Supports:
 
     def conflict(self, t: float) -> tuple[str, str] | None:
         """Names of two entries that contradict each other on this rank at t, or None. Collective."""
-        return self._contradiction(self._all(t))
-
-    def _contradiction(self, values: Floats) -> tuple[str, str] | None:
+        entries, values = self.entries, self.entries.values(t)
         allowed = 1e-12 * max(1.0, np.abs(values).max(initial=0.0))
         along = values[self._straight] * self._sign[self._straight]
         gap = np.abs(along - along[self._first][self._inverse])
         if gap.size and gap.max() > allowed:
             worst = int(gap.argmax())
             pair = self._straight[[self._first[self._inverse[worst]], worst]]
-            return self._names[self._entry[pair[0]]], self._names[self._entry[pair[1]]]
+            return entries.names[entries.entry[pair[0]]], entries.names[entries.entry[pair[1]]]
         if self.turned is not None and self._rows.size:
             made = np.einsum("nmk,nm->nk", self.turned.shares, self._at_turned(values))
             made = np.einsum("nmc,nck,nk->nm", self.turned.directions, self.turned.axes, made)
@@ -143,48 +83,18 @@ class Supports:
             # directions that count as one may differ by ONE
             if gap.max() > allowed + ONE * np.abs(values).max():
                 rows = self._rows[gap.max(axis=1).argmax()]
-                one, other = _contradicting(self._directions[self._entry[rows[rows >= 0]]], values[rows[rows >= 0]])
-                return self._names[self._entry[rows[one]]], self._names[self._entry[rows[other]]]
+                met = entries.entry[rows[rows >= 0]]
+                one, other = _contradicting(entries.directions[met], values[rows[rows >= 0]])
+                return entries.names[met[one]], entries.names[met[other]]
         return None
 
     def _at_turned(self, values: Floats) -> Floats:
         """Values (n, m) of the statements at turned nodes, of all rows' values."""
         return np.where(self._rows >= 0, values[self._rows], 0.0)
 
-    def _all(self, t: float) -> Floats:
-        return _joined([entry.value(t) for entry in self.entries], float)
-
-    def sampled(self, times: Iterable[float]) -> dict[str, list[float]]:
-        """{name: what the stage that is on prescribes [length] at these t, by a function at a few points}. Collective."""
-        out: dict[str, list[float]] = {}
-        for (_, _, value, _), name in zip(self.entries, self._names, strict=True):
-            at = [value.few(t) for t in times]
-            out[name] = out.get(name, []) + [float(x) for x in np.concatenate(at)]
-        return out
-
-    def largest(self, t: float) -> list[tuple[str, float]]:
-        """[(name, largest displacement [length] on this rank)] of all entries at t."""
-        parts = np.split(np.abs(self._all(t)), np.cumsum([len(entry.nodes) for entry in self.entries]))
-        return [(name, float(part.max(initial=0.0))) for name, part in zip(self._names, parts[:-1], strict=True)]
-
-    def jumps(self) -> list[tuple[str, float]]:
-        """[(name, largest step [length] on this rank)] of all entries at the very start of the stage. Collective."""
-        return [(name, value.jump()) for (_, _, value, _), name in zip(self.entries, self._names, strict=True)]
-
-    def begin(self, u: Floats, before: Mapping[str, Sequence[float]]) -> None:
-        """Start from a displacement u (local array) of another run; before: {name: what its scene said}. Collective."""
-        for (nodes, direction, value, _), name in zip(self.entries, self._names, strict=True):
-            value.begin(u.reshape(-1, 3)[nodes] @ direction, before.get(name, ()))
-        for name, tied, direction, value in self.hindered:
-            value.begin(u.reshape(-1, 3)[tied] @ direction, before.get(name, ()))
-
-    def said(self) -> dict[str, list[float]]:
-        """{name: what the scene states of it}. Collective."""
-        return {name: value.said() for (_, _, value, _), name in zip(self.entries, self._names, strict=True)}
-
     def values(self, t: float) -> Floats:
         """Prescribed displacements [length] of `dofs` at load parameter t; zero of those that are tied."""
-        values, plain = self._all(t), np.zeros(len(self._plain))
+        values, plain = self.entries.values(t), np.zeros(len(self._plain))
         plain[self._stated] = (values * self._sign)[self._straight][self._first]
         out = [plain]
         if self.turned is not None:
@@ -289,7 +199,7 @@ class Supports:
     def parts(self, reactions: Floats) -> list[tuple[Ints64, Floats]]:
         """Of every entry its nodes and the forces (n,) that it gives them along its direction, of the held components of all
         reactions; equal shares where entries hold the same."""
-        forces = np.zeros(len(self._entry))
+        entries, forces = self.entries, np.zeros(len(self.entries.nodes))
         plain = reactions[self._stated] / np.maximum(np.bincount(self._inverse, minlength=len(self._stated)), 1)
         forces[self._straight] = plain[self._inverse] * self._sign[self._straight]
         if self.turned is not None:
@@ -297,8 +207,7 @@ class Supports:
             components[self.turned.held] = reactions[len(self._plain) : self._alone]
             along = np.einsum("nmk,nk->nm", self.turned.shares, components)
             forces[self._rows[self._rows >= 0]] = along[self._rows >= 0]
-        ends = np.cumsum([len(entry.nodes) for entry in self.entries])
-        return list(zip(np.split(self._nodes, ends)[:-1], np.split(forces, ends)[:-1], strict=True))
+        return list(zip(entries.parted, entries.split(forces), strict=True))
 
 
 def _contradicting(directions: Floats, values: Floats) -> tuple[int, int]:
@@ -310,49 +219,3 @@ def _contradicting(directions: Floats, values: Floats) -> tuple[int, int]:
         if np.abs(known @ u - values[: last + 1]).max() > ONE * np.abs(values).max():
             break
     return int(np.abs(directions[:last] @ directions[last]).argmax()), last
-
-
-def _joined(parts: Sequence[Array], kind: type) -> Array:
-    return np.concatenate([np.empty(0, dtype=kind), *parts])
-
-
-class ToolMotion:
-    """Rigid tools' motion: prescribed components follow a path, free ones balance a load.
-
-    stages: of the run; paths, loads: in the stage that is on, of each tool a function t -> (6,), travel and, times the
-    lever, rotation vector [length]; force and, over the lever, moment [force]. points (tools, 3): where the reference points
-    start [length]; free_by_stage: (tools, 6) bool of each stage; names; lever [length]: by which rotations are made lengths,
-    and moments forces.
-    """
-
-    def __init__(
-        self, stages: Stages, paths: Paths, loads: Paths, points: Sequence[Floats], free_by_stage: Sequence[Bools],
-        names: Sequence[str], lever: float,
-    ) -> None:  # fmt: skip
-        self.stages, self.names, self.lever = stages, tuple(names), lever
-        self._paths, self._loads, self._free_by_stage = paths, loads, free_by_stage
-        self.points = np.asarray(points, dtype=float).reshape(len(paths), 3)
-
-    def __len__(self) -> int:
-        return len(self._paths)
-
-    @property
-    def free(self) -> Bools:
-        """Which components (tools, 6) are free in the stage that is on."""
-        return self._free_by_stage[self.stages.index]
-
-    def prescribed(self, t: float) -> Floats:
-        """Prescribed coordinates (tools, 6) at t [length]; zero where the component is free."""
-        return np.where(self.free, 0.0, _stack(self._paths, t))
-
-    def forces(self, t: float) -> Floats:
-        """External forces, and moments over the lever, (tools, 6) at t [force]; zero where the component is not free."""
-        return np.where(self.free, _stack(self._loads, t), 0.0)
-
-    def poses(self) -> Poses:
-        """Of the tools at the start."""
-        return Poses(self.points, self.lever, lambda: self.free[:, 3:].all(axis=1))
-
-
-def _stack(functions: Paths, t: float) -> Floats:
-    return np.array([f(t) for f in functions], dtype=float).reshape(len(functions), 6)

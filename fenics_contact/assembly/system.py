@@ -21,8 +21,8 @@ from fenics_contact.assembly.scales import Scales
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End
-from fenics_contact.assembly.supports import Supports, ToolMotion
-from fenics_contact.assembly.term import ContactTerm, FluidTerm, FormTerm, State, Term
+from fenics_contact.assembly.term import FluidTerm, FormTerm, State, Term
+from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.assembly.trail import Trail
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Vec
@@ -37,40 +37,34 @@ class System:
     the state there, `trail` commits it, and rolls back otherwise. `scales` say what is balance, `foresight` by what contacts
     judge their points on the way.
 
-    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; supports: Supports;
-    tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms; check(least=0.0): None, or the Finding
-    that names the place where J is no more than `least`; contacts: those of the terms that are; holds: Holds; grounding,
-    damping: those of the terms that are, or None; reach: largest length of which gaps are differences, if it is larger than
-    the bodies [length]; bulk_over_shear: the largest of the bodies, what slows an iterative solver.
+    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; holds: Holds, whose supports
+    and contacts are the System's; tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms;
+    check(least=0.0): None, or the Finding that names the place where J is no more than `least`; grounding, damping: those of
+    the terms that are, or None; bulk_over_shear: the largest of the bodies, what slows an iterative solver.
     """
 
     def __init__(
         self,
         state: State,
         terms: Terms,
-        supports: Supports,
+        holds: Holds,
         tools: ToolMotion,
         set_loads: Callable[[float], None],
-        check: Callable[..., Finding | None] = lambda least=0.0: None,
-        *,
-        contacts: Sequence[ContactTerm] = (),
-        holds: Holds | None = None,
-        grounding: Grounding | None = None,
-        damping: Damping | None = None,
-        reach: float = 0.0,
-        bulk_over_shear: float = 1.0,
-        timers: Timers | None = None,
+        check: Callable[..., Finding | None],
+        bulk_over_shear: float,
+        timers: Timers,
     ) -> None:
-        self.state, self.terms, self.supports, self.tools, self.stages = state, terms, supports, tools, tools.stages
-        self.set_loads, self.check, self.contacts = set_loads, check, contacts
-        self.holds = holds or Holds(state.u.function_space.mesh.comm, [], supports, [])
-        self.bodies = self.holds.bodies  # (name, local nodes) of each group of bonded bodies
+        self.state, self.terms, self.tools, self.stages = state, terms, tools, tools.stages
+        self.holds, self.supports, self.contacts = holds, holds.supports, holds.contacts
+        self.set_loads, self.check, self.bulk_over_shear, self.timers = set_loads, check, bulk_over_shear, timers
+        self.bodies = holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
-        self.augmented = [contact for contact in contacts if contact.tolerance is not None]  # those with multipliers
-        self.grounding, self.damping, self.bulk_over_shear = grounding, damping, bulk_over_shear
-        self.springs: list[SpringTerm] = [term for term in (grounding, damping) if term is not None]
-        self.stabilised = grounding is not None and grounding.always  # has the user asked for springs in every step?
-        self.timers = timers or Timers()
+        self.augmented = [contact for contact in self.contacts if contact.tolerance is not None]  # those with multipliers
+        self.springs = [term for term in terms if isinstance(term, SpringTerm)]
+        self.grounding = next((term for term in terms if isinstance(term, Grounding)), None)
+        self.damping = next((term for term in terms if isinstance(term, Damping)), None)
+        # has the user asked for springs in every step?
+        self.stabilised = self.grounding is not None and self.grounding.always
         self.space = state.u.function_space
         self.comm = lasting(self.space.mesh.comm)
         self.symmetric = all(term.symmetric for term in terms)
@@ -82,13 +76,13 @@ class System:
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual: Floats = np.zeros((len(tools), 6))
         self.extent = bodies_size(self.space)
-        self.scales = Scales(self.vector, max(self.extent, reach))
+        self.scales = Scales(self.vector, max(self.extent, tools.reach))
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
-        self.foresight = Foresight(contacts)
-        self.acceptance = Acceptance(state, terms, check, self.holds, self.scales, grounding)
-        if grounding:
-            grounding.bind(self)
+        self.foresight = Foresight(self.contacts)
+        self.acceptance = Acceptance(state, terms, check, holds, self.scales, self.grounding)
+        if self.grounding:
+            self.grounding.bind(self)
 
     # -- a step -------------------------------------------------------------------------------------------------------
     def begin_step(self, t: float) -> tuple[Floats, Floats]:

@@ -50,22 +50,35 @@ class State:
         return self.poses.at(tool, self.q[tool])
 
 
+class Findings(Protocol):
+    """What ails a term at a state. Collective."""
+
+    def objection(self, state: State) -> Finding | None:
+        """None, or the Finding why this state, evaluated last, must not be accepted though it is in balance."""
+
+    def trouble(self, state: State) -> Finding | None:
+        """None, or the Finding that keeps the step after this accepted state from converging."""
+
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
+        ...
+
+
 class Term(Protocol):
     """A part of the virtual power. Evaluation depends on the state and the trial only; only commit writes history.
 
     symmetric: is its tangent so; condensed: has it unknowns of its own that are condensed out, for which
     add_followed_residual gives the residual at the values that they have by the last tangent's linearisation, where
-    Newton's method proper has them; timers: seconds by stage.
+    Newton's method proper has them; key (ne,): numbers of this rank's elements that no partition changes.
     """
 
     name: str
     symmetric: bool
     condensed: bool
+    key: Ints64
 
     @property
-    def key(self) -> Ints64:
-        """Numbers (ne,) of this rank's elements that no partition changes."""
-        ...
+    def findings(self) -> Findings: ...
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None: ...
 
@@ -97,16 +110,6 @@ class Term(Protocol):
     def spots(self) -> Floats:
         """Reference positions (n, 3) of these points."""
 
-    def objection(self, state: State) -> Finding | None:
-        """None, or the Finding why this state, evaluated last, must not be accepted though it is in balance. Collective."""
-
-    def trouble(self, state: State) -> Finding | None:
-        """None, or the Finding that keeps the step after this accepted state from converging. Collective."""
-
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
-        """{kind: what is to be said of an accepted state}, of the kinds that have not been said. Collective."""
-        ...
-
 
 class ContactForces(Protocol):
     """What a contact's points exert at a state; trial: what it is evaluated with, None: the present one."""
@@ -127,6 +130,8 @@ class ContactForces(Protocol):
 
     def holding(self, state: State, least: float) -> set[str]: ...
 
+    def could_hold(self, state: State) -> set[str]: ...
+
 
 class ContactUnknowns(Protocol):
     """Contact pressures as unknowns beside the displacement, where a contact foresees them. at: where a tangent was made."""
@@ -144,7 +149,7 @@ class ContactUnknowns(Protocol):
     def release(self) -> None: ...
 
 
-class ContactFindings(Protocol):
+class ContactFindings(Findings, Protocol):
     """What ails a contact, beside what every term is asked for."""
 
     def deep(self, state: State) -> Finding | None: ...
@@ -175,11 +180,13 @@ class ContactTerm(Term, Protocol):
     a trial, and the places `at` of a tangent's points.
 
     tolerance: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
-    surface: SlaveSurface; partner: Partner; places: Places; penalties, multipliers: what steppers let a contact be
-    evaluated with.
+    friction_stated: Coulomb's mu, or the numbers of a friction law by name; surface: SlaveSurface; partner: Partner; places:
+    Places; penalties, multipliers: what steppers let a contact be evaluated with.
     """
 
     tolerance: float | None
+    master_name: str
+    friction_stated: float | dict[str, Any]
     surface: Any
     partner: Any
     places: Any
@@ -205,19 +212,11 @@ class ContactTerm(Term, Protocol):
     @property
     def rough(self) -> bool: ...
 
-    @property
-    def master_name(self) -> str: ...
-
-    @property
-    def friction_stated(self) -> float | dict[str, Any]: ...
-
     def response(self, state: State, trial: Any = None) -> Any: ...
 
     def take(self, trial: Any) -> None: ...
 
     def hold_sights(self, state: State) -> bool: ...
-
-    def held_axes(self, state: State) -> set[str]: ...
 
 
 class Energy(NamedTuple):
@@ -227,6 +226,21 @@ class Energy(NamedTuple):
     form: Form
     by_ratio: Sequence[tuple[Constant, Form]] = ()
     by_field: Sequence[tuple[Function, Form]] = ()
+
+
+class Silent:
+    """Findings of a term that nothing ails: forms compute no differences of coordinates, and what they suffer from is found
+    in the tangent."""
+
+    def objection(self, state: State) -> Finding | None:
+        """None."""
+
+    def trouble(self, state: State) -> Finding | None:
+        """None."""
+
+    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+        """Nothing."""
+        return {}
 
 
 class FormTerm:
@@ -239,6 +253,7 @@ class FormTerm:
 
     condensed = False
     key: Ints64 = np.empty(0, dtype=np.int64)
+    findings: Findings = Silent()
 
     def __init__(
         self,
@@ -304,16 +319,6 @@ class FormTerm:
 
     def spots(self) -> Floats:
         return np.empty((0, 3))
-
-    def objection(self, state: State) -> Finding | None:
-        """None: forms compute no differences of coordinates."""
-
-    def trouble(self, state: State) -> Finding | None:
-        """None: what forms suffer from is found in the tangent."""
-
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
-        """Nothing."""
-        return {}
 
 
 def _listed(forms: Form | list[Form] | None) -> list[Form]:

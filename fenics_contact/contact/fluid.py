@@ -18,6 +18,32 @@ from fenics_contact.assembly.term import ContactTerm, FluidTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
 
+class NodalSums:
+    """Sums over all ranks of what each has at its local nodes. Collective."""
+
+    def __init__(self, space: Space) -> None:
+        self._work = compat.Function(space)
+        self.count = len(self._work.x.array) // 3
+
+    def of(self, values: Floats) -> Floats:
+        """Sums (n, 3) at the local nodes, ghosts too, of values (n, 3) or (3 n,)."""
+        self._work.x.array[:] = values.ravel()
+        compat.sum_to_owners(self._work)
+        compat.copy_to_ghosts(self._work)
+        return self._work.x.array.reshape(-1, 3).copy()
+
+    def anywhere(self, marks: Bools) -> Bools:
+        """Nodes (n,) that any rank has marked."""
+        return self.of(np.repeat(marks[:, None], 3, axis=1).astype(float))[:, 0] > 0.0
+
+    def areas(self, skin: Skin, x: Floats) -> Floats:
+        """Present area vectors (n, 3) of a skin at the local nodes, which are at x (n, 3) [length^2]."""
+        first, second = skin.tangents(x[skin.nodes])
+        out = np.zeros_like(x)
+        np.add.at(out, skin.nodes, np.einsum("eq,eqk,eqc->ekc", skin.weights, skin.N, np.cross(first, second)))
+        return self.of(out)
+
+
 class Fluid(FluidTerm):
     """A fluid of pressure p_f on a surface: a node of it that contact presses with p feels (p_f - p)_+ of the fluid, so that
     the larger of both acts on it, and one that no contact presses feels p_f, all along the present area vectors.
@@ -51,10 +77,9 @@ class Fluid(FluidTerm):
         self._open, self._shared = skin_of(space, apart, section), skin_of(space, shared, section)
         self._touching = skin_of(space, touching, section)
         self._owned = space.dofmap.index_map.size_local
-        self._work = compat.Function(space)
-        count = len(self._work.x.array) // 3
-        self._edge = None if edge is None else self._anywhere(edge)
-        self.reached = self._accepted = np.ones(count, dtype=bool) if self._edge is None else self._edge
+        self._sums = NodalSums(space)
+        self._edge = None if edge is None else self._sums.anywhere(edge)
+        self.reached = self._accepted = np.ones(self._sums.count, dtype=bool) if self._edge is None else self._edge
         on = np.unique(np.concatenate([self._open.nodes.ravel(), self._shared.nodes.ravel()]))
         self.nodes = on
         self._kept = on[on < self._owned] if edge is not None else on[:0]
@@ -64,38 +89,20 @@ class Fluid(FluidTerm):
         """Take the pressure of load parameter t."""
         self._pressure = self._path(t)
 
-    # -- nodal sums -----------------------------------------------------------------------------------------------
-    def _summed(self, values: Floats) -> Floats:
-        """Sums (n, 3) over all ranks of what each has at its local nodes, ghosts too. Collective."""
-        self._work.x.array[:] = values.ravel()
-        compat.sum_to_owners(self._work)
-        compat.copy_to_ghosts(self._work)
-        return self._work.x.array.reshape(-1, 3).copy()
-
-    def _anywhere(self, marks: Bools) -> Bools:
-        """Nodes (n,) that any rank has marked. Collective."""
-        return self._summed(np.repeat(marks[:, None], 3, axis=1).astype(float))[:, 0] > 0.0
-
-    def _areas(self, skin: Skin, x: Floats) -> Floats:
-        """Present area vectors (n, 3) of a skin at the local nodes [length^2]. Collective."""
-        first, second = skin.tangents(x[skin.nodes])
-        out = np.zeros_like(x)
-        np.add.at(out, skin.nodes, np.einsum("eq,eqk,eqc->ekc", skin.weights, skin.N, np.cross(first, second)))
-        return self._summed(out)
-
+    # -- pressures at nodes ---------------------------------------------------------------------------------------
     def _contact_forces(self, state: State) -> Floats:
         """The contacts' part of the residual (n, 3) at the local nodes [force]. Collective."""
         total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
         for contact in self._contacts:
             contact.add_residual(state, total, ignored)
-        return self._summed(total)
+        return self._sums.of(total)
 
     def _place(self, state: State) -> Floats:
         return self._space.tabulate_dof_coordinates() + state.u.x.array.reshape(-1, 3)
 
     def _pressed(self, state: State) -> tuple[Floats, Floats, Floats]:
         """Contact pressure (n,), its part R (n, 3) of the residual and H (n, 3) at the local nodes. Collective."""
-        R, H = self._contact_forces(state), self._areas(self._touching, self._place(state))
+        R, H = self._contact_forces(state), self._sums.areas(self._touching, self._place(state))
         square = np.einsum("nc,nc->n", H, H)
         return np.divide(np.einsum("nc,nc->n", R, H), square, out=np.zeros(len(H)), where=square > 0.0), R, H
 
@@ -118,7 +125,7 @@ class Fluid(FluidTerm):
         p, _, _ = self._pressed(state)
         most, share = self._acting(p)
         x = self._place(state)
-        forces = most[:, None] * self._areas(self._open, x) + share[:, None] * self._areas(self._shared, x)
+        forces = most[:, None] * self._sums.areas(self._open, x) + share[:, None] * self._sums.areas(self._shared, x)
         residual[: 3 * self._owned] += forces[: self._owned].ravel()
 
     def tangent(self, state: State, trial: Any = None) -> Blocks:
@@ -126,7 +133,7 @@ class Fluid(FluidTerm):
         p, R, H = self._pressed(state)
         most, share = self._acting(p)
         x, one = self._place(state), np.eye(3)
-        S = self._areas(self._shared, x) * (share > 0.0)[:, None]
+        S = self._sums.areas(self._shared, x) * (share > 0.0)[:, None]
         square = np.maximum(np.einsum("nc,nc->n", H, H), 1e-300)[:, None]
         # dp = (H . dR + R . (I - 2 H H^T / |H|^2) dH) / |H|^2
         turned = (R - 2.0 * (np.einsum("nc,nc->n", R, H)[:, None] / square) * H) / square
@@ -188,7 +195,7 @@ class Fluid(FluidTerm):
                 for nodes in rings:
                     wet = (reached & is_open)[nodes].any(axis=1)
                     reached[nodes[wet].ravel()] = True
-            reached = self._anywhere(reached)
+            reached = self._sums.anywhere(reached)
         return reached
 
     def commit(self, state: State) -> None:
@@ -204,7 +211,7 @@ class Fluid(FluidTerm):
         if self._edge is not None:
             marks = np.zeros(len(self.reached), dtype=bool)
             marks[self._kept] = values["reached"]
-            self.reached = self._accepted = self._anywhere(marks)
+            self.reached = self._accepted = self._sums.anywhere(marks)
 
 
 def _rates(skin: Skin, x: Floats, factors: Floats) -> Blocks:

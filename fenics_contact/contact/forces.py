@@ -71,6 +71,10 @@ class Forces:
         sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
         return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
 
+    def could_hold(self, state: State) -> set[str]:
+        """Letters of the axes along which the contact can hold a body that it touches."""
+        return self._contact.partner.held_axes(state, self._contact.response(state).gap, self._contact.rough)
+
     def covered(self, state: State) -> Floats:
         """Shares (ne, nq) of the points' areas that lie over the master."""
         return 1.0 - self._contact.places.bare(self._contact.places.feet(state)).reshape(self._contact.surface.area.shape)

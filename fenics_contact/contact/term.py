@@ -1,13 +1,11 @@
 """Contact of a slave surface with its master as one term of a System: pure response and tangent, history when accepted."""
 
-from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
@@ -53,7 +51,8 @@ class Contact:
     ) -> None:
         surface = partner.surface
         self.name, self.surface, self.timers = name, surface, timers
-        self.partner, self.places = partner, partner.places
+        self.key, self.friction_stated = surface.key, stated(friction)
+        self.partner, self.places, self.master_name = partner, partner.places, partner.name
         self.tolerance = tolerance
         comm = state.u.function_space.mesh.comm
         # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
@@ -198,19 +197,6 @@ class Contact:
         """Whether there is friction."""
         return self.trial.rough
 
-    @property
-    def friction_stated(self) -> float | dict[str, Any]:
-        """Coulomb's mu, or the numbers of a friction law by name."""
-        return stated(self.trial.law.friction)
-
-    @property
-    def key(self) -> Ints64:
-        return self.surface.key
-
-    @property
-    def master_name(self) -> str:
-        return self.partner.name
-
     def statuses(self) -> Ints:
         """Status codes (n,) of this rank's points at the state evaluated last."""
         return self._last[2].status.ravel() if self._last else np.empty(0, dtype=np.int32)
@@ -218,16 +204,3 @@ class Contact:
     def spots(self) -> Floats:
         """Reference positions (n, 3) of the points."""
         return np.einsum("eqk,ekc->eqc", self.surface.a, self.surface.X).reshape(-1, 3)
-
-    def held_axes(self, state: State) -> set[str]:
-        """Axes along which the contact can hold a body that it touches."""
-        return self.partner.held_axes(state, self.response(state).gap, self.rough)
-
-    def objection(self, state: State) -> Finding | None:
-        return self.findings.objection(state)
-
-    def trouble(self, state: State) -> Finding | None:
-        return self.findings.trouble(state)
-
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
-        return self.findings.remarks(state, said)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.entries import Carried
 from fenics_contact.assembly.facet_points import skin_of
-from fenics_contact.assembly.supports import Carried
 from fenics_contact.assembly.system import System
 from fenics_contact.output.solved import Solved
 from fenics_contact.types import Floats, Ints64
@@ -54,7 +54,7 @@ class Reactions:
         weights = areas.x.array[nodes]
         total = self._system.comm.allreduce(float(weights.sum()))
         weights = weights if total > 0.0 else np.ones(len(nodes))  # a surface inside a body, edges
-        carried = [(i, entry.carried) for i, entry in enumerate(self._system.supports.entries)
+        carried = [(i, entry.carried) for i, entry in enumerate(self._system.supports.entries.all)
                    if entry.carried is not None and entry.carried.statement in entries]  # fmt: skip
         return _Group(entries, nodes, weights, carried)
 
@@ -64,7 +64,7 @@ class Reactions:
         mine = leads < system.space.dofmap.index_map.size_local
         u, turn = system.state.u.x.array.reshape(-1, 3)[leads[mine]], carried.turn[mine]
         way = np.einsum("nab,nb->na", turn, u) + carried.offset(system.state.t)[mine]
-        return forces[mine][:, None] * (turn @ system.supports.entries[i].direction), carried.X[mine] + way
+        return forces[mine][:, None] * (turn @ system.supports.entries.all[i].direction), carried.X[mine] + way
 
     def of_pairs(self) -> dict[str, Floats]:
         """Forces (3,) that lead the second faces of pairs, without those of supports, at the state assembled last: what does
@@ -73,7 +73,7 @@ class Reactions:
         if supports.pairs is None:
             return {}
         total = supports.pairs.on_ways(supports.relative_forces(self._system.reactions))
-        for entry, (leads, forces) in zip(supports.entries, supports.parts(self._system.reactions), strict=True):
+        for entry, (leads, forces) in zip(supports.entries.all, supports.parts(self._system.reactions), strict=True):
             if entry.carried is not None:
                 mine = leads < self._system.space.dofmap.index_map.size_local
                 along = entry.carried.turn[mine] @ entry.direction

@@ -17,10 +17,12 @@ from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.size import bodies_size
+from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
+from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.fluid import Fluid
 from fenics_contact.contact.master import MasterSurface, ToolSurface, oriented_facets
@@ -112,9 +114,8 @@ def build(
         follower = [_pressure(scene, u, pressures, supports)] if pressures else []
         dead = [FormTerm("dead loads", -_loads_power(scene, loads, ufl.TestFunction(scene.space)))] if loads else []
         check = scene.volume_ratio(u).check
-    modulus = _modulus_by_cell(scene)
     with timers("compile"):  # the first call of a kernel loads or compiles it
-        contacts = [_contact(scene, stated, modulus, supports, state, timers) for stated in scene.contacts]
+        contacts = _contacts(scene, supports, state, timers)
         entering = [load for load in followed if isinstance(load, Entering)]
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
@@ -122,13 +123,6 @@ def build(
     bodies = bonded_bodies(scene, supports)
     holds = Holds(comm, bodies, supports, contacts, [*fields.grounds, *_round_the_axis(scene)])
     refuse_loose(holds, state, comm)
-    grounding = damped = None
-    if stabilise or (holds.reliant and contacts):
-        free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
-        grounding = Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise)
-    if damping:
-        damped = Damping(springs(scene.space, scene.bodies, scene.dx, u), lambda: motion.free)
-    others: list[Term] = [*follower, *fluids, *fields.terms, *(term for term in (grounding, damped, *contacts) if term)]
 
     def set_loads(t: float) -> None:
         refuse_apart(state, t)
@@ -138,19 +132,17 @@ def build(
             fluid.set_time(t)
         fields.set(t)
 
-    system = System(
-        state, (solid, *others), supports, motion, set_loads, check, timers=timers, contacts=contacts, holds=holds,
-        grounding=grounding, damping=damped, reach=max((tool.reach for tool in scene.tools), default=0.0),
-        bulk_over_shear=max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies),
-    )  # fmt: skip
+    held = _held(scene, u, motion, stabilise, damping, bool(holds.reliant and contacts))
+    others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
+    bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies)
+    system = System(state, (solid, *others), holds, motion, set_loads, check, bulk_over_shear, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
     notes, overlaps = _start(scene, system, stated, driven, start)
     refuse_hindered(state)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
-    return Built(
-        system, notes, [*dead, *follower, *fluids, *fields.terms], driven, [_size(system)], [] if start else overlaps
-    )
+    of_loads = [*dead, *follower, *fluids, *fields.terms]
+    return Built(system, notes, of_loads, driven, [_size(system)], [] if start else overlaps)
 
 
 def _start(
@@ -267,16 +259,31 @@ def _modulus_by_cell(scene: "Scene") -> Floats:
     return modulus
 
 
+def _held(
+    scene: "Scene", u: Function, motion: ToolMotion, stabilise: bool, damping: bool, may_be_needed: bool
+) -> list[SpringTerm]:
+    """Springs and viscous forces on all bodies, and on free tools where the user asked for them; may_be_needed: springs at
+    bodies that contacts alone hold."""
+    found: list[SpringTerm] = []
+    if stabilise or may_be_needed:
+        free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
+        found.append(Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise))
+    if damping:
+        found.append(Damping(springs(scene.space, scene.bodies, scene.dx, u), lambda: motion.free))
+    return found
+
+
 # -- contact ----------------------------------------------------------------------------------------------------------
-def _contact(
-    scene: "Scene", stated: ContactStatement, modulus: Floats, supports: Supports, state: State, timers: Timers
-) -> Contact:
-    """The term of a stated contact. Collective."""
-    points = stated.points if isinstance(stated.points, str) else int(stated.points)
-    surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points, scene.section)
-    partner = _partner(scene, stated, surface, timers)
-    friction, penalty = stated.friction, stated.penalty
-    return Contact(stated.name, partner, friction, penalty, stated.penetration, supports, state, timers)
+def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) -> list[Contact]:
+    """The terms of all stated contacts. Collective."""
+    modulus, found = _modulus_by_cell(scene), []
+    for stated in scene.contacts:
+        points = stated.points if isinstance(stated.points, str) else int(stated.points)
+        surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points, scene.section)
+        partner = _partner(scene, stated, surface, timers)
+        numbers = stated.friction, stated.penalty, stated.penetration
+        found.append(Contact(stated.name, partner, *numbers, supports, state, timers))
+    return found
 
 
 def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers) -> Partner:

@@ -287,7 +287,7 @@ def left_out_notes(scene: "Scene") -> list[str]:
 
 def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:
     """Nothing may be free to translate that neither a support nor a contact holds; bodies sharing nodes are bonded."""
-    for i, axes in holds.loose(lambda contact: contact.held_axes(state)).items():
+    for i, axes in holds.loose(lambda contact: contact.forces.could_hold(state)).items():
         raise SceneError(
             f"nothing holds body '{holds.bodies[i][0]}' along {', '.join(axes)}: fix a surface, use a symmetry plane, or "
             "add a contact that holds it; bodies that hold only each other are loose together"

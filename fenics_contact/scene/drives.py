@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.assembly.entries import Entries, Entry, Hindered
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.stages import Stages
-from fenics_contact.assembly.supports import Hindered, Supports, ToolMotion
-from fenics_contact.assembly.supports import Support as Entry
+from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.courses import Part, SupportCourse
@@ -48,9 +49,9 @@ def supports_of(
     ties, hindered = ties_of(scene), list[Hindered]()
     paired = Pairing(scene, ways, ties) if scene.pairs else None
     stated_of: list[tuple[str, Ints64, Floats, CourseAt]] = []  # name, nodes, direction, course
-    named = [_prescribed(scene, stage) for stage in stated]
+    changed = [_prescribed(scene, stage) for stage in stated]
     for k, one in enumerate(scene.supports):
-        said = {i: (stated[i], *of[k]) for i, of in enumerate(named) if k in of}
+        said = {i: (stated[i], *of[k]) for i, of in enumerate(changed) if k in of}
         course: CourseAt = partial(_course, scene, stages, one, said)
         stated_of.append((one.name, _nodes(mesh, space, one.group), np.array(one.direction), course))
     if section is not None:
@@ -73,10 +74,8 @@ def supports_of(
         names.append(name)
         of_leaders = paired.of_leaders(k, nodes, direction, course) if paired else []
         carried += [(entry, f"{name}, of paired faces") for entry in of_leaders]
-    supports = Supports(
-        space, entries + [entry for entry, _ in carried], names + [name for _, name in carried], ties,
-        paired.pairs() if paired else None, hindered,
-    )  # fmt: skip
+    named = Entries(entries + [entry for entry, _ in carried], names + [name for _, name in carried], hindered)
+    supports = Supports(space, named, ties, paired.pairs() if paired else None)
     bound = Bound(mesh.comm, motion, ties, hindered, paired)
     for i, stage in enumerate(stated):
         with stages.foreseen(i):
@@ -219,7 +218,8 @@ def motion_of(
 
     paths, loads = ([partial(way, k) for k in range(len(tools))] for way in (path, pushed))
     points = [_point(tool, [now[k] for now in driven_by if k in now]) for k, tool in enumerate(tools)]
-    return ToolMotion(stages, paths, loads, points, frees, [tool.name for tool in tools], lever)
+    reach = max((tool.reach for tool in tools), default=0.0)
+    return ToolMotion(stages, paths, loads, points, frees, [tool.name for tool in tools], lever, reach)
 
 
 def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:

@@ -91,7 +91,7 @@ def _driven(built: Built, reached: float) -> Statement:
     def sampled(path: Callable[[float], Any]) -> list[float]:
         return np.ravel([sample(path, t) for t in times]).astype(float).tolist()
 
-    out: Statement = {f"support of {name}": samples for name, samples in system.supports.sampled(times).items()}
+    out: Statement = {f"support of {name}": samples for name, samples in system.supports.entries.sampled(times).items()}
     for name, path in built.driven:
         out[name] = out.get(name, []) + sampled(path)
     for i, name in enumerate(system.tools.names):

@@ -31,7 +31,7 @@ def refuse_gaps(system: System, stated: Sequence[Stage], loads: Sequence[tuple[s
                 for what, path in loads
                 if isinstance(path, Course)
             ]
-            gaps += [(f"prescribed displacement of {name}", gap, still) for name, gap in system.supports.jumps()]
+            gaps += [(f"prescribed displacement of {name}", gap, still) for name, gap in system.supports.entries.jumps()]
             moves = np.abs(tools.prescribed(start.t) - np.where(tools.free, 0.0, start.q))
             pushes = np.abs(tools.forces(start.t) - np.where(tools.free, start.forces, 0.0)) * (i == 0)  # else not yet known
             allowed = STILL * np.abs(tools.forces(end)).max(initial=0.0)
@@ -50,7 +50,7 @@ def refuse_jumps(scene: "Scene", system: System, loads: Sequence[tuple[str, Path
     """Supports and tools must start from rest; returns what is to be said of loads (name, function of t) that do not.
     Collective."""
     still, comm = STILL * system.extent, scene.mesh.comm
-    for name, size in system.supports.largest(0.0):
+    for name, size in system.supports.entries.largest(0.0):
         if (size := max(comm.allgather(size))) > still:
             raise SceneError(
                 f"prescribed displacement of {name} is {size:.3g} at t = 0, where all is at rest; let its function start "

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.entries import Carried, Entry, Prescribed
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pairs import Follower, Pairs
 from fenics_contact.assembly.pose import Pose, rotation
 from fenics_contact.assembly.stages import Stages
-from fenics_contact.assembly.supports import Carried, Prescribed
-from fenics_contact.assembly.supports import Support as Entry
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.directions import Group, unit

@@ -43,7 +43,7 @@ def drives_left(system: System, driven: Driven, scene: "Scene") -> Drives:
     turns = [pose.turn for pose in state.tools]
     ends = zip(system.tools.names, end.q, end.forces, system.tools.points, turns, strict=True)
     tools = {name: [part.tolist() for part in one] for name, *one in ends}
-    return {"loads": loads, "supports": system.supports.said(), "tools": tools, "space": _space(scene)}
+    return {"loads": loads, "supports": system.supports.entries.said(), "tools": tools, "space": _space(scene)}
 
 
 def _space(scene: "Scene") -> dict[str, Any]:
@@ -87,7 +87,7 @@ def begin(system: System, driven: Driven, start: Start, scene: "Scene") -> list[
         raise SceneError(
             f"start = {start.name} does not fit: what is tied here has moved there without its rigid body; tie it there too"
         )
-    system.supports.begin(u, start.drives["supports"])
+    system.supports.entries.begin(u, start.drives["supports"])
     left = memory.begin(start.arrays, q)
     return _left_out(system, driven, start) + [
         f"contact '{name}' starts without a history: {start.name} has none of that name and points" for name in left

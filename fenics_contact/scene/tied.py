@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.assembly.entries import Hindered
 from fenics_contact.assembly.pose import Poses
-from fenics_contact.assembly.supports import Hindered, ToolMotion
 from fenics_contact.assembly.ties import Ties
+from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.pairs import Pairing
 from fenics_contact.scene.stage import Stage

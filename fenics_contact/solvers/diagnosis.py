@@ -43,7 +43,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return worst
     if inverted and (worst := system.check(SQUEEZED)):  # no iterate gone astray: the accepted state was about to
         return worst
-    troubles = [found for term in system.terms if (found := term.trouble(system.state))]
+    troubles = [found for term in system.terms if (found := term.findings.trouble(system.state))]
     if lost := [trouble for trouble in troubles if trouble.kind == LOST]:
         return lost[0]
     if lifted := _lifted(system, goal):

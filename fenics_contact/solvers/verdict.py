@@ -92,7 +92,7 @@ class Verdict:
         notes = report.said
         for term in system.terms:
             said = self.remarked.setdefault(term.name, [])
-            remarks = term.remarks(system.state, said)
+            remarks = term.findings.remarks(system.state, said)
             notes += remarks.values()
             said += remarks
         for note in notes:
