@@ -8,6 +8,7 @@ import numpy as np
 
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.functions import Drive
+from fenics_contact.scene.loads import loads_stated
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Only, Stage
 from fenics_contact.solvers.continuation import ArcSteps
@@ -35,7 +36,8 @@ def stated_stages(
     if twice := [name for name in names if names.count(name) > 1]:
         raise SceneError(f"two stages are named '{twice[0]}'; give each a name of its own")
     first, *later = stages
-    given = [*scene.loadings, *(one for one in scene.supports if one.value != 0.0), *(p for p in scene.pairs if p.driven)]
+    supports, pairs = [one for one in scene.supports if one.value != 0.0], [pair for pair in scene.pairs if pair.driven]
+    given = [*loads_stated(scene), *supports, *pairs]
     if idle := [stage for stage in ([] if given else [first]) + later if stage.idle]:
         raise SceneError(f"{idle[0]} has nothing to do: state what is moved, pushed or loaded in it, or leave it out")
     return [

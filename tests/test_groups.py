@@ -57,7 +57,7 @@ def count(mesh, *names):
 
 def area(scene, *group):
     """Reference area of surfaces by the measure of loads."""
-    form = ufl.TestFunction(compat.lagrange_space(scene.mesh.domain, 1)) * scene.ds(group)
+    form = ufl.TestFunction(compat.lagrange_space(scene.mesh.domain, 1)) * scene.groups.ds(group)
     forces = np.zeros(scene.space.dofmap.index_map.size_local + scene.space.dofmap.index_map.num_ghosts)
     compat.assemble_vector(forces, compat.compile_form(form))
     return COMM.allreduce(forces.sum())

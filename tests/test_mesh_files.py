@@ -79,7 +79,7 @@ def area(mesh, body, group):
     """Of a surface; of a plane scene the length of a curve."""
     plane = "strain" if mesh.plane else None
     scene = Scene(Body(mesh, body, neo_hooke(0.5, 2.0)), accept_locking=True, plane=plane)
-    return integral(scene, scene.ds((group,)))
+    return integral(scene, scene.groups.ds((group,)))
 
 
 @cache

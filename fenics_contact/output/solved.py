@@ -7,7 +7,7 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.contact.tools import Tool
 from fenics_contact.output.units import Units
 from fenics_contact.solid.body import Body, NamedCells
-from fenics_contact.types import Floats, Ints, Measure, Space
+from fenics_contact.types import Floats, Ints, Space
 
 
 class Touching(Protocol):
@@ -79,5 +79,3 @@ class Solved(Protocol):
 
     @property
     def pairs(self) -> Sequence[Led]: ...
-
-    def ds(self, group: Sequence[str]) -> Measure: ...

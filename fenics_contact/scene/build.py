@@ -176,21 +176,21 @@ def _size(system: System) -> float:
 # -- solid ------------------------------------------------------------------------------------------------------------
 def _solid(scene: "Scene", u: Function, loads: Loads, materials: Mapping[str, Material]) -> CondensedPressure | FormTerm:
     """The solid's term of these materials by volume, with the dead loads."""
-    parts = [(materials[body.group], partial(scene.dx, body)) for body in scene.bodies]
+    parts = [(materials[body.group], partial(scene.groups.dx, body)) for body in scene.bodies]
     return solid_term(scene.element, u, parts, partial(_loads_power, scene, loads), scene.degree, scene.section)
 
 
 def _loads_power(scene: "Scene", loads: Loads, v: Expr) -> Form:
     inside = [(constant, body) for constant, load in loads if load.group is None for body in scene.bodies]
     outside = [(constant, load.group) for constant, load in loads if load.group is not None]
-    power = sum(vp.body_force_power(constant, v, scene.dx(body)) for constant, body in inside)
-    return power + sum(vp.dead_traction_power(constant, v, scene.ds(group)) for constant, group in outside)
+    power = sum(vp.body_force_power(constant, v, scene.groups.dx(body)) for constant, body in inside)
+    return power + sum(vp.dead_traction_power(constant, v, scene.groups.ds(group)) for constant, group in outside)
 
 
 def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports) -> FormTerm:
     """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
     domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
-    on = [(-p, scene.ds(load.group or ())) for p, load in pressures]
+    on = [(-p, scene.groups.ds(load.group or ())) for p, load in pressures]
     power = sum(vp.follower_pressure_power(p, u, v, domain, ds, scene.section) for p, ds in on)
     rate = sum(vp.follower_pressure_power_rate(p, u, du, v, domain, ds, scene.section) for p, ds in on)
     for p, load in pressures:
@@ -267,9 +267,9 @@ def _held(
     found: list[SpringTerm] = []
     if stabilise or may_be_needed:
         free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
-        found.append(Grounding(springs(scene.space, scene.bodies, scene.dx, u), free, stabilise))
+        found.append(Grounding(springs(scene.space, scene.bodies, scene.groups.dx, u), free, stabilise))
     if damping:
-        found.append(Damping(springs(scene.space, scene.bodies, scene.dx, u), lambda: motion.free))
+        found.append(Damping(springs(scene.space, scene.bodies, scene.groups.dx, u), lambda: motion.free))
     return found
 
 

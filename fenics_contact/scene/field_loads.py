@@ -122,8 +122,8 @@ def springs_of(
         return [Spring(names, float(stiffness), along)]
     if not normal:
         return [Spring(names, float(stiffness), None)]
-    ways, whole = normals(scene.mesh, scene.space, group, what), scene.area(names)
-    return [Spring(of, float(stiffness) * scene.area(of) / whole, along) for of, along in ways]
+    ways, whole = normals(scene.mesh, scene.space, group, what), scene.groups.area(names)
+    return [Spring(of, float(stiffness) * scene.groups.area(of) / whole, along) for of, along in ways]
 
 
 # -- forms ------------------------------------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ def _spin(scene: "Scene", spin: Spin) -> tuple[list[Weighted], list[tuple[Consta
     for body in scene.bodies:
         if density := spin.density[body.group]:
             weight = compat.Constant(domain, 0.0)
-            parts.append((weight, across, scene.dx(body)))
+            parts.append((weight, across, scene.groups.dx(body)))
             followed.append((weight, partial(_force_over_arm, spin.path, density)))
     return parts, followed
 
@@ -205,8 +205,8 @@ def _force_over_arm(speed: Path, density: float, t: float) -> Floats:
 
 
 def _spring(scene: "Scene", spring: Spring) -> Weighted:
-    domain, weight = scene.mesh.domain, spring.stiffness / scene.area(spring.group)
-    return compat.Constant(domain, weight), compat.Constant(domain, _directions(spring)), scene.ds(spring.group)
+    domain, weight = scene.mesh.domain, spring.stiffness / scene.groups.area(spring.group)
+    return compat.Constant(domain, weight), compat.Constant(domain, _directions(spring)), scene.groups.ds(spring.group)
 
 
 def _term(name: str, parts: list[tuple[Constant, Constant, Expr, Expr, Measure]], v: Expr, sign: float) -> FormTerm:

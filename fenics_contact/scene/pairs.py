@@ -352,7 +352,7 @@ def paired(scene: "Scene", first: Group, second: Group, relative: Drive, axis: o
     if common := set(names) & set(others):
         raise SceneError(f"{what}: both faces are '{common.pop()}'; name two")
     for group in (names, others):
-        scene._facets(group)
+        scene.groups.facets(group)
     if axis is not None:
         along, through = np.array(unit(axis, what)), finite(point, f"{what}: point", (3,))
         if section is not None and (section.axisymmetric or abs(along[2]) != 1.0):

@@ -3,10 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import ufl
-
 from fenics_contact import compat
-from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
@@ -31,6 +28,7 @@ from fenics_contact.scene.checks import (
 from fenics_contact.scene.directions import Group, chosen, normals, unit, unsigned
 from fenics_contact.scene.field_loads import Spring, spin_of, springs_of, swelling_of
 from fenics_contact.scene.functions import Drive, Place, load_path, ramp
+from fenics_contact.scene.groups import Groups
 from fenics_contact.scene.loads import force_path, place_path
 from fenics_contact.scene.pairs import paired
 from fenics_contact.scene.stage import Moves, Only
@@ -39,7 +37,6 @@ from fenics_contact.scene.statements import (
     ContactStatement,
     Entering,
     Load,
-    Loading,
     MomentLoad,
     Pair,
     Spin,
@@ -47,11 +44,10 @@ from fenics_contact.scene.statements import (
     Swelling,
     Tie,
 )
-from fenics_contact.solid import virtual_power as vp
-from fenics_contact.solid.elements import locking_notes, quadrature_degree, refuse_element
+from fenics_contact.solid.elements import locking_notes, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
 from fenics_contact.timing import Timers
-from fenics_contact.types import Floats, Function, Ints, Measure
+from fenics_contact.types import Floats, Function
 from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, shown
 
 Value = float | Callable[[Floats, float], Any]  # of a prescribed displacement
@@ -96,6 +92,10 @@ class Scene:
         self.notes = locking_notes(degree, simplices, laws)
         self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
+        self.groups = Groups(self.mesh, self.space, degree, self.section)
+        # may nodes have no tributary area: corners of quadratic tetrahedra, nodes of degree 2 on an axis?
+        axisymmetric = self.section is not None and self.section.axisymmetric
+        self._bare_corners = degree == 2 and (axisymmetric or simplices == "tetrahedra")
         self.contacts: list[ContactStatement] = []
         self.supports: list[Support] = []
         self.ties: list[Tie] = []
@@ -175,7 +175,7 @@ class Scene:
         """
         if not isinstance(hub, Tool):
             raise SceneError(f"tie '{group}': {shown(hub)} is no rigid body; give rigid_hub(name, point), or a tool")
-        self._facets(group)
+        self.groups.facets(group)
         refuse_namesake(hub, self.tools)
         self.ties.append(Tie(group_names(group), hub))
 
@@ -194,7 +194,7 @@ class Scene:
     def traction(self, group: str | tuple[str, ...], vector: Drive | Place) -> None:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1, or a function of t or
         of (X, t), as of `pressure`, that gives (n, 3)."""
-        facets, what = self._facets(group), f"traction on '{group}'"
+        facets, what = self.groups.facets(group), f"traction on '{group}'"
         refuse_inside(self.mesh, facets, what)
         path = place_path(self, facets, vector, what, (3,))
         self.loads.append(Load("tractions", group_names(group), *path))
@@ -208,7 +208,7 @@ class Scene:
         pressures acts (`contact.fluid`); `from_`: names of surfaces, from whose common nodes with this one the fluid comes
         in, through facets that contact presses by less than the fluid's pressure. That must not be negative then.
         """
-        facets, what = self._facets(group), f"pressure on '{group}'"
+        facets, what = self.groups.facets(group), f"pressure on '{group}'"
         refuse_inside(self.mesh, facets, what)
         if where not in ("all", "open"):
             raise SceneError(f'{what}: where = {shown(where)} must be "all" or "open", where no contact presses')
@@ -224,7 +224,7 @@ class Scene:
                 "tetrahedra, and nodes on an axis, have no area of their own"
             )
         if from_ is not None:
-            refuse_apart(self.mesh, self.space, facets, self._facets(from_), f"{what}: from_ = '{from_}'")
+            refuse_apart(self.mesh, self.space, facets, self.groups.facets(from_), f"{what}: from_ = '{from_}'")
         self.fluids.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
 
     def body_force(self, vector: Drive | Place) -> None:
@@ -237,7 +237,7 @@ class Scene:
         """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
         t = 1 or function of t."""
         what = f"force on '{group}'"
-        refuse_inside(self.mesh, self._facets(group), what)
+        refuse_inside(self.mesh, self.groups.facets(group), what)
         names, path = group_names(group), force_path(self, vector, what)
         self.loads.append(Load("forces", names, path, over=self.area(names)))
 
@@ -247,7 +247,7 @@ class Scene:
         what = f"moment on '{group}'"
         if self.section is not None:
             raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene state a traction(X, t)")
-        refuse_inside(self.mesh, self._facets(group), what)
+        refuse_inside(self.mesh, self.groups.facets(group), what)
         self.moments.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
 
     def spin(
@@ -282,7 +282,7 @@ class Scene:
 
         They pull back in all directions or, with direction (3,) or normal=True as in `prescribe`, along that one alone.
         """
-        refuse_inside(self.mesh, self._facets(group), f"spring on '{group}'")
+        refuse_inside(self.mesh, self.groups.facets(group), f"spring on '{group}'")
         self.springs += springs_of(self, group, stiffness, direction, normal)
 
     def contact(
@@ -326,38 +326,15 @@ class Scene:
             refuse_namesake(master, self.tools)
         for side in (slave, master):
             if not isinstance(side, Tool):
-                refuse_inside(self.mesh, self._facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
+                refuse_inside(self.mesh, self.groups.facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
         refuse_twice(self.mesh, contact, self.contacts)
         self.contacts.append(contact)
-
-    @property
-    def loadings(self) -> list[Loading]:
-        """All that loads bodies, but tools and supports."""
-        spin = [] if self.spin_stated is None else [self.spin_stated]
-        return [*self.loads, *self.moments, *spin, *self.pressures, *self.fluids, *self.swellings]
 
     @property
     def tools(self) -> list[Tool]:
         """The rigid tools of all contacts, then of all ties, each once, in order of appearance."""
         bodies = [*(contact.master for contact in self.contacts), *(tie.hub for tie in self.ties)]
         return list(dict.fromkeys(body for body in bodies if isinstance(body, Tool)))
-
-    @property
-    def _bare_corners(self) -> bool:
-        """Whether nodes may have no tributary area: corners of quadratic tetrahedra, nodes of degree 2 on an axis."""
-        turned = self.section is not None and self.section.axisymmetric
-        return self.degree == 2 and (turned or compat.cell_name(self.mesh.domain) == "tetrahedron")
-
-    def _facets(self, group: str | tuple[str, ...]) -> Ints:
-        try:
-            facets = self.mesh.facets(*group_names(group))
-        except ValueError as error:
-            raise SceneError(str(error)) from None
-        if self.mesh.comm.allreduce(len(facets)) == 0:
-            raise SceneError(
-                f"{'curve' if self.mesh.plane else 'surface'} '{group}' has no facets; give it some in the gmsh script"
-            )
-        return facets
 
     # -- construction ---------------------------------------------------------------------------------------------
     def system(
@@ -371,27 +348,9 @@ class Scene:
         """The System of this scene with tools moved {tool: (3,) at t = 1 or function of t} or pushed alike, see `build`."""
         return build(self, [Only(move=move or {}, push=push or {})], timers, stabilise, damping).system
 
-    def dx(self, body: Body, degree: int | None = None) -> Measure:
-        """Integral over a body, exact to `degree` (by default the element's full integration)."""
-        degree = quadrature_degree(self.degree) if degree is None else degree
-        measure = ufl.Measure(
-            "dx", domain=self.mesh.domain, subdomain_data=self.mesh.cell_tags, metadata={"quadrature_degree": degree}
-        )
-        return vp.integral(measure(self.mesh.volume_tag(body.group)), self.section)
-
-    def ds(self, group: str | Sequence[str]) -> Measure:
-        measure = ufl.Measure(
-            "ds",
-            domain=self.mesh.domain,
-            subdomain_data=self.mesh.facet_tags,
-            metadata={"quadrature_degree": quadrature_degree(self.degree)},
-        )
-        return vp.integral(measure(self.mesh.surface_tags(*group_names(group))), self.section)
-
     def area(self, group: str | Sequence[str]) -> float:
         """Area of a surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
-        skin = skin_of(self.space, self.mesh.facets(*group_names(group)), self.section)
-        return self.mesh.comm.allreduce(float(skin.area.sum()))
+        return self.groups.area(group)
 
     def volume_ratio(self, u: Function) -> VolumeRatio:
         """J = det F of a displacement."""

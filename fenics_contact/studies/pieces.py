@@ -89,7 +89,7 @@ def forms(cells: int, layers: int) -> Row:
     scene = plate(cells, layers)
     u = compat.Function(scene.space)
     u.x.array[:] = 0.01 * np.random.default_rng(1).random(len(u.x.array))
-    v, du, dx = ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space), scene.dx(scene.bodies[0])
+    v, du, dx = ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space), scene.groups.dx(scene.bodies[0])
     material, F = mooney_rivlin(A1, A2, K), vp.deformation_gradient(u)
     J = ufl.det(F)
     B = J ** (-2 / 3) * ufl.dot(F, F.T)
