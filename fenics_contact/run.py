@@ -35,7 +35,7 @@ from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
-from fenics_contact.scene.build import build
+from fenics_contact.scene.build import Built, build
 from fenics_contact.scene.drives import turning
 from fenics_contact.scene.fingerprint import refuse_unlike, stages_told, statement
 from fenics_contact.scene.functions import Drive
@@ -51,6 +51,7 @@ from fenics_contact.values import SceneError, shown
 @ends_together
 def solve(
     scene: Scene,
+    *,
     move: Moves | None = None,
     push: Mapping[Tool, Drive] | None = None,
     steps: Steps = 10,
@@ -127,14 +128,25 @@ def solve(
     keeper = Keeper(folder, system, steppers, told, left, every, resume) if every and folder else None
     kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), progress)
     setup = timers.table()["total"]
-    verdict = kept.verdict
     kept.remark([*scene.notes, *built.notes])
     _carried(scene, system, plans, kept, smallest_step)
     kept.bar.close()
+    summary = _concluded(scene, built, plans, kept, timers)
+    summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
+    if kept.writer:
+        kept.writer.finish(summary)
+    if progress and system.comm.rank == 0:
+        tqdm.write("\n".join(_told(scene, kept, summary)), file=sys.stderr)
+    return Result(kept.history, kept.verdict, system, summary, scene, kept.results, [*columns.all(), *extra], left())
+
+
+def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder, timers: Timers) -> Summary:
+    """What summary.json says of a run that has ended, but for its seconds, remarked too. Collective."""
+    system, verdict = built.system, kept.verdict
     kept.remark(verdict.cut_notes())
     if verdict.converged:
         kept.remark([note for contact in system.contacts if (note := contact.findings.never_met(system.state))])
-        kept.remark(ends_early(stated[-1], plans[-1].shares))
+        kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error = penalty_error(system, plans[system.stages.index].solver) if verdict.converged else None
@@ -148,17 +160,17 @@ def solve(
     taken = len(kept.history)
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.moved
     kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps) if verdict.converged else [])
-    summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
-    if kept.writer:
-        kept.writer.finish(summary)
-    if progress and system.comm.rank == 0:
-        lines = penalty_lines(summary["penalty_error"], scene.units)
-        lines += [energy_line(kept.results.energies, summary["energy"], scene.units), stages_line(summary["seconds"])]
-        if verdict.residuals:
-            falls = " ".join(f"{residual:.0e}" for residual in verdict.residuals[-1])
-            lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
-        tqdm.write("\n".join(lines), file=sys.stderr)
-    return Result(kept.history, verdict, system, summary, scene, kept.results, [*columns.all(), *extra], left())
+    return summary
+
+
+def _told(scene: Scene, kept: Recorder, summary: Summary) -> list[str]:
+    """The last lines that a run shows."""
+    lines = penalty_lines(summary["penalty_error"], scene.units)
+    lines += [energy_line(kept.results.energies, summary["energy"], scene.units), stages_line(summary["seconds"])]
+    if kept.verdict.residuals:
+        falls = " ".join(f"{residual:.0e}" for residual in kept.verdict.residuals[-1])
+        lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")
+    return lines
 
 
 def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder, smallest_step: float | None) -> None:

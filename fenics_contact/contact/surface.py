@@ -1,6 +1,5 @@
 """Slave points of a boundary group: nodes with tributary areas, corners or Gauss points of its facets."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +12,8 @@ from fenics_contact.assembly.facet_points import RINGS, facet_points, geometry_d
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
 from fenics_contact.types import Bools, Floats, Ints, Ints64, Mesh, Space
+
+Means = tuple[Floats, Floats, Floats]  # of a facet, or over those around a node: stiffness, height, spacing
 
 
 class Beside(NamedTuple):
@@ -105,32 +106,19 @@ def slave_surface(
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
     tangents: Floats | None = gradients
+    means: Means = stiffness, height, spacing
     between = None
-    if points == "nodes":
-        between = Between(
-            nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing
-        )  # an odd number has one in the middle
+    if points == "nodes":  # an odd number has one in the middle
+        between = Between(nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing)
     if points in ("nodes", "averages"):
         tangents = None
-        nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, (stiffness, height, spacing))
+        nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
-        stiffness, height, spacing = means
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     return SlaveSurface(
-        nodes,
-        np.ascontiguousarray(a),
-        area,
-        X[nodes],
-        stiffness,
-        height,
-        spacing,
-        tallest,
-        key,
-        tangents,
-        points == "corners",
-        points == "averages",
-        between,
-    )
+        nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, tangents, points == "corners",
+        points == "averages", between,
+    )  # fmt: skip
 
 
 def _shortest_sides(mesh: Mesh, cell: str, cells: Ints, local: Ints64) -> Floats:
@@ -154,8 +142,8 @@ def _cell_volumes(mesh: Mesh) -> Floats:
 
 
 def _gather_to_nodes(
-    space: Space, nodes: Ints, a: Floats, area: Floats, means: Sequence[Floats]
-) -> tuple[Ints64, Floats, Floats, list[Floats]]:
+    space: Space, nodes: Ints, a: Floats, area: Floats, means: Means
+) -> tuple[Ints64, Floats, Floats, Means]:
     """Tributary areas of the owned nodes and area-weighted means of facet values, summed over the facets of all ranks."""
     share = np.einsum("eq,eqk->ek", area, a)
     tributary, touched = _sum_at_nodes(space, nodes, share), _sum_at_nodes(space, nodes, np.ones_like(share))
@@ -166,8 +154,8 @@ def _gather_to_nodes(
         raise ValueError(
             "corner nodes of quadratic triangles have no tributary area: use points=3 (Gauss points) for this contact"
         )
-    means = [_sum_at_nodes(space, nodes, share * mean[:, None])[mine] / tributary for mean in means]
-    return mine[:, None], np.ones((len(mine), 1, 1)), tributary[:, None], means
+    first, second, third = (_sum_at_nodes(space, nodes, share * mean[:, None])[mine] / tributary for mean in means)
+    return mine[:, None], np.ones((len(mine), 1, 1)), tributary[:, None], (first, second, third)
 
 
 def _sum_at_nodes(space: Space, nodes: Ints, values: Floats) -> Floats:
