@@ -3,9 +3,9 @@
 import gmsh
 import numpy as np
 import pytest
+from taylor import orders, remainders
 
 from fenics_contact import Body, Penalty, Scene, coulomb, from_elastic, neo_hooke, read_gmsh, solve
-from fenics_contact.assembly.blocks import insert
 from fenics_contact.kernels.status import SLIP
 from fenics_contact.meshes import two_blocks
 
@@ -176,25 +176,7 @@ def slipping(cells, degree, points, friction):
 def test_tangent_is_the_derivative(cells, name, along):
     degree, points = CHOICES[name]
     system, contact = slipping(cells, degree, points, coulomb(0.05, across=0.02, along=along))
-    state, start = system.state, system.state.u.x.array.copy()
-
-    def residual():
-        out = np.zeros(len(start))
-        contact.add_residual(state, out, np.zeros((0, 6)))
-        return out
-
-    system.assemble_tangent()
-    system.matrix.zeroEntries()
-    insert(contact.tangent(state), system.matrix, system.border)
-    system.matrix.assemble()
-    at_start, way, codes = residual(), system.new_vector(), contact.parts.branches(state).copy()
+    left = remainders(system, contact, 1e-5, kept=lambda: contact.parts.branches(system.state))
     closed = contact.statuses() > 0
     assert closed.any() and (contact.statuses()[closed] == SLIP).all()
-    way.array[:] = np.random.default_rng(2).uniform(-1, 1, len(start))
-    slope, remainders = (system.matrix * way).array, []
-    for step in 1e-5 / 2.0 ** np.arange(4):
-        state.u.x.array[:] = start + step * way.array
-        remainders.append(np.linalg.norm(residual() - at_start - step * slope))
-        assert (contact.parts.branches(state) == codes).all()
-    orders = np.log2(np.array(remainders[:-1]) / remainders[1:])
-    assert orders.min() > 1.98, (orders, remainders)
+    assert orders(left).min() > 1.98, left

@@ -4,6 +4,7 @@ import gmsh
 import numpy as np
 import pytest
 from refusals import refused
+from taylor import change, forces, left_over, orders, random_way, remainders
 
 from fenics_contact import (
     Body,
@@ -25,7 +26,6 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.pose import Pose, Poses, rotation, skew, spin_rate
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.meshes import box, rectangles, tool_surfaces
@@ -110,19 +110,6 @@ def placed(name, points, friction, shift, spin):
     return system, contact
 
 
-def taylor_orders(system, residual, rate):
-    """Orders of what the tangent leaves of the residual, and the remainders over the residual."""
-    state, start, q = system.state, system.state.u.x.array.copy(), system.state.q.copy()
-    rng, at_start = np.random.default_rng(2), residual()
-    du, dq = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, q.shape)
-    slope, remainders = rate(du, dq), []
-    for step in 4e-5 / 2.0 ** np.arange(4):
-        state.u.x.array[:], state.q[:] = start + step * du, q + step * dq
-        remainders.append(np.linalg.norm(residual() - at_start - step * slope))
-    state.u.x.array[:], state.q[:] = start, q
-    return np.log2(np.array(remainders[:-1]) / remainders[1:]), remainders
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "name, points",
@@ -139,31 +126,11 @@ def taylor_orders(system, residual, rate):
 )
 def test_tangent_and_border_of_a_turning_tool(name, points, friction, shift, spin, status):
     system, contact = placed(name, points, friction, shift, spin)
-    state = system.state
-
-    def residual():
-        out, on_tool = np.zeros(len(state.u.x.array)), np.zeros((1, 6))
-        contact.add_residual(state, out, on_tool)
-        return np.concatenate([out, on_tool.ravel()])
-
-    def rate(du, dq):
-        system.assemble_tangent()
-        system.matrix.zeroEntries()
-        system.border.clear()
-        insert(contact.tangent(state), system.matrix, system.border)
-        system.matrix.assemble()
-        way, border = system.new_vector(), system.border
-        way.array[:] = du
-        on_nodes = (system.matrix * way).array + dq.ravel() @ border.columns
-        return np.concatenate([on_nodes, border.rows @ du + border.corner @ dq.ravel()])
-
-    at_start = residual()
+    state, at_start = system.state, forces(contact, system.state)
     assert (contact.statuses() == status).sum() > 3 and (contact.statuses() == OPEN).any() != (name == "plane")
-    branches = contact.parts.branches(state).copy()
-    orders, remainders = taylor_orders(system, residual, rate)
-    assert np.array_equal(branches, contact.parts.branches(state))
+    left = remainders(system, contact, 4e-5, kept=lambda: contact.parts.branches(state))
     # a plane without friction gives a residual that is linear but for its turns
-    assert orders.min() > 1.97 or max(remainders) < 1e-12 * np.linalg.norm(at_start)
+    assert orders(left).min() > 1.97 or left.max() < 1e-12 * np.linalg.norm(at_start)
     # forces and torques about the reference point: tool and body together are in balance
     x = system.space.tabulate_dof_coordinates() + state.u.x.array.reshape(-1, 3)
     wrench = state.pose(0).wrench(x, at_start[:-6].reshape(-1, 3))
@@ -402,17 +369,13 @@ def test_the_tangent_carries_along_what_is_tied(to):
         system.assemble_residual()
         return np.concatenate([system.residual_vector.array, system.tool_residual.ravel()])
 
-    def rate(du, dq):
-        system.assemble_tangent()
-        way, border = system.new_vector(), system.border
-        way.array[:] = free * du
-        on_nodes = free * ((system.matrix * way).array + dq.ravel() @ border.columns)
-        return np.concatenate([on_nodes, border.rows @ way.array + border.corner @ dq.ravel()])
-
     residual()
     assert (system.contacts[0].statuses() != OPEN).any()
-    orders, _ = taylor_orders(system, residual, rate)
-    assert orders.min() > 1.97, orders
+    system.assemble_tangent()
+    way, free = random_way(system), np.append(free, np.ones(state.q.size))
+    slope = free * change(system, free * way)
+    left = left_over(system, residual, slope, way, 4e-5, system.contacts[0].statuses)
+    assert orders(left).min() > 1.97, left
 
 
 @pytest.mark.parallel
