@@ -118,7 +118,7 @@ def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict,
     for plan in plans[stages.index :]:
         if plan.stage is not plans[stages.index].stage:
             system.trail.next_stage(system.ending())
-            verdict.size = math.inf
+            verdict.longest = math.inf
         if plan.path:
             plan.path.follow(kept, verdict)
             for watch in watches.values():

@@ -272,10 +272,10 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
         if contact.places.point(system.state) is None
         else "the tool's reference point",
         "friction": contact.friction_stated,
-        "slave_points": comm.allreduce(contact.surface.points),
+        "slave_points": comm.allreduce(contact.surface.count),
         f"penalty_{units.pressure}_per_{units.length}": [low, high],
         "penalty_raised": contact.penalties.raise_factor(system.state),
-        f"penetration_allowed_{units.length}": contact.tolerance,
+        f"penetration_allowed_{units.length}": contact.penetration,
     }
 
 

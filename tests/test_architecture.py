@@ -228,7 +228,7 @@ def test_rooms_do_not_know_each_other_in_circles():
         (lambda s: wrong_imports("output", s), "from fenics_contact import kernels"),
         (lambda s: wrong_imports("solid", s), "from . import compat"),
         (lambda s: wrong_imports("output", s), "from fenics_contact.kernels.law import traction"),
-        (set_from_outside, "for term in terms:\n    term.tolerance = 1.0"),
+        (set_from_outside, "for term in terms:\n    term.name = 1.0"),
         (set_from_outside, "contact.law, contact.friction = law, friction"),
         (set_from_outside, "if hasattr(term, 'only'): pass"),
         (local_imports, "def f():\n    import os"),

@@ -316,7 +316,7 @@ def test_foreseen_gaps_are_linear_in_the_motion(points):
         system.assemble_tangent()
         state.u.x.array[:] = start + step * way
         system.foresight.foresee(system.state)
-        foreseen = contact.trial.judged.reshape(contact.surface.points, -1)[:, 0]
+        foreseen = contact.trial.judged.reshape(contact.surface.count, -1)[:, 0]
         system.foresight.release()
         gaps = contact.response(state).gap.ravel()
         errors.append(np.linalg.norm(foreseen - gaps))

@@ -59,7 +59,7 @@ class System:
         self.set_loads, self.check, self.bulk_over_shear, self.timers = set_loads, check, bulk_over_shear, timers
         self.bodies = holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
-        self.augmented = [contact for contact in self.contacts if contact.tolerance is not None]  # those with multipliers
+        self.augmented = [contact for contact in self.contacts if contact.penetration is not None]  # those with multipliers
         self.springs = [term for term in terms if isinstance(term, SpringTerm)]
         self.grounding = next((term for term in terms if isinstance(term, Grounding)), None)
         self.damping = next((term for term in terms if isinstance(term, Damping)), None)

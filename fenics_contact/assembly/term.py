@@ -179,12 +179,12 @@ class ContactTerm(Term, Protocol):
     """What solvers and the output ask of a contact. Of what is the contact's own they know that it can be handed back:
     a trial, and the places `at` of a tangent's points.
 
-    tolerance: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
+    penetration: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
     friction_stated: Coulomb's mu, or the numbers of a friction law by name; surface: SlaveSurface; partner: Partner; places:
     Places; penalties, multipliers: what steppers let a contact be evaluated with.
     """
 
-    tolerance: float | None
+    penetration: float | None
     master_name: str
     friction_stated: float | dict[str, Any]
     surface: Any
@@ -332,7 +332,7 @@ class FluidTerm(FormTerm, ABC):
 
     @abstractmethod
     def advance(self, state: State, back: bool) -> bool:
-        """Go, in a balanced state, to where it is connected to its edge, back: also from what is cut off; has it moved?
+        """Go, in a balanced state, to where it is connected to its source, back: also from what is cut off; has it moved?
         Collective."""
 
     @abstractmethod

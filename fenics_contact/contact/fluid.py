@@ -50,12 +50,12 @@ class Fluid(FluidTerm):
 
     p = R . H / |H|^2, with R the contacts' part of the residual and H the area vector that surfaces in contact have at the
     node: so whatever a contact meets, and however, its pressure falls and the fluid's share grows by the same law, without a
-    jump. Where an edge is given the fluid acts only on nodes that it has `reached`: those of the edge, and the nodes of each
-    facet that has one that is reached and open, p < p_f. That set stays while Newton's method looks for balance;
+    jump. Where a source is given the fluid acts only on nodes that it has `reached`: those of the source, and the nodes of
+    each facet that has one that is reached and open, p < p_f. That set stays while Newton's method looks for balance;
     `advance` moves it in balanced states.
 
     path(t): the pressure [pressure], one for all, or (n,) at the local nodes; facets: local ones of the surface; touching:
-    of it and of other surfaces, those that a contact has as slave or master; contacts: the terms; edge (n,): which local
+    of it and of other surfaces, those that a contact has as slave or master; contacts: the terms; source (n,): which local
     nodes the fluid comes from, None: it is everywhere; section: what a plane mesh stands for. All methods that take a
     state are collective.
     """
@@ -68,7 +68,7 @@ class Fluid(FluidTerm):
         touching: Ints,
         contacts: Sequence[ContactTerm],
         path: Callable[[float], Floats],
-        edge: Bools | None,
+        source: Bools | None,
         section: Section | None = None,
     ) -> None:
         super().__init__(name, None, None, symmetric=False)
@@ -78,12 +78,12 @@ class Fluid(FluidTerm):
         self._touching = skin_of(space, touching, section)
         self._owned = space.dofmap.index_map.size_local
         self._sums = NodalSums(space)
-        self._edge = None if edge is None else self._sums.anywhere(edge)
-        self.reached = self._accepted = np.ones(self._sums.count, dtype=bool) if self._edge is None else self._edge
+        self._source = None if source is None else self._sums.anywhere(source)
+        self.reached = self._accepted = np.ones(self._sums.count, dtype=bool) if self._source is None else self._source
         on = np.unique(np.concatenate([self._open.nodes.ravel(), self._shared.nodes.ravel()]))
         self.nodes = on
-        self._kept = on[on < self._owned] if edge is not None else on[:0]
-        self.key = node_keys(space)[self._kept] if edge is not None else self.key
+        self._kept = on[on < self._owned] if source is not None else on[:0]
+        self.key = node_keys(space)[self._kept] if source is not None else self.key
 
     def set_time(self, t: float) -> None:
         """Take the pressure of load parameter t."""
@@ -157,9 +157,9 @@ class Fluid(FluidTerm):
 
     # -- how far the fluid has come -------------------------------------------------------------------------------
     def advance(self, state: State, back: bool) -> bool:
-        """Let the fluid go, in a balanced state, to where it is connected to its edge; whether that changed anything. back:
-        may it also leave what is cut off? Collective."""
-        if self._edge is None:
+        """Let the fluid go, in a balanced state, to where it is connected to its source; whether that changed anything.
+        back: may it also leave what is cut off? Collective."""
+        if self._source is None:
             return False
         reached = self._connected(state)
         reached = reached if back else reached | self.reached
@@ -187,7 +187,7 @@ class Fluid(FluidTerm):
         p, R, _ = self._pressed(state)
         is_open = (p < self._pressure) | ~R.any(axis=1)
         rings = [skin.nodes for skin in (self._open, self._shared)]
-        reached, before = self._edge.copy() if self._edge is not None else self.reached, -1
+        reached, before = self._source.copy() if self._source is not None else self.reached, -1
         while (count := self._space.mesh.comm.allreduce(int(reached[: self._owned].sum()))) != before:
             before, here = count, -1
             while (now := int(reached.sum())) != here:  # as far as this rank sees
@@ -205,10 +205,10 @@ class Fluid(FluidTerm):
         self.reached = self._accepted
 
     def history(self) -> dict[str, Array]:
-        return {} if self._edge is None else {"reached": self._accepted[self._kept]}
+        return {} if self._source is None else {"reached": self._accepted[self._kept]}
 
     def restore(self, values: dict[str, Array], state: State) -> None:
-        if self._edge is not None:
+        if self._source is not None:
             marks = np.zeros(len(self.reached), dtype=bool)
             marks[self._kept] = values["reached"]
             self.reached = self._accepted = self._sums.anywhere(marks)

@@ -75,7 +75,7 @@ def stored_energy(contact: Contact, state: State, trial: Trial) -> float:
     s, response = contact.surface, contact.response(state, trial)
     pressure, friction = contact.forces.split_traction(state, trial)
     stored = np.where(response.status != OPEN, 0.5 * pressure * np.maximum(-response.gap, 0.0), 0.0)
-    if trial.rough and contact.tolerance is None:
+    if trial.rough and contact.penetration is None:
         stiff = trial.law.eps_t[:, None] * np.where(response.cover > 0.0, response.cover, 1.0)
         stored = stored + 0.5 * np.einsum("eqc,eqc->eq", friction, friction) / stiff
     return float((stored * s.area).sum())

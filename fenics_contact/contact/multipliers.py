@@ -31,7 +31,7 @@ class Multipliers:
         contact, trial = self._contact, self._contact.trial
         feet, status = contact.places.feet(state), contact.response(state).status
         slips = contact.partner.anchors.slips(feet, trial, status).max(initial=0.0)
-        return max(np.abs(self._grown(state) - trial.history.shift).max(initial=0.0), slips) / contact.tolerance
+        return max(np.abs(self._grown(state) - trial.history.shift).max(initial=0.0), slips) / contact.penetration
 
     def _grown(self, state: State) -> Floats:
         """Multipliers that take over what the penalty carries; a point that supports lead no force can hold out."""

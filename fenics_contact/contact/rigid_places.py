@@ -73,11 +73,11 @@ class RigidPlaces:
 
     def bare(self, feet: RigidFeet) -> Floats:
         """Nothing of the points (n,): a tool has no end."""
-        return np.zeros(self.surface.points)
+        return np.zeros(self.surface.count)
 
     def features(self, feet: RigidFeet) -> Array:
         """Codes (n, ...): where one changes the traction has a kink."""
-        return np.empty((self.surface.points, 0), dtype=int)
+        return np.empty((self.surface.count, 0), dtype=int)
 
     def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
         """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""

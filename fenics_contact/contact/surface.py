@@ -64,7 +64,7 @@ class SlaveSurface:
     between: Between | None = None
 
     @property
-    def points(self) -> int:
+    def count(self) -> int:
         """Number of slave points on this rank."""
         return self.area.size
 

@@ -28,7 +28,7 @@ from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 class Contact:
     """Penalty contact with Coulomb friction between slave points and a master.
 
-    partner: what the points of its surface meet; friction: Friction; penalty: as the user states it; tolerance: how deep a
+    partner: what the points of its surface meet; friction: Friction; penalty: as the user states it; penetration: how deep a
     point may lie in the master and how far one that sticks may slip [length], None: as the penalty alone gives; supports:
     what leads nodes; state: the initial one, in which every point is anchored at its projection. Response and
     tangent depend on the state and a Trial alone: `accepted` is what the last accepted step left, `trial` what the present
@@ -44,7 +44,7 @@ class Contact:
         partner: Partner,
         friction: Friction,
         penalty: Penalty,
-        tolerance: float | None,
+        penetration: float | None,
         supports: Supports,
         state: State,
         timers: Timers,
@@ -53,7 +53,7 @@ class Contact:
         self.name, self.surface, self.timers = name, surface, timers
         self.key, self.friction_stated = surface.key, stated(friction)
         self.partner, self.places, self.master_name = partner, partner.places, partner.name
-        self.tolerance = tolerance
+        self.penetration = penetration
         comm = state.u.function_space.mesh.comm
         # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
         self.paired = (
@@ -62,7 +62,7 @@ class Contact:
         self.led, self.forces, self.unknowns = Led(self, supports, comm), Forces(self), Unknowns(self)
         self.parts, self.findings = Parts(self), Findings(self)
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
-        self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(tolerance)), Multipliers(self)
+        self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(penetration)), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.anchors.none()
         far = np.full(ne * nq, min(self.places.search, np.finfo(float).max))
@@ -135,7 +135,7 @@ class Contact:
         anchors, trial, response = self.partner.anchors, self.trial, self.response(state)
         feet, h = self.places.feet(state), trial.history
         rests = h.rests
-        if trial.rough or self.tolerance is not None:
+        if trial.rough or self.penetration is not None:
             here, stuck = anchors.resting(feet, trial), response.status == STICK
             rests = anchors.chosen(stuck, rests, here)
         kept, slid = anchors.committed(feet, trial)
@@ -177,7 +177,7 @@ class Contact:
         out |= {"slip_path": h.slip_path, "met": h.met, "raised": h.raised}
         if self.partner.foresees:
             out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
-        return out if self.tolerance is None else out | {"shift": h.shift}
+        return out if self.penetration is None else out | {"shift": h.shift}
 
     def restore(self, values: dict[str, Array], state: State) -> None:
         """Take up what history gave for this rank's elements, at the accepted state."""

@@ -49,7 +49,7 @@ class _Rubbing:
     def of(cls, contact: ContactTerm, state: State) -> "_Rubbing":
         response, trial = contact.response(state), contact.trial
         rigid = np.zeros_like(contact.surface.area)
-        if contact.tolerance is not None:
+        if contact.penetration is not None:
             rigid = np.linalg.norm(contact.forces.split_traction(state)[1], axis=2) / trial.law.eps_t[:, None]
         slips, area = response.status == SLIP, contact.surface.area
         return cls(contact.forces.limits(state), trial.history.slip_path, rigid, slips, area)

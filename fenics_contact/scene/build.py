@@ -241,13 +241,13 @@ def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact
         everywhere[stated.nodes] = values
         return everywhere
 
-    edge = None
+    source = None
     if stated.source is not None:
-        edge, on = np.zeros((2, count), dtype=bool)
-        edge[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
+        source, on = np.zeros((2, count), dtype=bool)
+        source[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
         on[compat.locate_blocks(space, facets)] = True
-        edge &= on
-    return Fluid(f"fluid {number} on {name}", space, facets, touching, contacts, path, edge, scene.section)
+        source &= on
+    return Fluid(f"fluid {number} on {name}", space, facets, touching, contacts, path, source, scene.section)
 
 
 def _modulus_by_cell(scene: "Scene") -> Floats:

@@ -67,7 +67,7 @@ def statement(
     for one, term in zip(scene.contacts, system.contacts, strict=True):
         parts = vars(one) | {f"penalty {key}": value for key, value in vars(one.penalty).items()}
         del parts["penalty"]
-        parts |= {"master": term.master_name, "slave points": comm.allreduce(term.surface.points)}
+        parts |= {"master": term.master_name, "slave points": comm.allreduce(term.surface.count)}
         out |= {f"contact '{one.name}', {key}": plain(value) for key, value in parts.items()}
     return out
 

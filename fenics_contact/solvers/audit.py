@@ -100,7 +100,7 @@ def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> It
     """(name, without friction?, mask of the points) of a contact's laws."""
     frictions = [False, True] if term.rough else [True]
     for frictionless in frictions:
-        trial, branches = term.parts.part(np.ones(term.surface.points, dtype=bool), frictionless), []
+        trial, branches = term.parts.part(np.ones(term.surface.count, dtype=bool), frictionless), []
         for h in (0.0, *SHARES):
             _displace(system, move, h)
             branches.append(term.parts.branches(system.state, trial))

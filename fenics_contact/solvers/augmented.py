@@ -128,9 +128,8 @@ class _Place:
         for term in system.augmented:
             worst = max(system.comm.allgather(term.multipliers.misfit(system.state)))
             if worst > 1.0:
-                left = (
-                    f"off by {worst * term.tolerance:.3g}, in depth or by slip in stick, and may be by {term.tolerance:.3g}"
-                )
+                off, allowed = worst * term.penetration, term.penetration
+                left = f"off by {off:.3g}, in depth or by slip in stick, and may be by {allowed:.3g}"
                 remedy = "take fewer points= per facet, raise its penalty=, or allow more"
                 report.unkept[term.name] = f"penetration= is not kept, a point is {left} ({failure}); {remedy}"
             else:

@@ -55,7 +55,7 @@ def run(
         restless = 0
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
-            goal = _goal(system.trail.last.t, target, verdict.size)
+            goal = _goal(system.trail.last.t, target, verdict.longest)
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
@@ -72,15 +72,15 @@ def run(
                 if report is None:
                     system.trail.rollback()
                     verdict.cut(failure, f"step to t = {goal:.6g}")
-                    verdict.size = size / 2
+                    verdict.longest = size / 2
                     continue
             else:
                 within = sooner
             system.trail.commit()
             if report.work > 0.0:
-                verdict.size = within
+                verdict.longest = within
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
-                verdict.size *= 2.0
+                verdict.longest *= 2.0
             verdict.accept(report, system)
             verdict.remark(undecided(system, verdict.remarked), system)
             on_step(report, time.perf_counter() - start, goal == target)

@@ -14,7 +14,7 @@ class Entering:
     """A stepper, and its solves repeated while fluids come further in.
 
     The first look at a balanced state may also take a fluid back from what contact has cut off; after it the fluid only goes
-    on, by a node at least each time: so this ends. Where it reaches is what is connected to its edge in the state that the
+    on, by a node at least each time: so this ends. Where it reaches is what is connected to its source in the state that the
     step ends with, or, where it has opened the way itself, was so in one of these.
     """
 

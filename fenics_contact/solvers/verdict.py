@@ -35,7 +35,7 @@ class Verdict:
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
     not had yet; remarked: kinds of what has been said of terms and bodies, by name or place; resumed: numbers of the last
     steps before the run was killed and gone on with; shortened: steps in which increments were, as the first one notes;
-    smallest: step [t] below which none is tried; size: largest step [t] to try next, endless while no step failed.
+    smallest: step [t] below which none is tried; longest: largest step [t] to try next, endless while no step failed.
     """
 
     converged: bool = True
@@ -57,7 +57,7 @@ class Verdict:
     resumed: list[int] = field(default_factory=list)
     shortened: int = 0
     smallest: float = 0.0
-    size: float = math.inf
+    longest: float = math.inf
 
     def cut(self, failure: StepFailed, what: str) -> None:
         """A step or an arc, `what`, has failed and is tried shorter."""
