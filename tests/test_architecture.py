@@ -29,6 +29,15 @@ MORE_ARGUMENTS = {
     "studies/tubes.py: tubes": 9,
 }
 
+MOST_METHODS = 20
+LONGEST_FUNCTION = 60  # lines without its docstring
+# What is longer: the table may only shrink.
+LONGER = {
+    "kernels/mortar_rates.py: add_node_tangents",
+    "kernels/mortar_rates.py: foreseen_averages",
+    "kernels/mortar_tangent.py: add_held_tangents",
+}
+
 # room: what its modules may import besides the standard library, the room itself, and `types`
 TABLE = {
     "packages": set(),
@@ -204,6 +213,26 @@ def test_functions_take_few_arguments():
     assert sorted(more) == sorted(MORE_ARGUMENTS.items())
 
 
+def code_lines(function):
+    """Lines of a function without its docstring."""
+    text = function.body[0] if ast.get_docstring(function) is not None else None
+    return function.end_lineno - function.lineno + 1 - (text.end_lineno - text.lineno + 1 if text else 0)
+
+
+def large_classes(source):
+    """Names of classes with more methods than are read at once."""
+    classes = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.ClassDef)]
+    return [c.name for c in classes if sum(isinstance(n, ast.FunctionDef) for n in c.body) > MOST_METHODS]
+
+
+def test_functions_are_short_and_classes_have_few_methods():
+    for path in MODULES:
+        source, name = path.read_text(), path.relative_to(PACKAGE)
+        assert not large_classes(source), f"{name}: split where an object can be said in one sentence"
+        long = {f"{name}: {f.name}" for f in functions(source) if code_lines(f) > LONGEST_FUNCTION}
+        assert long <= LONGER, "about 15 lines are good, 60 the most"
+
+
 def test_every_room_of_the_table_exists():
     assert {room_of(path) for path in MODULES} == set(TABLE)
 
@@ -234,6 +263,8 @@ def test_rooms_do_not_know_each_other_in_circles():
         (local_imports, "def f():\n    import os"),
         (prints, "def f():\n    print(1)"),
         (untyped, "def f(a, b: int) -> None: ..."),
+        (large_classes, "class A:\n" + "".join(f"    def f{i}(self): ...\n" for i in range(21))),
+        (lambda s: code_lines(functions(s)[0]) == 3, 'def f():\n    """Two\n    lines."""\n    a = 1\n    return a'),
         (untyped, "def f(*, a: int): ..."),
         (untyped, "def f(**a) -> None: ..."),
         (version_tests, "if hasattr(fem, 'functionspace'): pass"),
