@@ -1,0 +1,5 @@
+from enum import Enum
+
+class Purpose(Enum):
+    argument = 1
+    constant = 2
