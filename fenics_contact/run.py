@@ -20,6 +20,8 @@ from fenics_contact.options import Steps, checkpoint_steps, stated_stages
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
     Summary,
+    chord_notes,
+    chord_summary,
     energy_line,
     energy_notes,
     energy_summary,
@@ -42,7 +44,10 @@ from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
-from fenics_contact.solvers.penalty_error import penalty_error
+from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.penalty_error import penalty_error, stiffer
+from fenics_contact.solvers.sensitivity import sensitivities
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
 from fenics_contact.values import SceneError, shown
@@ -149,10 +154,12 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
-        error = penalty_error(system, plans[system.stages.index].solver) if verdict.converged else None
+        error, chords = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {})
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
+    summary["chord_error"] = chord_summary(chords, scene.units)
     kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
+    kept.remark(chord_notes(summary["chord_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]
     summary["energy"] = energy_summary(kept.history, scene.units, along_slave)
@@ -183,6 +190,14 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         if kept.writer:
             kept.writer.close(_summary(scene, system, plans, kept.verdict, kept.history))
         raise
+
+
+def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, dict[str, tuple[float, float]]]:
+    """What the penalties cost, None if not to be had, and by contact what straight cells do, see `chord_error`."""
+    found = sensitivities(system, solver, [stiffer(system), *([rounder(system)] if is_round(system) else [])])
+    if found is None:
+        return None, {}
+    return penalty_error(system, found[0]), chord_error(system, found[1]) if len(found) > 1 else {}
 
 
 def _started(start: object, scene: Scene) -> Start | None:

@@ -1,15 +1,18 @@
 """Master surfaces, of a deformable body or a meshed tool: facets and current node positions, in full on every rank."""
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import geometry_degree
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.chords import cut_off
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.kernels.facets import MAX_NODES, Surface
 from fenics_contact.kernels.quadratic import LINE, STRIP, TRIANGLE
@@ -104,8 +107,11 @@ class _Surface:
     """Facets (nodes (nf, m), size (nf,)) and the reference positions X (nm, 3) of their nodes [length].
 
     edge, longest: median and largest length of the facets' edges; corners: flat facets (nodes (nf, 4), size (nf,)) of the
-    corners, which are the first `count` nodes; whole: they are of degree 2, with all their nodes.
+    corners, which are the first `count` nodes; whole: they are of degree 2, with all their nodes; straight: so are the cells
+    as drawn.
     """
+
+    straight = True
 
     def __init__(self, facets: Surface, X: Floats, count: int = 4) -> None:
         self.facets, self.X, self.whole = facets, X, facets[0].shape[1] != MAX_NODES
@@ -115,6 +121,11 @@ class _Surface:
         self.edge, self.longest = (float(f(edges)) if edges.size else 0.0 for f in (np.median, np.max))
         flat = ring if count == 4 else ring[:, [0, 1, 2, 2] if count == 3 else [0, 1, 1, 0]]
         self.corners: Surface = np.ascontiguousarray(flat), np.minimum(facets[1], count)
+
+    @cached_property
+    def cut_off(self) -> Floats:
+        """Mean distances (nf,) [length] of a round surface from its facets, positive outside; of curved cells none."""
+        return cut_off(self) if self.straight else np.zeros(len(self.facets[0]))
 
     def degenerate(self) -> Floats:
         """Reference positions of the centres of facets without area (n, 3)."""
@@ -140,6 +151,7 @@ class MasterSurface(_Surface):
 
     def __init__(self, space: Space, facets: Ints, section: Section | None = None, whole: bool = False) -> None:
         self.comm, self.size = space.mesh.comm, space.dofmap.index_map.size_global  # of the System, in blocks
+        self.straight = geometry_degree(space.mesh) == 1
         nodes, size, key = whole_facets(space, facets) if whole else oriented_facets(space, facets)
         to_global = compat.global_blocks(space)
         rows = np.column_stack([key, size, to_global[nodes]]).astype(np.int64)

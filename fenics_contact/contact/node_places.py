@@ -10,12 +10,13 @@ from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vecto
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Watch
-from fenics_contact.contact.samples import CREASE, Samples, samples_for
+from fenics_contact.contact.samples import Samples, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.coverage import Ends, coverage, surface_ends
+from fenics_contact.kernels.normals import CREASE
 from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Bools, Floats
@@ -117,6 +118,14 @@ class NodePlaces(PlacesOnFacets):
         s = self.samples
         codes = np.column_stack([feet.projection[0], feet.met[7]])[s.table]
         return np.where((s.table < 0)[..., None], -9, codes).reshape(len(codes), 5 * s.table.shape[1])
+
+    def cut_off(self, state: State) -> Floats:
+        """How much nearer (ns, 1) [length] the surfaces are than their facets, on average as gaps are. Collective."""
+        s, (facet, kind, *_), cover = self.samples, self.feet(state).projection, self.feet(state).met[6]
+        there = np.where(kind != NONE, self.master.cut_off[facet], 0.0)[s.table]
+        share = s.share * np.where(kind != NONE, cover, 0.0)[s.table]
+        means = (share * there).sum(axis=1) / np.maximum(share.sum(axis=1), 1e-300)
+        return self.surface.cut_off + means[:, None]
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Endless gaps (n,): means over samples leave nothing between them to ask for."""

@@ -142,6 +142,12 @@ class PointPlaces(PlacesOnFacets):
         """Codes (n, ...): where one changes the traction has a kink."""
         return np.column_stack(feet.projection[:3])
 
+    def cut_off(self, state: State) -> Floats:
+        """How much nearer (ne, nq) [length] the surfaces are to each other at the points than their facets. Collective."""
+        facet, kind = self.feet(state).projection[:2]
+        there = np.where(kind != NONE, self.master.cut_off[facet], 0.0)
+        return self.surface.cut_off + there.reshape(self.surface.area.shape)
+
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Gaps (n,) of slave nodes from their closest points on the master, endless without one. Collective."""
         normals, coords = self._nodal_normals(state.u.x.array)[nodes], self.feet(state).coords

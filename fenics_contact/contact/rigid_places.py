@@ -87,6 +87,10 @@ class RigidPlaces:
         at_surface, behind = np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
         return float(at_surface), float(behind)
 
+    def cut_off(self, state: State) -> Floats:
+        """How much nearer (ne, nq) [length] the slave is to the tool at the points than its facets."""
+        return self.surface.cut_off
+
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
         return self._distances(state, X + state.u.x.array.reshape(-1, 3)[nodes])

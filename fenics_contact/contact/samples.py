@@ -7,13 +7,12 @@ import numpy as np
 
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.mortar import Slaves
-from fenics_contact.kernels.normals import Groups, corner_angles, group_normals, group_slots, grouped_corners
+from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
 from fenics_contact.types import Floats, Ints
 
 FEWEST, MOST = 3, 6  # samples of a facet per direction
 PER_FACET = 2.0  # samples of a facet per direction, for each facet of a finer master that it covers
-CREASE = 30.0  # degrees between facets from which on they do not share a normal
 
 
 class Samples:

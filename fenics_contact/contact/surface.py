@@ -11,7 +11,8 @@ from fenics_contact import compat
 from fenics_contact.assembly.facet_points import RINGS, facet_points, geometry_degree
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
-from fenics_contact.types import Bools, Floats, Ints, Ints64, Mesh, Space
+from fenics_contact.contact.master import MasterSurface
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mesh, Space
 
 Means = tuple[Floats, Floats, Floats]  # of a facet, or over those around a node: stiffness, height, spacing
 
@@ -43,7 +44,8 @@ class SlaveSurface:
     area [length^2]; X (ne, k, 3) reference positions [length]; stiffness (ne,): modulus of the body over the distance of
     nodes below each other [pressure/length]; height (ne,): of the cell beneath, that distance times the degree [length];
     spacing (ne,): shortest side of its facets over the points along it [length]; cell_height: largest height [length] over
-    all ranks; key (ne,): the element's number on any number of ranks.
+    all ranks; key (ne,): the element's number on any number of ranks;
+    cut_off (ne, nq): how far [length] a round surface that straight facets stand for lies outside the points, see `chords`.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
     the body; None for points that are nodes. corners: the points are corners of their facets; linear: they are the nodes at
     corners, between which pressures are linear at any degree; between: for points="nodes".
@@ -58,6 +60,7 @@ class SlaveSurface:
     spacing: Floats
     cell_height: float
     key: Ints64
+    cut_off: Floats
     gradients: Floats | None = None
     corners: bool = False
     linear: bool = False
@@ -114,11 +117,23 @@ def slave_surface(
         tangents = None
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
+    exact = degree == 1 and points in ("nodes", "corners")  # corners lie on the round surface
+    cut_off = np.zeros(area.shape) if exact else _cut_off(space, facets, section, nodes, a)
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     return SlaveSurface(
-        nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, tangents, points == "corners",
+        nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, cut_off, tangents, points == "corners",
         points == "averages", between,
     )  # fmt: skip
+
+
+def _cut_off(space: Space, facets: Ints, section: Section | None, nodes: Array, a: Floats) -> Floats:
+    """Means over the facets around nodes (ne, k) of what these cut off, at points of weights a (ne, nq, k). Collective."""
+    skin = MasterSurface(space, facets, section, compat.degree(space) == 2)
+    sums, count = np.zeros((2, len(skin.X)))
+    np.add.at(sums, skin.facets[0], skin.cut_off[:, None])
+    np.add.at(count, skin.facets[0], 1.0)
+    at = np.searchsorted(skin.moving, compat.global_blocks(space)[nodes])
+    return np.einsum("eqk,ek->eq", a, (sums / np.maximum(count, 1.0))[at])
 
 
 def _shortest_sides(mesh: Mesh, cell: str, cells: Ints, local: Ints64) -> Floats:

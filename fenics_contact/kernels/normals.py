@@ -19,6 +19,7 @@ from numba import njit
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, got, less, minus, norm, plus, put, row, times
 from fenics_contact.types import Bools, Floats, Ints64
 
+CREASE = 30.0  # degrees between facets from which on they do not share a normal
 Groups = tuple[Ints64, Ints64, Ints64, Ints64, Ints64, Ints64, Floats]
 
 

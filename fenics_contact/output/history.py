@@ -4,6 +4,7 @@ import csv
 import errno
 import io
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from fenics_contact.types import Floats
 UNSEEN = 5e-5  # of the work done: less is 0.00%
 GROSS = 1 / 3  # of the work done: more than a ball pressed in a single step misses, a quarter
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
+ROUGH = 0.03  # of a load: what some six cells across a contact leave as well (docs/choices.md)
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
 
 # of what is not accounted for: what a contact's pressures leave of it to be its cause
@@ -184,6 +186,27 @@ def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units) 
         if change > COSTLY * size:
             share = change / size if size > 0.0 else np.inf
             notes.append(f"tool '{name}': penalties change its travel by about {share:.1%}; {STIFFER}")
+    return notes
+
+
+def chord_summary(errors: Mapping[str, tuple[float, float]], units: Units) -> Summary:
+    """By contact how its load would change, over that, were surfaces round that straight cells stand for, and how far off
+    these are at most."""
+    return {name: {"load_change_over_load": share, f"cut_off_{units.length}": off} for name, (share, off) in errors.items()}
+
+
+def chord_notes(summary: Summary, units: Units) -> list[str]:
+    """A note per contact whose load would change by more than ROUGH were its surfaces round."""
+    notes = []
+    for name, e in summary.items():
+        share, off = e["load_change_over_load"], e[f"cut_off_{units.length}"]
+        if abs(share) > ROUGH:
+            finer = math.ceil(math.sqrt(abs(share) / ROUGH))
+            notes.append(
+                f"contact '{name}': were its surfaces as round as their straight cells tell, which are off by {off:.2g} "
+                f"{units.length}, its load would change by about {share:+.0%}: take curved cells (gmsh's setOrder(2), "
+                f"degree=2), sides of 1/{finer} of their length on all that is round, or, of a meshed tool, a formula"
+            )
     return notes
 
 

@@ -1,0 +1,57 @@
+"""What straight cells cut off a round surface: how far this lies from their facets, by the normals around their corners.
+
+A side e of a facet between corners with the surface's normals n and n' is the chord of an arc that lies e . (n' - n)/8
+beside its middle: outside on a convex surface, inside (negative) in a bore.  On a triangle that grows as the sides' three
+parabolas do, and is a third of the sum of their heights on average.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from fenics_contact.kernels.normals import CREASE, corner_angles, grouped_corners
+from fenics_contact.types import Floats, Ints64
+
+# Derivatives of a triangle's shape functions along two of its sides, the same at its corners
+GRADIENTS = np.tile([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], (3, 1, 1))
+
+
+class Faceted(Protocol):
+    """corners: flat facets (nodes (nf, 4), size (nf,)), of triangles the third twice, of sides of plane cells both; X (nm,
+    3): reference positions of the nodes [length]."""
+
+    corners: tuple[Ints64, Ints64]
+    X: Floats
+
+
+def cut_off(surface: Faceted) -> Floats:
+    """Mean distances (nf,) [length] of the round surface from the facets that stand for it, positive outside."""
+    triangles, X = _triangles(surface)
+    count = len(triangles)
+    if not count:
+        return np.zeros(0)
+    across = np.cross(*(X[triangles[:, i]] - X[triangles[:, 0]] for i in (1, 2)))
+    area = np.linalg.norm(across, axis=1)
+    group, cosine = np.empty((count, 3), dtype=np.int64), np.cos(np.radians(CREASE))
+    starts, facets, places = grouped_corners(X, triangles, GRADIENTS, area > 0.0, cosine, group)
+    angles = corner_angles(X, triangles, 3, facets, places)
+    unit = across / np.maximum(area, 1e-300)[:, None]
+    sums = np.add.reduceat(angles[:, None] * unit[facets], starts[:-1])
+    normals = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300))[group]
+    sides, turns = (np.roll(corners, -1, axis=1) - corners for corners in (X[triangles], normals))
+    heights = np.einsum("tic,tic->t", sides, turns) / 24.0
+    # a quadrilateral is two triangles, one after the other half way through
+    whole = np.maximum(area.reshape(2, -1).sum(axis=0), 1e-300)
+    return np.asarray((area * heights).reshape(2, -1).sum(axis=0) / whole)
+
+
+def _triangles(surface: Faceted) -> tuple[Ints64, Floats]:
+    """Corners (2 nf, 3) of two triangles a facet, and positions of all nodes; sides of plane cells become strips along z."""
+    (nodes, size), X = surface.corners, surface.X
+    if flat := bool((size == 2).any()):
+        nodes = nodes + np.array([0, 0, len(X), len(X)]) * (size == 2)[:, None]
+    triangles = np.concatenate([nodes[:, [0, 1, 2]], nodes[:, [0, 2, 3]]])
+    if not flat:
+        return np.ascontiguousarray(triangles), X
+    depth = np.linalg.norm(X[nodes[:, 1]] - X[nodes[:, 0]], axis=1).mean()
+    return np.ascontiguousarray(triangles), np.concatenate([X, X + [0.0, 0.0, depth]])

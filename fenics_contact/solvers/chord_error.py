@@ -1,0 +1,41 @@
+"""What straight cells cost where they stand for round surfaces: how loads would change with what these cut off."""
+
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.assembly.scales import ROUNDED
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.solvers.penalty_error import least_load
+from fenics_contact.solvers.sensitivity import Sensitivity, Vary
+
+
+def rounder(system: System) -> Vary:
+    """All gaps smaller by s times what facets cut off there: with s = 1 those of the round surfaces, on average."""
+
+    def vary(term: ContactTerm, s: float) -> Any:
+        trial = term.penalties.stiffened(system.state, 1.0)
+        nearer = term.places.cut_off(system.state)
+        return trial.remembering(shift=trial.history.shift - s * nearer) if s else trial
+
+    return vary
+
+
+def is_round(system: System) -> bool:
+    """Whether surfaces that press differ from their facets by more than round-off. Collective."""
+    here = [np.abs(term.places.cut_off(system.state)).max(initial=0.0) for term in system.contacts]
+    return max(system.comm.allgather(max(here, default=0.0))) > ROUNDED * system.extent
+
+
+def chord_error(system: System, found: Sensitivity) -> dict[str, tuple[float, float]]:
+    """{contact: (change of its load over that, to first order, and the greatest distance [length] of round surfaces from
+    the facets that press)}; of contacts without load nothing. Collective."""
+    out, least = {}, least_load(system)
+    for term in system.contacts:
+        change = found.contacts[term.name]
+        off = np.where(change.pressure > 0.0, np.abs(term.places.cut_off(system.state)).ravel(), 0.0)
+        most = max(system.comm.allgather(off.max(initial=0.0)))
+        if change.load > least:
+            out[term.name] = change.to_load / change.load, most
+    return out

@@ -1,0 +1,114 @@
+"""How forces and pressures of contacts change with what these are evaluated with: first derivatives in an accepted state."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fenics_contact.assembly.exchange import copy_to_ghosts
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.types import Floats, Vec
+
+NUDGE = 1e-4  # over which forces are differenced: few statuses change, far above round-off of the gaps
+LINEAR = 1e-4  # relative residual of an iterative solve: an extrapolation itself is good to some percent
+
+# The trial of a contact where a parameter differs by a number from that of the accepted state
+Vary = Callable[[ContactTerm, float], Any]
+
+
+class Change(NamedTuple):
+    """Of a contact: pressure (n,) at this rank's points, its integral over the surface, load, and the rates of the force on
+    the slave (3,), of the pressure and of the load with the parameter."""
+
+    pressure: Floats
+    load: float
+    to_force: Floats
+    to_pressure: Floats
+    to_load: float
+
+
+class Sensitivity(NamedTuple):
+    """Changes by contact, and the rate of the tools' coordinates (tools, 6) [length]."""
+
+    contacts: dict[str, Change]
+    tools: Floats
+
+
+def sensitivities(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list[Sensitivity] | None:
+    """Of each parameter s, by one factorisation: K du/ds = -dR/ds, and dF/ds along it; None where the tangent is singular.
+
+    The whole residual is differenced: a fluid's share goes by what the contacts press with. Collective.
+    """
+    if not system.contacts or (rates := _rates(system, linear, varied)) is None:
+        return None
+    found = [_along(system, vary, *rate) for vary, rate in zip(varied, rates, strict=True)]
+    system.assemble_residual()  # the state itself is what the terms remember
+    return found
+
+
+def _along(system: System, vary: Vary, du: Floats, dq: Floats) -> Sensitivity:
+    """What changes along the rates of the displacement, a local array, and of the tools. Collective."""
+    u, q = system.state.u.x.array.copy(), system.state.q.copy()
+    ahead, here, behind = (_at(system, vary, s, u + s * du, q + s * dq) for s in (NUDGE, 0.0, -NUDGE))
+    contacts = {}
+    for term, more, now, less in zip(system.contacts, ahead, here, behind, strict=True):
+        to_force, to_pressure = ((a - b) / (2.0 * NUDGE) for a, b in zip(more, less, strict=True))
+        area, pressure = term.surface.area.ravel(), now[1]
+        load, to_load = system.comm.allreduce(np.array([pressure @ area, to_pressure @ area]))
+        contacts[term.name] = Change(pressure, float(load), to_force, to_pressure, float(to_load))
+    return Sensitivity(contacts, dq)
+
+
+def _at(system: System, vary: Vary, s: float, u: Floats, q: Floats) -> list[tuple[Floats, Floats]]:
+    """Resultants of the contacts at a parameter, a displacement and tools' coordinates. Collective."""
+    state, place = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
+    trials = [vary(term, s) for term in system.contacts]
+    state.u.x.array[:], state.q[:] = u, q
+    found = [term.forces.resultants(state, trial) for term, trial in zip(system.contacts, trials, strict=True)]
+    state.u.x.array[:], state.q[:] = place
+    return found
+
+
+def _out_of_balance(system: System, trials: Sequence[Any]) -> tuple[Vec, Floats]:
+    """The residual and that of the tools where the contacts are evaluated with these trials. Collective."""
+    _take(system, trials)
+    system.assemble_residual()
+    return system.residual_vector.copy(), system.tool_residual.copy()
+
+
+def _take(system: System, trials: Sequence[Any]) -> None:
+    for term, trial in zip(system.contacts, trials, strict=True):
+        term.take(trial)
+
+
+def _rates(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list[tuple[Floats, Floats]] | None:
+    """du/ds, a local array, and dq/ds of the tools' coordinates by each parameter; None where the tangent is singular."""
+    own = [term.trial for term in system.contacts]
+    trials = [[[vary(term, s) for term in system.contacts] for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
+    sides, none = [], np.zeros_like(system.state.q)
+    for ahead, _, behind in trials:
+        (force, tools), (less, tools_less) = (_out_of_balance(system, at) for at in (ahead, behind))
+        force.axpy(-1.0, less)
+        force.scale(0.5 / NUDGE)
+        sides.append((force, (tools - tools_less) / (2.0 * NUDGE), np.zeros(len(system.supports.dofs)), none))
+    _take(system, trials[0][1])
+    system.assemble_residual()
+    system.assemble_tangent()
+    try:
+        return [(_local(system, du), dq) for du, dq in linear.solve_sides(sides, LINEAR)]
+    except LinearFailure:
+        return None
+    finally:
+        _take(system, own)
+        system.assemble_residual()
+
+
+def _local(system: System, du: Vec) -> Floats:
+    """An increment of this rank's dofs, ghosts included."""
+    copy = system.new_vector()
+    du.copy(copy)
+    copy_to_ghosts(copy)
+    with copy.localForm() as local:
+        return np.array(local.array_r)
