@@ -20,12 +20,15 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_cone,
     rigid_curve,
     rigid_cylinder,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
     rigid_surface,
+    rigid_torus,
+    rigid_union,
     solve,
 )
 from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, roller, tool_surfaces, two_blocks
@@ -686,3 +689,84 @@ def test_the_scene_of_the_document_runs(tmp_path, monkeypatch):
     exec(re.search(r"```python\n(.*?)```", text, re.S).group(1), names)
     result = names["result"]
     assert result.converged and result.widths("top", "x")[0, 1] > 10.0
+
+
+# -- what has no meaning there, and what stands for something else --------------------------------------------------------
+def test_all_the_way_round_columns_without_a_meaning_are_left_out():
+    """No tool moves along x there, and no moment is left that a point would be for; in plane strain there are both."""
+    rows = {}
+    for plane in ("strain", "axisymmetric"):
+        scene = block(plane=plane)
+        scene.fix("box_ymin")
+        scene.contact("box_ymax", FLOOR, name="top")
+        rows[plane] = solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1, progress=False).require().history[-1]
+    gone = set(rows["strain"]) - set(rows["axisymmetric"])
+    points = {f"{name}_point_{axis}_mm" for name in ("top", "box_ymin_reaction") for axis in "xy"}
+    moments = {"top_moment_z_Nmm", "box_ymin_reaction_moment_z_Nmm"}
+    assert gone == points | moments | {"lid_travel_x_mm", "top_force_x_N", "box_ymin_reaction_x_N"}
+    assert set(rows["axisymmetric"]) < set(rows["strain"]) and rows["axisymmetric"]["lid_travel_y_mm"] == -0.1
+
+
+CUT = {  # plane, tool, what is said of it
+    "ball beside the axis": ("axisymmetric", lambda: rigid_sphere(0.5, (0.5, 1.5, 0.0)), "a ball beside the axis y"),
+    "ball on the axis": ("axisymmetric", lambda: rigid_sphere(1.0, (0.0, 2.0, 0.0)), None),
+    "ring": ("axisymmetric", lambda: rigid_torus(0.5, 0.4, (0.0, 1.4, 0.0), (0.0, 1.0, 0.0)), None),
+    "cylinder along z": ("axisymmetric", lambda: rigid_cylinder(0.5, (0.5, 1.5, 0.0), (0.0, 0.0, 1.0)), None),
+    "cone beside the axis": ("axisymmetric", lambda: rigid_cone(1.0, (0.5, 1.0, 0.0), (0.0, -1.0, 0.0)), "a cone"),
+    "ball in plane strain": ("strain", lambda: rigid_sphere(0.5, (0.5, 1.5, 0.0)), "a ball is not the same all along z"),
+    "roller": ("strain", lambda: rigid_cylinder(0.5, (0.5, 1.5, 0.0), (0.0, 0.0, 1.0)), None),
+    "punch": ("strain", lambda: rigid_punch(0.2, 1.0, (0.5, 1.0, 0.0), direction=(0.0, -1.0, 0.0)), None),
+    "ball in a union": (
+        "axisymmetric",
+        lambda: rigid_union(rigid_plane((0.0, 2.0, 0.0), (0.0, -1.0, 0.0)), rigid_sphere(0.5, (0.5, 1.5, 0.0))),
+        "a ball beside the axis y",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CUT)
+def test_a_tool_of_which_only_its_cut_counts_is_told(case):
+    plane, tool, words = CUT[case]
+    scene = block(plane=plane)
+    scene.fix("box_ymin")
+    tool = tool()
+    scene.contact("box_ymax", tool, name="top")
+    result = solve(scene, move={tool: (0.0, -0.02, 0.0)}, steps=1, progress=False)
+    said = [note for note in result.verdict.notes if "its cut" in note]
+    assert result.converged and len(said) == (words is not None)
+    assert words is None or words in said[0]
+
+
+def test_the_ring_that_a_ball_beside_the_axis_makes_is_the_torus_that_is_named():
+    forces = []
+    for tool in (rigid_sphere(0.4, (0.5, 1.4, 0.0)), rigid_torus(0.5, 0.4, (0.0, 1.4, 0.0), (0.0, 1.0, 0.0))):
+        scene = block(plane="axisymmetric")
+        scene.fix("box_ymin")
+        scene.contact("box_ymax", tool, name="top")
+        result = solve(scene, move={tool: (0.0, -0.1, 0.0)}, steps=1, progress=False).require()
+        forces.append(result.column("top_force_y_N")[-1])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-12) and forces[0] < -0.1
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane, degree", [("strain", 1), ("strain", 2), ("axisymmetric", 1), ("axisymmetric", 2)])
+def test_the_displacement_that_ends_a_path_is_a_mean_over_area(plane, degree):
+    """Of a side whose nodes lie close together at one end, and which a load bends: not the mean of its nodes."""
+    mesh = read_gmsh(graded_rectangle.build, width=4.0, height=1.0, size=0.1, at=0.5, growth=1.5)
+    scene = Scene(Body(mesh, "block", RUBBER), plane=plane, degree=degree)
+    scene.fix("block_ymin")
+    scene.traction("block_ymax", lambda X, t: np.column_stack([0 * X[:, 0], 0.2 * t * X[:, 0] ** 2, 0 * X[:, 0]]))
+    end = Displacement("block_ymax", "y", 0.05)
+    way = {"way_mm": lambda view: float(view.at("block_ymax").displacement[1])}
+    result = solve(scene, method="arc_length", steps=4, until=end, record=way, progress=False).require()
+    assert result.column("way_mm")[-1] == pytest.approx(0.05, rel=1e-6)  # how near the last step lands
+
+
+def test_a_mean_over_the_axis_is_one_over_its_length():
+    scene = block(plane="axisymmetric")
+    scene.fix("box_ymin", normal=True)
+    scene.prescribe("box_ymax", "y", 0.1)
+    way = {"way_mm": lambda view: float(view.at("box_xmin").displacement[1])}
+    result = solve(scene, steps=1, progress=False, record=way)
+    assert result.column("way_mm")[-1] == pytest.approx(0.05, rel=1e-6)
+    assert Displacement("box_xmin", "y", 0.05).distance(scene, result.system)() == pytest.approx(0.0, abs=1e-8)

@@ -7,7 +7,7 @@ import basix
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.assembly.section import Section
+from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.types import Floats, Ints, Mesh, Space
 
 # a facet's corners one after the other around it; dolfinx numbers quadrilaterals like a grid
@@ -70,6 +70,16 @@ def skin_of(space: Space, facets: Ints, section: Section | None = None) -> Skin:
     X = space.tabulate_dof_coordinates()[nodes]
     area = area if section is None else area * section.depth(np.einsum("eqk,ekc->eqc", N, X))
     return Skin(np.concatenate(of_cell), nodes, corners, N, linear, slopes, area, X, section)
+
+
+def skin_of_means(space: Space, facets: Ints, section: Section | None = None) -> Skin:
+    """The Skin over whose area means are taken; on the axis of turning, where it has none, over lengths. Collective."""
+    skin = skin_of(space, facets, section)
+    if section is None or not section.axisymmetric:
+        return skin
+    here = np.abs(skin.X[..., 0]).max(initial=0.0), np.abs(space.mesh.geometry.x).max(initial=0.0)
+    farthest, size = np.max(space.mesh.comm.allgather(here), axis=0)
+    return skin_of(space, facets) if farthest <= ON_AXIS * size else skin
 
 
 def facet_points(mesh: Mesh, cell: str, degree: int, cells: list[Ints], order: int | None) -> tuple[Floats, Floats, Floats]:

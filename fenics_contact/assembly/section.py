@@ -23,6 +23,11 @@ class Section:
         """Axes along which forces, and about which moments, add up to something: all the way round they cancel."""
         return ("y", "") if self.axisymmetric else ("xy", "z")
 
+    @property
+    def ways(self) -> str:
+        """Axes along which tools move."""
+        return "y" if self.axisymmetric else "xy"
+
     def depth(self, X: Floats) -> Floats:
         """How deep the bodies are (...) behind places X (..., 3) of the plane [length]: the thickness, or the way round."""
         return 2.0 * np.pi * X[..., 0] if self.axisymmetric else np.full(X.shape[:-1], self.thickness)

@@ -6,9 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.kernels import rigid_shapes
 from fenics_contact.types import Floats, Ints64
 from fenics_contact.values import SceneError, finite, positive, text
+
+LYING = 1e-9  # of an axis' part: the rest is round-off
+ROUND = {
+    rigid_shapes.SPHERE: "ball",
+    rigid_shapes.CYLINDER: "cylinder",
+    rigid_shapes.CONE: "cone",
+    rigid_shapes.TORUS: "torus",
+    rigid_shapes.REVOLUTION: "profile of revolution",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,6 +270,19 @@ def rigid_union(*tools: RigidTool, name: str = "union") -> RigidTool:
     edges = dict.fromkeys(tool.edge for tool in tools if tool.edge != "none")
     reach = max(tool.reach for tool in tools)
     return RigidTool(name, rigid_shapes.UNION, np.concatenate(parts), np.eye(3), origin, reach, ", ".join(edges) or "none")
+
+
+def cut_shapes(tool: RigidTool, section: Section) -> list[str]:
+    """Names of a tool's shapes that neither go on along z nor, all the way round, turn about y: a plane mesh meets their cut
+    alone. Planes, punches, extrusions and cylinders along z are read as what they are in the plane."""
+    found = []
+    for part in parts_of(tool):
+        along_z = part.kind == rigid_shapes.CYLINDER and abs(part.axes[2, 2]) > 1.0 - LYING
+        about_y = part.kind == rigid_shapes.SPHERE or abs(part.axes[1, 2]) > 1.0 - LYING
+        on_axis = section.axisymmetric and about_y and abs(part.origin[0]) <= ON_AXIS * part.reach
+        if part.kind in ROUND and not (along_z or on_axis):
+            found.append(ROUND[part.kind])
+    return list(dict.fromkeys(found))
 
 
 def parts_of(tool: RigidTool) -> list[RigidTool]:

@@ -38,7 +38,7 @@ class Columns:
     contacts: {name: has it friction}.
 
     Names carry units; what is no letter, digit or _ in a name of the scene's becomes _. section: of a plane mesh, of which
-    components out of its plane are left out, and resultants that cancel all the way round.
+    components out of its plane are left out, and all the way round resultants that cancel, and ways that tools cannot go.
     """
 
     tools: Sequence[str]
@@ -85,7 +85,7 @@ class Columns:
         row: HistoryRow = {"step": step, "t": t, "iterations": report.iterations, "residual": report.residuals[-1]}
         row |= {"seconds": seconds, "smallest_J": smallest_J} | self._energies(result.energies)
         for tool, travel in result.travel.items():
-            row |= self._place(f"{tool}_travel", travel)
+            row |= _vector(f"{tool}_travel", travel, self.units.length, self.section.ways if self.section else AXES)
         for tool in self.turning:
             row |= _vector(f"{tool}_angle", result.angles[tool], "rad", self.section.resultants[1] if self.section else AXES)
         for tool in self.tied:
@@ -98,7 +98,7 @@ class Columns:
         for group, reaction in result.reactions.items():
             row |= self._force(f"{group}_reaction", reaction.force)
             row |= self._moment(f"{group}_reaction_moment", reaction.moment)
-            row |= self._place(f"{group}_reaction_point", reaction.point)
+            row |= self._centre(f"{group}_reaction_point", reaction.point)
         return row
 
     def _energies(self, energies: Energies) -> HistoryRow:
@@ -116,7 +116,7 @@ class Columns:
         length, force, pressure = self.units.length, self.units.force, self.units.pressure
         name = plain_name(name)
         row = self._force(f"{name}_force", c.force) | self._moment(f"{name}_moment", c.moment)
-        row |= self._place(f"{name}_point", c.point)
+        row |= self._centre(f"{name}_point", c.point)
         row |= {f"{name}_load_{force}": c.load, f"{name}_peak_pressure_{pressure}": c.peak_pressure}
         row |= self._place(f"{name}_peak", c.peak_at) | {f"{name}_area_{length}2": c.area}
         row |= self._place(f"{name}_width", c.width)
@@ -137,6 +137,10 @@ class Columns:
 
     def _place(self, name: str, values: Floats) -> HistoryRow:
         return _vector(name, values, self.units.length, "xy" if self.section else AXES)
+
+    def _centre(self, name: str, values: Floats) -> HistoryRow:
+        """About which moments are taken, where there are any."""
+        return self._place(name, values) if self.section is None or self.section.resultants[1] else {}
 
     def energies(self, rows: Sequence[HistoryRow]) -> Energies | None:
         """What the rows of a run so far say of its energies; None of none."""

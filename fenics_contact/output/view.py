@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fenics_contact.assembly.facet_points import skin_of
+from fenics_contact.assembly.facet_points import skin_of_means
 from fenics_contact.assembly.system import System
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.fields import CellValues
@@ -120,7 +120,7 @@ class View:
 
     def _over(self, group: str) -> Sample:
         scene = self._scene
-        skin = skin_of(scene.space, scene.mesh.facets(group), scene.section)
+        skin = skin_of_means(scene.space, scene.mesh.facets(group), scene.section)
         area, u = skin.area.sum(axis=1), self.u.x.array.reshape(-1, 3)[skin.nodes]
         moved = np.einsum("eq,eqk,ekc->c", skin.area, skin.N, u)
         cells, back = np.unique(skin.cells, return_inverse=True)

@@ -39,6 +39,7 @@ from fenics_contact.contact.term import Contact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.scene.checks import (
     bonded_bodies,
+    cut_notes,
     left_out_notes,
     refuse_across,
     refuse_behind,
@@ -153,7 +154,7 @@ def _start(
     refuse_behind(system)
     refuse_held(scene, system)
     deep, overlaps = refuse_deep_start(scene, system)
-    notes = left_out_notes(scene) + unmet_notes(scene) + deep
+    notes = left_out_notes(scene) + cut_notes(scene) + unmet_notes(scene) + deep
     if start:
         notes += begin(system, driven, start, scene)
     refuse_gaps(system, stated, driven, start is not None)

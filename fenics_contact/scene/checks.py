@@ -17,7 +17,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm, State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
+from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool, cut_shapes
 from fenics_contact.meetings import Meeting
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.statements import ContactStatement
@@ -34,6 +34,14 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing.
 REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
 OVERLAP = 1e-3  # of a cell's height: an overlap from which on it has an energy to speak of; round-off and facets stay below
+ALONG = (
+    "is not the same all along z: what it stands for is its cut by the plane, endless along z; say so by a rigid_cylinder "
+    "along z, a rigid_plane, a rigid_extrusion or a rigid_curve, or take a scene in space"
+)
+AROUND = (
+    "beside the axis y, or across it, is no body of revolution about that: what it stands for is the ring that its cut "
+    "by the plane makes all the way round; say so by a rigid_torus or a rigid_cylinder along z, or put it on the axis"
+)
 LEANING = 1e-9  # part along z of a normal that lies in the plane
 
 
@@ -283,6 +291,15 @@ def left_out_notes(scene: "Scene") -> list[str]:
     return [
         f"tool '{name}': {count} facets of its file, without area, are left out" for name, count in tools.items() if count
     ]
+
+
+def cut_notes(scene: "Scene") -> list[str]:
+    """What is to be said of tools that are no bodies of a plane scene's kind, and of which it has the cut by its plane."""
+    if scene.section is None:
+        return []
+    way = AROUND if scene.section.axisymmetric else ALONG
+    tools = [tool for tool in scene.tools if isinstance(tool, RigidTool)]
+    return [f"tool '{tool.name}': a {what} {way}" for tool in tools for what in cut_shapes(tool, scene.section)]
 
 
 def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:

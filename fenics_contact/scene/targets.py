@@ -4,7 +4,10 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import skin_of_means
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.checks import AXES
@@ -30,7 +33,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Displacement:
-    """The mean displacement of a surface's nodes along an axis reaches `value` [length]."""
+    """The mean displacement of a surface along an axis, over its area at the start, reaches `value` [length]."""
 
     group: str
     axis: str
@@ -45,11 +48,12 @@ class Displacement:
             facets = scene.mesh.facets(*group_names(self.group, "Displacement"))
         except ValueError as error:
             raise SceneError(f"{self}: {error}") from None
-        blocks = compat.locate_blocks(scene.space, facets)
-        blocks = blocks[blocks < scene.space.dofmap.index_map.size_local]
-        count = system.comm.allreduce(len(blocks))
-        dofs = 3 * blocks + AXES[self.axis]
-        return lambda: system.comm.allreduce(float(system.state.u.x.array[dofs].sum())) / count - self.value
+        skin, shares = skin_of_means(scene.space, facets, scene.section), compat.Function(scene.space)
+        np.add.at(shares.x.array, 3 * skin.nodes + AXES[self.axis], np.einsum("eq,eqk->ek", skin.area, skin.N))
+        compat.sum_to_owners(shares)
+        owned = shares.x.array[: 3 * scene.space.dofmap.index_map.size_local].copy()
+        owned /= system.comm.allreduce(float(skin.area.sum()))
+        return lambda: system.comm.allreduce(float(owned @ system.state.u.x.array[: len(owned)])) - self.value
 
 
 @dataclass(frozen=True)
