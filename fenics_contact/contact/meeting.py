@@ -13,7 +13,7 @@ from fenics_contact.types import Floats
 
 class MortarFeet(NamedTuple):
     """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
-    their mean normals and turns (ns, 3, 3) of kernels/normals.py; what these normals meet; pose: of a tool."""
+    their mean normals and turns (ns, 3, 4) of kernels/normals.py; what these normals meet; pose: of a tool."""
 
     coords: Floats
     points: Floats

@@ -13,9 +13,9 @@ from fenics_contact.contact.on_facets import MARGIN, OnFacets, own, unit
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.couplings import Pattern
-from fenics_contact.kernels.mortar_rates import add_node_tangents, foreseen_averages
-from fenics_contact.kernels.mortar_tangent import add_held_tangents
+from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
+from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
+from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
 from fenics_contact.types import Bools, Floats, Ints64
 
 
@@ -37,7 +37,7 @@ class MortarPartner(OnFacets):
 
     def _new_pattern(self) -> NodePattern:
         blocks = np.concatenate([self.places.skin.blocks, self.places.master.blocks]).astype(np.int64)
-        return NodePattern(self.places.samples, self.places.facets[0], blocks, self.places.skin.size)
+        return NodePattern(self.places.samples, self.places.facets, blocks, self.places.skin.size)
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there."""
@@ -70,17 +70,17 @@ class MortarPartner(OnFacets):
         averaged, _, N, T, _, _ = self._laws.tractions(feet, trial)
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
-        s, swung, anchors = self.places.samples, self._laws.turned(feet), own(trial.history.anchors)
-        where = feet.coords, s.slaves, self.places.facets, feet.met
-        directed = self._laws.leading(feet, trial.law.friction)
-
-        def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
-            missing = add_held_tangents(*where, swung, (pressed, rubbed, s.number), (*pattern, *out))
-            return missing + add_node_tangents(*where, anchors, swung, (rates, *averaged, *directed), (*pattern, *out))
-
-        rows, columns, blocks, missing = self._pattern.filled(add)
-        if missing:
-            raise RuntimeError(f"contact with '{self.name}': {missing} couplings are not in the pattern")
+        s, turned, anchors, pattern = self.places.samples, self._laws.turned(feet), own(trial.history.anchors), self._pattern
+        directed, leading = self._laws.leading(feet, trial.law.friction)
+        rough = NORMAL + (ROUGH - NORMAL) * rates[:, 1:, :4].any(axis=(1, 2))
+        asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
+        patches = pattern.patches(asked, feet.met, anchors[0], leading if len(directed) else leading[:0])
+        products: Products = pattern.blocks, patches, np.empty((len(patches[2]), 7, 4))
+        changing = rates, *averaged, directed, leading
+        node_products(feet.coords, s.slaves, self.places.facets, feet.met, anchors, turned, changing, products)
+        held = held_rates(s.slaves, feet.met, feet.lengths, (pressed, rubbed, s.number))
+        where = s.slaves, self.places.facets, feet.met, turned, held, products, pattern.size
+        rows, columns, blocks = pattern.filled(lambda out: tangent_rows(*where, out))
         return rows, columns, blocks, Linearised(feet, N, T, rates)
 
     def couplings(self, feet: MortarFeet, trial: Trial) -> Ints64 | None:
@@ -89,12 +89,12 @@ class MortarPartner(OnFacets):
         gaps = averaged[0] + trial.history.shift.ravel()
         gaps = np.minimum(gaps, trial.judged.reshape(-1, 4)[:, 0]) if len(trial.judged) else gaps
         closed = np.isfinite(averaged[0]) & (gaps <= 2.0 * trial.law.touch)
-        facet, anchor_nodes, ends = feet.projection[0], own(trial.history.anchors)[0], feet.met[7]
-        if self._pattern.suffices(closed, facet, anchor_nodes, ends):
+        anchor_nodes = own(trial.history.anchors)[0]
+        if self._pattern.suffices(closed, feet.met, anchor_nodes):
             return None
         with self.timers("search"):
             near = self.places.sights.pairing.within(feet.points, feet.coords, MARGIN * self.places.master.edge)
-        self._pattern.provide(*near, closed, facet, anchor_nodes, ends)
+        self._pattern.provide(*near, closed, feet.met, anchor_nodes)
         return self._pattern.keys
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:

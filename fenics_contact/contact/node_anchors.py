@@ -48,8 +48,7 @@ class NodeAnchors:
         whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
         apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
         slips = np.ascontiguousarray(np.einsum("ncd,nd->nc", apart, slips))
-        where = feet.coords, s.slaves, self._places.facets, feet.met
-        return kernel.anchors_behind(*where, own(anchors), (renewed, slips))
+        return kernel.anchors_behind(s.slaves, self._places.facets, feet.met, own(anchors), (renewed, slips))
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length].

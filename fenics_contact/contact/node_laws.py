@@ -27,7 +27,7 @@ class NodeLaws:
         return last[2]
 
     def averages(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
-        return kernel.averages(feet.coords, self._places.samples.slaves, self._places.facets, feet.met, own(anchors))
+        return kernel.averages(feet.coords, self._places.samples.slaves, feet.met, own(anchors))
 
     def numbers(self, trial: Trial, friction: Friction) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()

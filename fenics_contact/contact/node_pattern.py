@@ -1,85 +1,109 @@
-"""Which blocks of the matrix contact averaged at slave nodes fills: provided for before they are needed, and filled."""
+"""Which blocks of the matrix contact averaged at slave nodes fills: provided for before they are needed."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.samples import Samples
-from fenics_contact.kernels.couplings import coupled_pairs, lists_lack, unique_pairs
-from fenics_contact.types import Array, Bools, Floats, Ints64
+from fenics_contact.kernels import mortar_patches as kernel
+from fenics_contact.kernels.couplings import coupled_pairs, unique_pairs
+from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.mortar import Met
+from fenics_contact.types import Bools, Floats, Ints64
 
 
 class NodePattern:
     """Couplings between all nodes that the traction of a slave node depends on, with those that it acts on.
 
-    samples: of the slave's facets; corners (nf, l): nodes of the master's; blocks (nx,): the block of each node, of `count`.
+    samples: of the slave's facets; facets: the master's, of l nodes; numbers (nx,): the block of each node, of `count`.
+    keys: rising numbers row * count + column of their blocks.
     """
 
-    def __init__(self, samples: Samples, corners: Ints64, blocks: Ints64, count: int) -> None:
-        self._samples, self._corners, self._blocks, self._count = samples, corners, blocks, count
-        self._pairs = PairPattern(np.empty((0, 1), dtype=np.int64), corners, blocks, count)
+    def __init__(self, samples: Samples, facets: Surface, numbers: Ints64, count: int) -> None:
+        self._samples, self._facets, self._count = samples, facets, count
+        self._numbers, self.blocks = np.unique(numbers, return_inverse=True)  # few of all blocks, counted from zero here
         self._ring = _rings(samples)
-        self._met: tuple[Array, ...] | None = None
+        self._members = np.empty(0, dtype=np.int64)
+        self._out = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty((0, 3, 3))
+        self._set(np.empty(0, dtype=np.int64))
+
+    def _set(self, keys: Ints64) -> None:
+        self.keys, n = keys, len(self._numbers)
+        rows, columns = (np.searchsorted(self._numbers, part) for part in np.divmod(keys, self._count))
+        self._rows = np.searchsorted(rows, np.arange(n + 1)), columns
+        # of nodes that the pattern is known to suffice for: which they are, and what they meet
+        self._met: tuple[Bools, tuple[Ints64, Ints64, Ints64]] | None = None
 
     @property
-    def keys(self) -> Ints64:
-        return self._pairs.keys
+    def size(self) -> int:
+        """Number of blocks that can be coupled."""
+        return len(self._numbers)
 
-    def filled(self, add: Callable[..., int]) -> tuple[Ints64, Ints64, Floats, int]:
-        """As PairPattern.filled."""
-        return self._pairs.filled(add)
-
-    def suffices(self, closed: Bools, facet: Ints64, anchor_nodes: Ints64, ends: Ints64) -> bool:
-        """True while the pattern holds the couplings of all closed nodes (ns,); ends (np, 4) of kernels/coverage.py."""
-        now = closed, facet, anchor_nodes, ends
-        if self._met and all(np.array_equal(a, b) for a, b in zip(now, self._met, strict=True)):
-            return True
-        enough = len(self.keys) > 0 or not closed.any()
-        if enough and lists_lack(closed, *self._lists(facet, anchor_nodes, ends), self._pairs.arrays):
-            return False
-        if enough:
-            self._met = tuple(part.copy() for part in now)
-        return enough
-
-    def _lists(self, facet: Ints64, anchor_nodes: Ints64, ends: Ints64) -> tuple[Ints64, Ints64, Ints64]:
-        """Nodes of the slave (ns, k), of the master (ns, l), of anchors and the master's ends (ns, n) around each slave
-        node, -1: none."""
+    def patches(self, asked: Ints64, met: Met, anchor_nodes: Ints64, leading: Ints64) -> kernel.Patches:
+        """Those of kernels/mortar_patches.py for which something is asked (ns,); leading: as there."""
         s = self._samples
-        met = np.where(s.table < 0, -1, facet[s.table])
-        shape = len(self._ring), self._corners.shape[1] * s.table.shape[1]
-        masters = np.where((met < 0)[..., None], -1, self._corners[met]).reshape(shape)
-        anchors = np.where((s.anchor < 0)[..., None], -1, anchor_nodes[s.anchor]).reshape(shape)
-        edges = np.where((s.table < 0)[..., None], -1, ends[s.table, :2]).reshape(len(self._ring), 2 * s.table.shape[1])
-        return self._ring, masters, np.concatenate([anchors, edges], axis=1)
+        felt = anchor_nodes, leading, s.groups[3], s.groups[4]
+        starts, heights = np.empty(len(asked) + 1, dtype=np.int64), np.empty(len(asked), dtype=np.int64)
+        where = asked, s.slaves, self._facets, met, felt, self.blocks, self.size
+        need = kernel.node_patches(*where, (starts, heights, self._members))
+        if need > len(self._members):
+            self._members = np.empty(need + need // 4, dtype=np.int64)
+            kernel.node_patches(*where, (starts, heights, self._members))
+        return starts, heights, self._members[:need]
 
-    def provide(
-        self, offsets: Ints64, facets: Ints64, closed: Bools, facet: Ints64, anchor_nodes: Ints64, ends: Ints64
-    ) -> None:
+    def filled(self, add: Callable[[tuple[Ints64, Ints64, Floats]], int]) -> tuple[Ints64, Ints64, Floats]:
+        """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) that add(their arrays) fills, with numbers of all blocks; it
+        returns how many there are, and is called again where that is more than there is room for."""
+        need = add(self._out)
+        if need > len(self._out[0]):
+            n = need + need // 4
+            self._out = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty((n, 3, 3))
+            add(self._out)
+        rows, columns, blocks = self._out
+        return self._numbers[rows[:need]], self._numbers[columns[:need]], blocks[:need]
+
+    def suffices(self, closed: Bools, met: Met, anchor_nodes: Ints64) -> bool:
+        """True while the pattern holds the couplings of all closed nodes (ns,)."""
+        now = met[0], anchor_nodes, met[7]
+        asked = closed
+        if self._met is not None:
+            known = self._met[0]
+            asked = closed & (~known | kernel.elsewhere(closed & known, self._samples.slaves, now, self._met[1]))
+        if asked.any():
+            patches = self.patches(np.where(asked, kernel.ROUGH, 0), met, anchor_nodes, np.empty(0, dtype=np.int64))
+            if kernel.patches_lack(patches, *self._rows):
+                return False
+        self._met = closed, now
+        return True
+
+    def provide(self, offsets: Ints64, facets: Ints64, closed: Bools, met: Met, anchor_nodes: Ints64) -> None:
         """Renew the pattern: slave nodes with the facets of the samples' CSR lists around them and those that they meet."""
-        s, n = self._samples, len(self._ring)
+        s, n, facet, corners = self._samples, len(self._ring), met[0], self._facets[0]
         owner, place = np.nonzero(s.table >= 0)
         sample = s.table[owner, place]
         counts = np.diff(offsets)[sample]
         at = np.repeat(offsets[sample] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        met = facet[sample] >= 0
+        seated = facet[sample] >= 0
         pairs = np.concatenate([
             np.column_stack([np.repeat(owner, counts), facets[at]]),
-            np.column_stack([owner[met], facet[sample][met]]),
+            np.column_stack([owner[seated], facet[sample][seated]]),
         ])  # fmt: skip
         pairs = np.unique(pairs, axis=0)
         starts = np.searchsorted(pairs[:, 0], np.arange(n + 1))
         ring = np.where(self._ring < 0, self._ring[:, :1], self._ring)
-        anchors = self._lists(facet, anchor_nodes, ends)[2]
-        anchors = np.where(anchors < 0, ring[:, :1], anchors)
-        lists = starts, np.ascontiguousarray(pairs[:, 1]), ring, self._corners, anchors
+        l, most = corners.shape[1], s.table.shape[1]
+        anchors = np.where((s.anchor < 0)[..., None], -1, anchor_nodes[s.anchor]).reshape(n, l * most)
+        edges = np.where((s.table < 0)[..., None], -1, met[7][s.table, :2]).reshape(n, 2 * most)
+        felt = np.concatenate([anchors, edges], axis=1)
+        felt = np.where(felt < 0, ring[:, :1], felt)
+        lists = starts, np.ascontiguousarray(pairs[:, 1]), ring, corners, felt
         none = np.empty(0, dtype=np.int64)
         heads, tails = (np.empty(coupled_pairs(*lists, none, none) if n else 0, dtype=np.int64) for _ in "rc")
         if len(heads):
             coupled_pairs(*lists, heads, tails)
-        rows, columns = unique_pairs(heads, tails, len(self._blocks))
-        self._pairs.set(np.unique(self._blocks[rows] * self._count + self._blocks[columns]))
-        self._met = closed.copy(), facet.copy(), anchor_nodes.copy(), ends.copy()
+        rows, columns = (self._numbers[self.blocks[part]] for part in unique_pairs(heads, tails, len(self.blocks)))
+        self._set(np.unique(rows * self._count + columns))
+        self._met = closed, (facet, anchor_nodes, met[7])
 
 
 def _rings(samples: Samples) -> Ints64:

@@ -82,7 +82,9 @@ class NodePlaces(PlacesOnFacets):
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
         coverage(coords, s.corners, s.rim, points, (self._corners, self._ends), sight, projection, cover)
-        return *projection, *cover, N
+        frames = np.empty((n, 5, 3))
+        kernel.fill_frames(coords, self.facets, projection, N, frames)
+        return *projection, *cover, N, frames
 
     def far(self, feet: MortarFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""

@@ -87,7 +87,7 @@ class Samples:
 
     def normals(self, coords: Floats) -> tuple[Floats, Floats]:
         """Unit normals of the groups and their turns."""
-        normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 3))
+        normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 4))
         group_normals(coords, self._every, self._at_corners, self.groups, normals, turns)
         return normals, turns
 

@@ -11,8 +11,8 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3
                each slave node is a corner: starts (ns + 1,), facets (ne,), places (ne,))
     surface    as in kernels/closest_point.py
     met        (the projection of kernels/closest_point.py, of np = nf nq samples that look along its normals, the cover of
-               kernels/coverage.py, and N (np, 3, l): shape functions of the master's facet, of l nodes, at the feet, with
-               their two derivatives)
+               kernels/coverage.py, N (np, 3, l): shape functions of the master's facet, of l nodes, at the feet, with
+               their two derivatives, and frames (np, 5, 3): x, r1, r2, c1, c2 of each Foot)
     anchors    (nodes (np m, l), weights (np m, l)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
     averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
                master, those with anchors (ns,), and all (ns,) [length^2]) of the slave nodes
@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.law import (
     FREE,
@@ -48,17 +48,19 @@ from fenics_contact.kernels.vectors import (
     add_row,
     cross,
     dot,
+    got,
     less,
     minus,
     norm,
     of_nodes,
     plus,
+    put,
     row,
     times,
 )
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 
-Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floats, Floats]
+Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floats, Floats, Floats]
 Slaves = tuple[Ints64, Floats, Floats, Floats, Ints64, Ints64, Ints64, Ints64]
 Anchors = tuple[Ints64, Floats]
 Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
@@ -108,20 +110,35 @@ def sample_places(
 
 
 @njit(cache=True, error_model="numpy")
-def foot_of(q: int, coords: Floats, surface: Surface, met: Met) -> Foot:
+def fill_frames(coords: Floats, surface: Surface, projection: Projection, N: Floats, frames: Floats) -> None:
+    """Fill the frames of samples that have a foot; N, frames: of `met`."""
+    corners, facet, kind, normal = surface[0], projection[0], projection[1], projection[5]
+    for q in range(len(kind)):
+        if kind[q] == NONE:
+            continue
+        f, n, x, r1, r2 = facet[q], row(normal, q), ZERO, ZERO, ZERO
+        for i in range(corners.shape[1]):
+            p = row(coords, corners[f, i])
+            x, r1, r2 = less(x, -N[q, 0, i], p), less(r1, -N[q, 1, i], p), less(r2, -N[q, 2, i], p)
+        one, two = cross(r2, n), cross(n, r1)
+        det = dot(r1, one)
+        put(frames, q, 0, x)
+        put(frames, q, 1, r1)
+        put(frames, q, 2, r2)
+        put(frames, q, 3, times(1.0 / det, one))
+        put(frames, q, 4, times(1.0 / det, two))
+
+
+@njit(cache=True)
+def foot_of(q: int, met: Met) -> Foot:
     """The Foot of sample q."""
-    corners, N, f, n = surface[0], met[9], met[0][q], row(met[5], q)
-    x = r1 = r2 = ZERO
-    for i in range(corners.shape[1]):
-        p = row(coords, corners[f, i])
-        x, r1, r2 = less(x, -N[q, 0, i], p), less(r1, -N[q, 1, i], p), less(r2, -N[q, 2, i], p)
-    one, two = cross(r2, n), cross(n, r1)
-    det = dot(r1, one)
-    return Foot(met[4][q], n, x, r1, r2, times(1.0 / det, one), times(1.0 / det, two))
+    frames = met[10]
+    x, r1, r2 = got(frames, q, 0), got(frames, q, 1), got(frames, q, 2)
+    return Foot(met[4][q], row(met[5], q), x, r1, r2, got(frames, q, 3), got(frames, q, 4))
 
 
 @njit(cache=True, error_model="numpy")
-def averages(coords: Floats, slaves: Slaves, surface: Surface, met: Met, anchors: Anchors) -> Averaged:
+def averages(coords: Floats, slaves: Slaves, met: Met, anchors: Anchors) -> Averaged:
     """What the slave nodes have on average."""
     weights, shapes, starts, facets, places = slaves[1], slaves[3], slaves[5], slaves[6], slaves[7]
     count, m = shapes.shape
@@ -143,7 +160,7 @@ def averages(coords: Floats, slaves: Slaves, surface: Surface, met: Met, anchors
                 a = q * m + c
                 if anchors[0][a, 0] < 0:
                     continue
-                foot = foot_of(q, coords, surface, met)
+                foot = foot_of(q, met)
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords))
                 anchored[A] += share
                 way = less(way, -share, less(w, dot(foot.n, w), foot.n))
@@ -312,7 +329,6 @@ def add_node_forces(
 
 @njit(cache=True, error_model="numpy")
 def anchors_behind(
-    coords: Floats,
     slaves: Slaves,
     surface: Surface,
     met: Met,
@@ -340,7 +356,7 @@ def anchors_behind(
                     continue
                 if not renewed[A]:
                     continue
-                foot = foot_of(q, coords, surface, met)
+                foot = foot_of(q, met)
                 one, two = _in_facet(foot, row(slips, A))
                 for i in range(nodes.shape[1]):
                     nodes[a, i] = surface[0][met[0][q], i]

@@ -1,8 +1,8 @@
-"""The tangent of contact averaged at slave nodes, second part: how the tractions of a node change with its gap, its way and
-the share of it that is covered.
+"""How the tractions of slave nodes change with their gaps, their ways and the shares of them that are covered.
 
-R_A M_A S_A: its forces per traction, the rates of the law, the rates of its means, with the arrays of kernels/mortar.py.
-Columns of normals become those of the nodes around them last. The first part is in kernels/mortar_tangent.py.
+R_A M_A S_A of each node A: its forces per traction, the rates of the law, the rates of its means, with the arrays of
+kernels/mortar.py and kernels/mortar_patches.py. What changes with normals does so with the nodes around them.
+kernels/mortar_tangent.py adds the products up. Vectors have a zero behind them: four numbers are added at once.
 """
 
 import numpy as np
@@ -11,209 +11,289 @@ from numba import njit
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of
-from fenics_contact.kernels.mortar_tangent import Matrix, Turned, insert_row, join, sort_columns
-from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, of_nodes, plus, row, times
-from fenics_contact.types import Bools, Floats, Ints64
+from fenics_contact.kernels.mortar_patches import NODE, PLACE, Patches, join, no_list
+from fenics_contact.kernels.vectors import (
+    ZERO,
+    Four,
+    Vector,
+    add_four,
+    dot,
+    four,
+    four_of,
+    four_plus,
+    got,
+    less,
+    minus,
+    of_nodes,
+    plus,
+    put_four,
+    row,
+    times,
+)
+from fenics_contact.types import Floats, Ints64
+
+# slot_starts, slot_nodes, turns of kernels/normals.py; lengths (np,) of the samples' mean normals
+Turned = tuple[Ints64, Ints64, Floats, Floats]
+# Rates M of `node_rates`, averaged of kernels/mortar.py, directed (nf, l): parts of the master facets' nodes in their
+# directions of friction, (0, l) where one holds for all, and the samples' facets (np,) that count for these
+Changing = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Ints64]
+# blocks (nx,), patches, and factors (n, 7, 4) of their members: three rows of forces R per N and T_T, four of changes M S
+Products = tuple[Ints64, Patches, Floats]
+Sums = tuple[Ints64, Floats, Ints64, Floats]  # place of each block and its sums, places of the groups and their sums
+
+# Rows of a sample's rates and of sums: of the gap with x_S - x_M, the place on its facet held; the normal n; P(n); of the
+# way P (x_M - x_a) with x_S - x_M; of the gap with the normal, and of sums that of the covered share
+PUSH, FORCE, ACROSS, DRAG, TURN = 0, 1, 2, 5, 8
+COVER = TURN
 
 
 @njit(cache=True, error_model="numpy")
-def add_node_tangents(
+def sample_rates(met: Met) -> Floats:
+    """Rates (np, 9, 4) of samples that have a foot."""
+    rates = np.empty((len(met[0]), 9, 4))
+    for q in range(len(rates)):
+        if met[1][q] == NONE:
+            continue
+        foot = foot_of(q, met)
+        push, turn, drags = _held_rates(foot)
+        across = _across(foot.n)
+        put_four(rates, q, PUSH, four(push))
+        put_four(rates, q, FORCE, four(foot.n))
+        for a in range(3):
+            put_four(rates, q, ACROSS + a, four(across[a]))
+            put_four(rates, q, DRAG + a, four(drags[a]))
+        put_four(rates, q, TURN, four(turn))
+    return rates
+
+
+@njit(cache=True, error_model="numpy")
+def node_products(
     coords: Floats,
     slaves: Slaves,
     surface: Surface,
     met: Met,
     anchors: Anchors,
     turned: Turned,
-    changing: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Ints64],
-    matrix: Matrix,
-) -> int:
-    """Add R_A M_A S_A; changing: (rates M of `node_rates`, averaged of kernels/mortar.py, directed (nf, l): parts of the
-    master facets' nodes in their directions of friction, (0, l) where one holds for all, and the samples' facets (nq,) that
-    count for these). Returns blocks without a place."""
-    starts, facets, places = slaves[5], slaves[6], slaves[7]
-    slot_starts, slot_nodes, turns, lengths = turned
+    changing: Changing,
+    products: Products,
+) -> None:
+    """Fill R and M S of the nodes that have a patch."""
+    blocks, (starts, heights, members), _ = products
     nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
-    count, m, k = len(shapes), shapes.shape[1], nodes.shape[1]
-    known, stamp, here = np.empty(len(coords), np.int64), np.full(len(coords), -1), np.empty(len(coords), np.int64)
-    groups = len(slot_starts) - 1
-    known_groups, group_stamp, these = np.empty(groups, np.int64), np.full(groups, -1), np.empty(groups, np.int64)
-    rates, leaned = np.zeros((len(coords), 5, 3)), np.zeros((groups, 5, 3))
-    gaps, ways, areas, anchored, whole, directed, leading = changing[1:]
-    forces, rubs, acted = np.zeros((len(coords), 3)), np.zeros((len(coords), 3, 3)), np.zeros(len(coords), np.bool_)
-    changed, added, missing = np.empty((4, 3 * len(coords))), np.empty((3, 3 * len(coords))), 0
-    order, led = np.empty(len(coords), np.int64), np.zeros(len(coords))
-    for A in range(len(starts) - 1):
-        M, rough = changing[0][A], False
-        if M[0, 0] == 0.0:
-            continue
-        for a in range(1, 4):
-            rough = rough or M[a, 0] != 0.0 or M[a, 1] != 0.0 or M[a, 2] != 0.0 or M[a, 3] != 0.0
-        n = ng = 0
-        for e in range(starts[A], starts[A + 1]):
-            f, c = facets[e], places[e]
-            for s in range(count):
-                q = f * count + s
-                if met[1][q] == NONE:
-                    continue
-                foot, a = foot_of(q, coords, surface, met), q * m + c
-                has_anchor = rough and anchors[0][a, 0] >= 0
-                around, part = weights[f, s] * shapes[s, c], met[6][q]
-                share = part * around
-                by_gap, by_way = share / areas[A], share / anchored[A] if has_anchor else 0.0
-                w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords)) if has_anchor else ZERO
-                push, turn, drags, swings = _sample_rates(foot, w)
-                for i in range(k):
-                    n = join(nodes[f, i], known, stamp, A, here, n)
-                    _spread(rates, known[nodes[f, i]], table[s, i], by_gap, by_way, push, drags)
-                    _act(forces, rubs, acted, known[nodes[f, i]], share * table[s, i], foot.n)
-                corners = surface[0][met[0][q]]
-                for j in range(len(corners)):
-                    n, N = join(corners[j], known, stamp, A, here, n), met[9][q, 0, j]
-                    at = known[corners[j]]
-                    _spread(rates, at, -N, by_gap, by_way, push, drags)
-                    _act(forces, rubs, acted, at, -share * N, foot.n)
-                    if len(directed) > 0:
-                        n = join(surface[0][leading[q], j], known, stamp, A, here, n)
-                        led[known[surface[0][leading[q], j]]] += around * directed[leading[q], j]
-                    if has_anchor:
-                        _drag(rates, at, by_way * N, foot.n)
-                        n = join(anchors[0][a, j], known, stamp, A, here, n)
-                        _drag(rates, known[anchors[0][a, j]], -by_way * anchors[1][a, j], foot.n)
-                for b in range(m):
-                    ng = join(group[f, b], known_groups, group_stamp, A, these, ng)
-                if part < 1.0:
-                    for i in range(4):
-                        n = join(met[7][q, i], known, stamp, A, here, n)
-                    strayed = less(less(w, dot(foot.n, w), foot.n), 1.0, row(ways, A))
-                    strayed = times(around / anchored[A] if has_anchor else 0.0, strayed)
-                    of_share = (foot.g - gaps[A]) * around / areas[A], strayed, around / whole[A]
-                    for i in range(k):
-                        _cover(rates[known[nodes[f, i]]], table[s, i], of_share, got(met[8], q, 0))
-                    for b in range(m):
-                        at = known_groups[group[f, b]]
-                        _cover(leaned[at], -shapes[s, b] / lengths[q], of_share, got(met[8], q, 1))
-                    for i in range(3):
-                        _cover(rates[known[met[7][q, i]]], 1.0, of_share, got(met[8], q, 2 + i))
-                    _cover(rates[known[met[7][q, 3]]], -1.0, of_share, got(met[8], q, 4))
-                for b in range(m):
-                    _spread(leaned, known_groups[group[f, b]], -shapes[s, b] / lengths[q], by_gap, by_way, turn, swings)
-        for at in range(ng):
-            for slot in range(slot_starts[these[at]], slot_starts[these[at] + 1]):
-                n = join(slot_nodes[slot], known, stamp, A, here, n)
-                j = known[slot_nodes[slot]]
-                for a in range(5):
-                    for b in range(3):
-                        rates[j, a, b] += (
-                            leaned[at, a, 0] * turns[slot, 0, b]
-                            + leaned[at, a, 1] * turns[slot, 1, b]
-                            + leaned[at, a, 2] * turns[slot, 2, b]
-                        )
+    feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
+    anchor_nodes, anchor_weights, rates = anchors[0], anchors[1], sample_rates(met)
+    count, m, k, l, groups = len(shapes), shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
+    known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
+    listed, leaned = no_list(groups), np.zeros((groups, 5, 4))
+    at_group = listed[PLACE]
+    for A in range(len(heights)):
+        n, ng, rough = starts[A + 1] - starts[A], 0, _rubs(changing[0], A)
         for j in range(n):
-            for a in range(4 if rough else 1):
-                for b in range(3):
-                    changed[a, 3 * j + b] = M[a, 0] * rates[j, 0, b] + M[a, 4] * rates[j, 4, b]
-                    if rough:
-                        changed[a, 3 * j + b] += (
-                            M[a, 1] * rates[j, 1, b] + M[a, 2] * rates[j, 2, b] + M[a, 3] * rates[j, 3, b]
-                        )
-                    if len(directed) > 0:
-                        changed[a, 3 * j + b] += M[a, 5 + b] * led[j]
-        sort_columns(here, n, matrix[0], order)
-        for i in range(n):
-            if acted[i]:
-                _couple(forces[i], rubs[i], changed, 3 * n, rough, added)
-                missing += insert_row(here[i], here, order, n, added, matrix)
-        rates[:n], leaned[:ng], forces[:n], rubs[:n], acted[:n], led[:n] = 0.0, 0.0, 0.0, 0.0, False, 0.0
-    return missing
+            known[members[starts[A] + j]] = j
+        sums[:n], led[:n] = 0.0, 0.0
+        for e in range(slaves[5][A] if n else slaves[5][A + 1], slaves[5][A + 1]):
+            f, c = slaves[6][e], slaves[7][e]
+            for b in range(m):
+                ng = join(group[f, b], listed, A, ng)
+            for s in range(count):
+                q, around = f * count + s, weights[f, s] * shapes[s, c]
+                if feet[q] < 0:
+                    continue
+                a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
+                if rough and anchor_nodes[a, 0] >= 0:
+                    way, w = share, minus(got(met[10], q, 0), of_nodes(anchor_weights, a, anchor_nodes, coords))
+                    for j in range(l):
+                        _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], rates, q)
+                for i in range(k):
+                    _add_body(sums, known[blocks[nodes[f, i]]], share * table[s, i], way * table[s, i], rates, q)
+                for j in range(l):
+                    part = -N[q, 0, j]
+                    _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, rates, q)
+                turning = _turning(rates, q, met[4][q], w)
+                for b in range(m):
+                    part = -shapes[s, b] / lengths[q]
+                    _add_turning(leaned, at_group[group[f, b]], share * part, way * part, turning)
+                if covers[q] < 1.0:
+                    into = known, sums, at_group, leaned
+                    _uncover(q, _of_share(A, q, around, (way, w), changing, met), (slaves, met, lengths), blocks, into)
+                for j in range(l if len(changing[6]) > 0 else 0):
+                    led[known[blocks[corners[changing[7][q], j]]]] += around * changing[6][changing[7][q], j]
+        _add_normals(sums, leaned, listed[NODE, :ng], known, blocks, turned)
+        _multiply(A, sums, led, changing, products)
+        leaned[:ng] = 0.0
 
 
 @njit(cache=True)
-def _couple(force: Floats, rub: Floats, changed: Floats, n: int, rough: bool, added: Floats) -> None:
-    """Fill added (3, n) with a node's forces per traction times the changes (4, n) of N and T_T."""
-    for a in range(3):
-        if not rough:
-            for j in range(n):
-                added[a, j] = force[a] * changed[0, j]
-            continue
-        f, one, two, three = force[a], rub[a, 0], rub[a, 1], rub[a, 2]
-        for j in range(n):
-            added[a, j] = f * changed[0, j] + one * changed[1, j] + two * changed[2, j] + three * changed[3, j]
+def _add_normals(sums: Floats, leaned: Floats, groups: Ints64, known: Ints64, blocks: Ints64, turned: Turned) -> None:
+    """Add to nodes' sums what those of groups, in this order, have of the nodes' motion."""
+    slot_starts, slot_nodes, turns, _ = turned
+    for g in range(len(groups)):
+        for slot in range(slot_starts[groups[g]], slot_starts[groups[g] + 1]):
+            i = known[blocks[slot_nodes[slot]]]
+            t0, t1, t2 = four_of(turns, slot, 0), four_of(turns, slot, 1), four_of(turns, slot, 2)
+            for r in range(5):
+                at, (x, y, z, _) = PUSH if r == 0 else DRAG - 1 + r, four_of(leaned, g, r)
+                put_four(sums, i, at, four_plus(four_plus(four_plus(four_of(sums, i, at), x, t0), y, t1), z, t2))
+
+
+@njit(cache=True)
+def _room(starts: Ints64) -> tuple[Floats, Floats]:
+    """Sums and directions of as many nodes as the longest patch has."""
+    longest = 0
+    for A in range(len(starts) - 1):
+        longest = max(longest, starts[A + 1] - starts[A])
+    return np.empty((longest, 9, 4)), np.empty(longest)
+
+
+@njit(cache=True)
+def _add_anchor(sums: Floats, i: int, way: float, rates: Floats, q: int) -> None:
+    """Add what the way of a sample has of the motion of its anchor."""
+    for r in range(3):
+        add_four(sums, i, DRAG + r, way, four_of(rates, q, ACROSS + r))
+
+
+@njit(cache=True)
+def _add_body(sums: Floats, i: int, share: float, way: float, rates: Floats, q: int) -> None:
+    """Add what a sample's gap and way have of a node's motion, and its forces."""
+    for r in range(DRAG):
+        add_four(sums, i, r, share, four_of(rates, q, r))
+    for r in range(DRAG, TURN):
+        add_four(sums, i, r, way, four_of(rates, q, r))
+
+
+@njit(cache=True)
+def _add_master(sums: Floats, i: int, share: float, way: float, rates: Floats, q: int) -> None:
+    """As _add_body, of the master's nodes: the foot moves with them, too."""
+    for r in range(DRAG):
+        add_four(sums, i, r, share, four_of(rates, q, r))
+    for r in range(DRAG, TURN):
+        add_four(sums, i, r, way, four_plus(four_of(rates, q, r), -1.0, four_of(rates, q, r - DRAG + ACROSS)))
+
+
+@njit(cache=True)
+def _turning(rates: Floats, q: int, g: float, w: Vector) -> tuple[Four, Four, Four, Four]:
+    """Rates of a sample's gap and P (x_M - x_a) with its normal, x_M - x_a = w held at its place: by rows
+    -g P r_a c_a - (n.w) P - n (P w)^T, for what is turned is normal to n."""
+    n = rates[q, FORCE, 0], rates[q, FORCE, 1], rates[q, FORCE, 2]
+    along = dot(n, w)
+    aside = four(less(w, along, n))
+    none = (0.0, 0.0, 0.0, 0.0)
+    swing0 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG)), -along, four_of(rates, q, ACROSS))
+    swing1 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG + 1)), -along, four_of(rates, q, ACROSS + 1))
+    swing2 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG + 2)), -along, four_of(rates, q, ACROSS + 2))
+    swings = four_plus(swing0, -n[0], aside), four_plus(swing1, -n[1], aside), four_plus(swing2, -n[2], aside)
+    return four_of(rates, q, TURN), swings[0], swings[1], swings[2]
+
+
+@njit(cache=True)
+def _add_turning(leaned: Floats, g: int, share: float, way: float, turning: tuple[Four, Four, Four, Four]) -> None:
+    """Add what gap and way of a sample have of the turn of a normal."""
+    add_four(leaned, g, 0, share, turning[0])
+    add_four(leaned, g, 1, way, turning[1])
+    add_four(leaned, g, 2, way, turning[2])
+    add_four(leaned, g, 3, way, turning[3])
+
+
+@njit(cache=True)
+def _of_share(
+    A: int, q: int, around: float, moved: tuple[float, Vector], changing: Changing, met: Met
+) -> tuple[float, Vector, float]:
+    """Rates of the sums behind the mean gap, the mean way and the share of node A with the share of sample q."""
+    (way, w), n = moved, row(met[5], q)
+    strayed = minus(less(w, dot(n, w), n), row(changing[2], A))
+    return (met[4][q] - changing[1][A]) * around, times(around if way > 0.0 else 0.0, strayed), around
+
+
+@njit(cache=True)
+def _rubs(rates: Floats, A: int) -> bool:
+    """Whether the friction of node A changes with gap or way."""
+    rough = False
+    for a in range(1, 4):
+        for b in range(4):
+            rough = rough or rates[A, a, b] != 0.0
+    return rough
+
+
+@njit(cache=True)
+def _uncover(
+    q: int, of_share: tuple[float, Vector, float], where: tuple[Slaves, Met, Floats], blocks: Ints64, into: Sums
+) -> None:
+    """Add the rates of the means and of the covered share with sample q's own share."""
+    (slaves, met, lengths), (known, sums, at_group, leaned) = where, into
+    count, slopes, ends = len(slaves[3]), met[8], met[7]
+    f, s = q // count, q % count
+    for i in range(slaves[0].shape[1]):
+        _cover(sums, known[blocks[slaves[0][f, i]]], slaves[2][s, i], of_share, got(slopes, q, 0), DRAG)
+    for b in range(slaves[3].shape[1]):
+        _cover(leaned, at_group[slaves[4][f, b]], -slaves[3][s, b] / lengths[q], of_share, got(slopes, q, 1), 1)
+    for i in range(3):
+        _cover(sums, known[blocks[ends[q, i]]], 1.0, of_share, got(slopes, q, 2 + i), DRAG)
+    _cover(sums, known[blocks[ends[q, 3]]], -1.0, of_share, got(slopes, q, 4), DRAG)
+
+
+@njit(cache=True)
+def _cover(sums: Floats, i: int, part: float, of_share: tuple[float, Vector, float], slope: Vector, ways: int) -> None:
+    """Add the rates with a share that has a slope with a place: of the gap, of the ways and of the share, in rows behind."""
+    by_gap, by_way, whole = of_share
+    add_four(sums, i, PUSH, part * by_gap, four(slope))
+    for r in range(3):
+        add_four(sums, i, ways + r, part * by_way[r], four(slope))
+    add_four(sums, i, ways + 3, part * whole, four(slope))
+
+
+@njit(cache=True)
+def _multiply(A: int, sums: Floats, led: Floats, changing: Changing, products: Products) -> None:
+    """Fill R and M S of the patch of node A."""
+    M, (starts, heights, _), factors = changing[0][A], products[1], products[2]
+    by_gap, by_share = 1.0 / changing[3][A], 1.0 / changing[5][A]
+    by_way = 1.0 / changing[4][A] if changing[4][A] > 0.0 else 0.0
+    for j in range(starts[A + 1] - starts[A]):
+        entry = starts[A] + j
+        for a in range(4):
+            change = four_plus((0.0, 0.0, 0.0, 0.0), M[a, 0] * by_gap, four_of(sums, j, PUSH))
+            for b in range(3):
+                change = four_plus(change, M[a, 1 + b] * by_way, four_of(sums, j, DRAG + b))
+            change = four_plus(change, M[a, 4] * by_share, four_of(sums, j, COVER))
+            put_four(factors, entry, 3 + a, four_plus(change, led[j], (M[a, 5], M[a, 6], M[a, 7], 0.0)))
+        if j < heights[A]:
+            for a in range(3):
+                across = four_of(sums, j, ACROSS + a)
+                put_four(factors, entry, a, (sums[j, FORCE, a], across[0], across[1], across[2]))
+
+
+@njit(cache=True, error_model="numpy")
+def _held_rates(foot: Foot) -> tuple[Vector, Vector, tuple[Vector, Vector, Vector]]:
+    """Rates of a sample's gap with x_S - x_M, place on the facet held, and with its normal; of P (x_M - x_a) with the first,
+    by rows."""
+    n, c1, c2 = foot.n, foot.c1, foot.c2
+    lean = plus(times(dot(n, foot.r1), c1), times(dot(n, foot.r2), c2))
+    turn = times(foot.g, lean)
+    p1, p2 = less(foot.r1, dot(n, foot.r1), n), less(foot.r2, dot(n, foot.r2), n)
+    drag0 = plus(times(p1[0], c1), times(p2[0], c2))
+    drag1 = plus(times(p1[1], c1), times(p2[1], c2))
+    drag2 = plus(times(p1[2], c1), times(p2[2], c2))
+    return minus(n, lean), less(turn, dot(n, turn), n), (drag0, drag1, drag2)
 
 
 @njit(cache=True, error_model="numpy")
 def _sample_rates(
     foot: Foot, w: Vector
 ) -> tuple[Vector, Vector, tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]:
-    """Rates of a sample's gap with x_S - x_M, place on the facet held, and with its normal (3,); of P (x_M - x_a) with the
-    same, by rows, x_M - x_a held at its place."""
-    n, c1, c2 = foot.n, foot.c1, foot.c2
-    lean = plus(times(dot(n, foot.r1), c1), times(dot(n, foot.r2), c2))
-    turn = times(foot.g, lean)
-    turn = less(turn, dot(n, turn), n)
-    p1, p2 = less(foot.r1, dot(n, foot.r1), n), less(foot.r2, dot(n, foot.r2), n)
-    along, w_across = dot(n, w), less(w, dot(n, w), n)
-    drag0 = plus(times(p1[0], c1), times(p2[0], c2))
-    drag1 = plus(times(p1[1], c1), times(p2[1], c2))
-    drag2 = plus(times(p1[2], c1), times(p2[2], c2))
+    """Those of `_held_rates`, and the rates of P (x_M - x_a) with the normal by rows, x_M - x_a = w held at its place."""
+    push, turn, drags = _held_rates(foot)
+    n, along = foot.n, dot(foot.n, w)
+    aside, p = less(w, along, n), _across(n)
     # -g P r_a c_a - (n.w) P - n (P w)^T: what is turned is normal to n
-    swing0 = less(times(-foot.g, drag0), n[0], w_across)
-    swing1 = less(times(-foot.g, drag1), n[1], w_across)
-    swing2 = less(times(-foot.g, drag2), n[2], w_across)
-    p = _across(n)
-    swings = less(swing0, along, p[0]), less(swing1, along, p[1]), less(swing2, along, p[2])
-    return minus(n, lean), turn, (drag0, drag1, drag2), swings
+    swing0 = less(less(times(-foot.g, drags[0]), n[0], aside), along, p[0])
+    swing1 = less(less(times(-foot.g, drags[1]), n[1], aside), along, p[1])
+    swing2 = less(less(times(-foot.g, drags[2]), n[2], aside), along, p[2])
+    return push, turn, drags, (swing0, swing1, swing2)
 
 
 @njit(cache=True)
 def _across(n: Vector) -> tuple[Vector, Vector, Vector]:
     """Rows of P(n)."""
     return less((1.0, 0.0, 0.0), n[0], n), less((0.0, 1.0, 0.0), n[1], n), less((0.0, 0.0, 1.0), n[2], n)
-
-
-@njit(cache=True)
-def _spread(
-    rates: Floats, i: int, part: float, by_gap: float, by_way: float, push: Vector, drags: tuple[Vector, Vector, Vector]
-) -> None:
-    for b in range(3):
-        rates[i, 0, b] += part * by_gap * push[b]
-    if by_way != 0.0:
-        for b in range(3):
-            rates[i, 1, b] += part * by_way * drags[0][b]
-            rates[i, 2, b] += part * by_way * drags[1][b]
-            rates[i, 3, b] += part * by_way * drags[2][b]
-
-
-@njit(cache=True)
-def _cover(rates: Floats, part: float, of_share: tuple[float, Vector, float], slope: Vector) -> None:
-    """Add the rates of the means and of the covered share with a sample's own share, which has a slope with a place."""
-    by_gap, by_way, whole = of_share
-    for b in range(3):
-        rates[0, b] += part * by_gap * slope[b]
-        rates[1, b] += part * by_way[0] * slope[b]
-        rates[2, b] += part * by_way[1] * slope[b]
-        rates[3, b] += part * by_way[2] * slope[b]
-        rates[4, b] += part * whole * slope[b]
-
-
-@njit(cache=True)
-def _drag(rates: Floats, i: int, part: float, n: Vector) -> None:
-    """The rates of P dx with the motion of a node that has a part in x."""
-    p = _across(n)
-    for b in range(3):
-        rates[i, 1, b] += part * p[0][b]
-        rates[i, 2, b] += part * p[1][b]
-        rates[i, 3, b] += part * p[2][b]
-
-
-@njit(cache=True)
-def _act(forces: Floats, rubs: Floats, acted: Bools, i: int, part: float, n: Vector) -> None:
-    """Add a part of n to the force per pressure on a node, and of P(n) to that per traction."""
-    acted[i] = True
-    p = _across(n)
-    for a in range(3):
-        forces[i, a] += part * n[a]
-        for b in range(3):
-            rubs[i, a, b] += part * p[a][b]
 
 
 @njit(cache=True)
@@ -261,7 +341,7 @@ def foreseen_averages(
                 share = weights[f, s] * shapes[s, c] * met[6][q]
                 if met[1][q] == NONE:
                     continue
-                foot, tilt, jump = foot_of(q, coords, surface, met), ZERO, ZERO
+                foot, tilt, jump = foot_of(q, met), ZERO, ZERO
                 for b in range(m):
                     tilt = less(tilt, shapes[s, b] / lengths[q], row(tilts, group[f, b]))
                 for i in range(nodes.shape[1]):

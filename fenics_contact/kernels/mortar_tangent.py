@@ -1,8 +1,8 @@
-"""The tangent of contact averaged at slave nodes, first part: how the forces of tractions that are held move with the
-samples' normals, their feet and what of them is covered, facet by facet.
+"""The tangent of contact averaged at slave nodes, row by row of blocks: what the forces on a block's nodes change with.
 
-Exact derivative of the forces of kernels/mortar.py, with its arrays. Columns of normals become those of the nodes around
-them last. The second part is in kernels/mortar_rates.py.
+Exact derivative of the forces of kernels/mortar.py, with its arrays. They change with the tractions of the slave nodes, by
+the products of kernels/mortar_rates.py, and where these are held with the samples' normals, their feet and what of them is
+covered.  Columns of normals become those of the nodes around them last.
 """
 
 import numpy as np
@@ -10,202 +10,320 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Met, Slaves, foot_of
-from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, plus, row, times
+from fenics_contact.kernels.mortar import Met, Slaves
+from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
+from fenics_contact.kernels.mortar_rates import Products, Turned
+from fenics_contact.kernels.vectors import (
+    ZERO,
+    Four,
+    add_four,
+    dot,
+    four,
+    four_of,
+    four_plus,
+    got,
+    less,
+    plus,
+    put_four,
+    row,
+    times,
+)
 from fenics_contact.types import Bools, Floats, Ints64
 
-# slot_starts, slot_nodes, turns of kernels/normals.py; lengths (np,) of the samples' mean normals
-Turned = tuple[Ints64, Ints64, Floats, Floats]
-Matrix = tuple[Ints64, Ints64, Ints64, Ints64, Floats, Bools]  # a Pattern, values (nb, 3, 3) and used (nb,) of its blocks
-
-
-@njit(cache=True)
-def join(node: int, known: Ints64, stamp: Ints64, mark: int, nodes: Ints64, n: int) -> int:
-    """Give a node its place in a list of n; returns how long the list is then."""
-    if stamp[node] != mark:
-        stamp[node], known[node], nodes[n] = mark, n, node
-        n += 1
-    return n
-
-
-@njit(cache=True)
-def _outer(blocks: Floats, j: int, share: float, a: Vector, b: Vector) -> None:
-    """Block j of a row of blocks (3, 3 n) += share a b^T."""
-    for i in range(3):
-        for k in range(3):
-            blocks[i, 3 * j + k] += share * a[i] * b[k]
+Block = tuple[Four, Four, Four]
+Gathered = tuple[Ints64, Ints64]  # see `gathered`
+# List of the columns of a row, see `join`, and sums (n, 3, 4) of their blocks; of its normals alike
+Row = tuple[Ints64, Floats]
+Held = tuple[Bools, Floats]  # which samples press (np,), and their rates (np, 5, 4), see `held_rates`
+FORCE, WHOLE = 3, 4
+NOUGHT = (0.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def _held(f: int, s: int, slaves: Slaves, acting: tuple[Floats, Floats, Ints64]) -> tuple[float, Vector]:
-    """Normal and tangential force of sample s of facet f, covered whole, under the tractions of the nodes this process
-    answers for."""
+def held_rates(slaves: Slaves, met: Met, lengths: Floats, acting: tuple[Floats, Floats, Ints64]) -> Held:
+    """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
+    corners, the force, and the force if the sample were covered whole. acting: as in add_node_forces."""
     N, T, number = acting
-    total, tangential = 0.0, ZERO
-    for c in range(slaves[3].shape[1]):
-        A = number[f, c]
-        if A >= 0:
-            share = slaves[3][s, c] * slaves[1][f, s]
-            total += share * N[A]
-            tangential = less(tangential, -share, row(T, A))
-    return total, tangential
+    weights, shapes = slaves[1], slaves[3]
+    presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 5, 4))
+    for q in range(len(presses)):
+        f, s = q // len(shapes), q % len(shapes)
+        if met[1][q] == NONE:
+            continue
+        total, t, normal, part = 0.0, ZERO, row(met[5], q), met[6][q]
+        for c in range(shapes.shape[1]):
+            A = number[f, c]
+            if A >= 0:
+                share = shapes[s, c] * weights[f, s]
+                total += share * N[A]
+                t = less(t, -share, row(T, A))
+        if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
+            continue
+        presses[q], across = True, dot(normal, t)
+        t = less(t, across, normal)
+        whole, scale, press = plus(times(total, normal), t), part / lengths[q], total - across
+        for a in range(3):  # -((N - n.t) P(n) - n t^T)
+            lean = times(normal[a], plus(times(press, normal), t))
+            put_four(rates, q, a, four(times(scale, less(lean, press, (1.0 * (a == 0), 1.0 * (a == 1), 1.0 * (a == 2))))))
+        put_four(rates, q, FORCE, four(times(part, whole)))
+        put_four(rates, q, WHOLE, four(whole))
+    return presses, rates
 
 
 @njit(cache=True, error_model="numpy")
-def add_held_tangents(
-    coords: Floats,
+def tangent_rows(
     slaves: Slaves,
     surface: Surface,
     met: Met,
     turned: Turned,
-    acting: tuple[Floats, Floats, Ints64],
-    matrix: Matrix,
+    held: Held,
+    products: Products,
+    count: int,
+    out: tuple[Ints64, Ints64, Floats],
 ) -> int:
-    """Add how the forces of tractions that are held move; returns the number of blocks that have no place in the matrix.
-
-    acting: as in add_node_forces.
-    """
-    nodes, table, shapes, group, N = slaves[0], slaves[2], slaves[3], slaves[4], met[9]
-    slot_starts, slot_nodes, turns, lengths = turned
-    count, m, k = len(shapes), shapes.shape[1], nodes.shape[1]
-    l = surface[0].shape[1]
-    rows, ring = k + (l + 2) * count, 0
-    for g in range(len(slot_starts) - 1):
-        ring = max(ring, slot_starts[g + 1] - slot_starts[g])
-    known, stamp, here = np.empty(len(coords), np.int64), np.full(len(coords), -1), np.empty(rows + m * ring, np.int64)
-    element, leaned = np.zeros((rows, 3, 3 * (rows + m * ring))), np.zeros((rows, m, 3, 3))
-    lean, carried, missing, order = np.empty((3, 3)), np.empty((3, 3)), 0, np.empty(len(here), np.int64)
-    for f in range(len(nodes)):
-        n = 0
-        for i in range(k):
-            n = join(nodes[f, i], known, stamp, f, here, n)
-        for s in range(count):
-            q = f * count + s
-            if met[1][q] == NONE:
-                continue
-            normal = row(met[5], q)
-            total, t = _held(f, s, slaves, acting)
-            if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
-                continue
-            foot, part = foot_of(q, coords, surface, met), met[6][q]
-            across = dot(normal, t)
-            t = less(t, across, normal)
-            if part < 1.0:
-                whole, turn = plus(times(total, normal), t), times(-1.0 / lengths[q], got(met[8], q, 1))
-                for i in range(4):
-                    n = join(met[7][q, i], known, stamp, f, here, n)
-                corners = surface[0][met[0][q]]
-                for j in range(l):
-                    n = join(corners[j], known, stamp, f, here, n)
-                for i in range(k):
-                    _uncover(element[i], leaned[i], times(table[s, i], whole), q, turn, met, slaves, known)
-                for j in range(l):
-                    at = known[corners[j]]
-                    _uncover(element[at], leaned[at], times(-N[q, 0, j], whole), q, turn, met, slaves, known)
-            total, across, t = part * total, part * across, times(part, t)
-            force = plus(times(total, normal), t)
-            for a in range(3):  # force moves by lean times the motion of the corners' mean normal
-                for b in range(3):
-                    one = 1.0 if a == b else 0.0
-                    lean[a, b] = -((total - across) * (one - normal[a] * normal[b]) - normal[a] * t[b]) / lengths[q]
-            for i in range(k):
-                _lean(leaned, i, table[s, i], lean, shapes, s)
-            corners = surface[0][met[0][q]]
+    """Fill rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair of `count` blocks once; returns
+    how many there are: called again where that is more than there is room for."""
+    blocks, factors, table, shapes, group, corners = products[0], products[2], slaves[2], slaves[3], slaves[4], surface[0]
+    N, frames, (slot_starts, slot_nodes, turns, lengths), rates = met[9], met[10], turned, held[1]
+    k, l, (samples, m), groups = slaves[0].shape[1], corners.shape[1], shapes.shape, len(slot_starts) - 1
+    (patch_rows, spans), members = _patch_rows(products, count), products[1][2]
+    (slave_rows, ours), leans = _slave_rows(slaves, held, blocks, count), _slave_leans(slaves, held)
+    (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), (held[0] & (met[6] < 1.0)).any()
+    listed, sums, end = no_list(count), np.zeros((count, 3, 4)), 0
+    normals, leaned = no_list(groups), np.zeros((groups, 3, 4))
+    for i in range(count):
+        n = _add_patches(i, patch_rows, spans, members, factors, listed, sums)
+        ng = _add_slave(i, slave_rows, ours, group, leans, normals, leaned)
+        if bare:
+            here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
+            n = _uncover_slave(i, n, (slave_rows, ours), *here)
+        for at in range(master_rows[i], master_rows[i + 1]):
+            q, place = theirs[at] // l, theirs[at] % l
+            f, s, part = q // samples, q % samples, N[q, 0, place]
+            moved = _carried(rates, q, N[q, 1, place], N[q, 2, place], frames)
+            for j in range(k):
+                block = blocks[slaves[0][f, j]]
+                n = join(block, listed, i, n)
+                _add(sums, listed[PLACE, block], -table[s, j], moved)
             for j in range(l):
-                if N[q, 0, j] == 0.0 and N[q, 1, j] == 0.0 and N[q, 2, j] == 0.0:
-                    continue
-                n = join(corners[j], known, stamp, f, here, n)
-                at, h = known[corners[j]], plus(times(N[q, 1, j], foot.c1), times(N[q, 2, j], foot.c2))
-                for a in range(3):
-                    for b in range(3):
-                        carried[a, b] = lean[a, b] * N[q, 0, j] + foot.g / lengths[q] * force[a] * h[b]
-                _lean(leaned, at, -1.0, carried, shapes, s)
-                for i in range(k):
-                    _outer(element[at], i, -table[s, i], force, h)
-                for i in range(l):
-                    n = join(corners[i], known, stamp, f, here, n)
-                    _outer(element[at], known[corners[i]], N[q, 0, i], force, h)
-        height = n
-        if height == k and not leaned[:k].any():
-            continue
+                block = blocks[corners[met[0][q], j]]
+                n = join(block, listed, i, n)
+                _add(sums, listed[PLACE, block], N[q, 0, j], moved)
+            lean = _both(met[4][q] / lengths[q], moved, part, _block(rates, q))
+            for c in range(m):
+                ng = join(group[f, c], normals, i, ng)
+                _add(leaned, normals[PLACE, group[f, c]], -shapes[s, c], lean)
+            if met[6][q] < 1.0:
+                here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
+                n = _uncover(i, n, (q, -part), *here)
+        for at in range(ng):
+            lean = _block(leaned, at)
+            for slot in range(slot_starts[normals[NODE, at]], slot_starts[normals[NODE, at] + 1]):
+                block = blocks[slot_nodes[slot]]
+                n = join(block, listed, i, n)
+                _add_turned(sums, listed[PLACE, block], lean, turns, slot)
+        end = _put_row(i, listed[NODE, :n], sums, out, end)
+        sums[:n], leaned[:ng] = 0.0, 0.0
+    return end
+
+
+@njit(cache=True)
+def _patch_rows(products: Products, count: int) -> Gathered:
+    """Where the members that nodes act on begin, by blocks (count + 1,), and spans (n, 3): member, begin and end of its
+    patch."""
+    starts, heights, members = products[1]
+    acted, owner = np.full(len(members), -1), np.empty(len(members), np.int64)
+    for A in range(len(heights)):
+        owner[starts[A] : starts[A + 1]] = A
+        acted[starts[A] : starts[A] + heights[A]] = members[starts[A] : starts[A] + heights[A]]
+    rows, entries = gathered(acted, count)
+    spans = np.empty((rows[count], 3), np.int64)
+    for at in range(len(spans)):
+        entry = entries[at]
+        spans[at, 0], spans[at, 1], spans[at, 2] = entry, starts[owner[entry]], starts[owner[entry] + 1]
+    return rows, spans
+
+
+@njit(cache=True)
+def _slave_leans(slaves: Slaves, held: Held) -> Floats:
+    """Rates (k nf, m, 3, 4) of the held forces on the nodes of the slave's facets with the normals at their corners."""
+    (presses, rates), table, shapes = held, slaves[2], slaves[3]
+    k, m, samples = slaves[0].shape[1], shapes.shape[1], len(shapes)
+    leans = np.zeros((k * len(slaves[0]) * m, 3, 4))
+    for q in range(len(presses)):
+        f, s = q // samples, q % samples
+        for i in range(k if presses[q] else 0):
+            for c in range(m):
+                _add(leans, (k * f + i) * m + c, table[s, i] * shapes[s, c], _block(rates, q))
+    return leans
+
+
+@njit(cache=True)
+def _slave_rows(slaves: Slaves, held: Held, blocks: Ints64, count: int) -> Gathered:
+    """Nodes of the slave's facets that a sample presses on, gathered by blocks: numbers k facet + place there."""
+    nodes, samples = slaves[0], len(slaves[3])
+    k = nodes.shape[1]
+    numbers = np.full(k * len(nodes), -1)
+    for f in range(len(nodes)):
+        for i in range(k if held[0][f * samples : (f + 1) * samples].any() else 0):
+            numbers[k * f + i] = blocks[nodes[f, i]]
+    return gathered(numbers, count)
+
+
+@njit(cache=True)
+def _master_rows(surface: Surface, met: Met, held: Held, blocks: Ints64, count: int) -> Gathered:
+    """Nodes of the master that samples press on, gathered by blocks: numbers l sample + place in its facet."""
+    l = surface[0].shape[1]
+    numbers = np.full(l * len(held[0]), -1)
+    for q in range(len(held[0])):
+        for j in range(l if held[0][q] else 0):
+            if met[9][q, 0, j] != 0.0 or met[9][q, 1, j] != 0.0 or met[9][q, 2, j] != 0.0:
+                numbers[l * q + j] = blocks[surface[0][met[0][q], j]]
+    return gathered(numbers, count)
+
+
+@njit(cache=True)
+def _add_patches(i: int, rows: Ints64, spans: Ints64, members: Ints64, factors: Floats, listed: Ints64, sums: Floats) -> int:
+    """Add R M S of all patches that act on row i; returns how many columns it has then."""
+    n = 0
+    for at in range(rows[i], rows[i + 1]):
+        force = _block(factors, spans[at, 0])
+        for e in range(spans[at, 1], spans[at, 2]):
+            n = join(members[e], listed, i, n)
+            _add_product(sums, listed[PLACE, members[e]], force, factors, e)
+    return n
+
+
+@njit(cache=True)
+def _add_slave(i: int, rows: Ints64, ours: Ints64, group: Ints64, leans: Floats, normals: Ints64, leaned: Floats) -> int:
+    """Add how the forces of samples on their own facets' nodes lean in row i; returns how many normals it has then."""
+    ng, m = 0, group.shape[1]
+    k = len(leans) // max(group.size, 1)
+    for at in range(rows[i], rows[i + 1]):
+        f = ours[at] // k
         for c in range(m):
-            for at in range(slot_starts[group[f, c]], slot_starts[group[f, c] + 1]):
-                n = join(slot_nodes[at], known, stamp, f, here, n)
-                column = known[slot_nodes[at]]
-                for i in range(height):
-                    _multiply(element[i], column, leaned[i, c], turns[at])
-        sort_columns(here, n, matrix[0], order)
-        for i in range(height):
-            missing += insert_row(here[i], here, order, n, element[i], matrix)
-        element[:height, :, : 3 * n] = 0.0
-        leaned[:height] = 0.0
-    return missing
+            ng = join(group[f, c], normals, i, ng)
+            _add(leaned, normals[PLACE, group[f, c]], 1.0, _block(leans, ours[at] * m + c))
+    return ng
+
+
+@njit(cache=True)
+def _uncover_slave(
+    i: int, n: int, ours: Gathered, where: tuple[Slaves, Met, Floats, Held, Ints64], columns: Row, normals: Row
+) -> int:
+    """Add to row i of n columns how forces of samples on their own facets' nodes move with their shares; returns how many
+    columns it has then."""
+    slaves, met, _, (presses, _), _ = where
+    k, samples = slaves[0].shape[1], len(slaves[3])
+    for at in range(ours[0][i], ours[0][i + 1]):
+        f, place = ours[1][at] // k, ours[1][at] % k
+        for s in range(samples):
+            q = f * samples + s
+            if presses[q] and met[6][q] < 1.0:
+                n = _uncover(i, n, (q, slaves[2][s, place]), where, columns, normals)
+    return n
+
+
+@njit(cache=True)
+def _block(blocks: Floats, i: int) -> Block:
+    """The first three rows of blocks[i]."""
+    return four_of(blocks, i, 0), four_of(blocks, i, 1), four_of(blocks, i, 2)
+
+
+@njit(cache=True)
+def _add_product(sums: Floats, i: int, force: Block, factors: Floats, e: int) -> None:
+    """sums[i] += R M S, of three rows by four and four rows by three."""
+    c0, c1, c2, c3 = four_of(factors, e, 3), four_of(factors, e, 4), four_of(factors, e, 5), four_of(factors, e, 6)
+    (x, y, z), (f, g, h) = _block(sums, i), force
+    x = four_plus(four_plus(four_plus(four_plus(x, f[0], c0), f[1], c1), f[2], c2), f[3], c3)
+    y = four_plus(four_plus(four_plus(four_plus(y, g[0], c0), g[1], c1), g[2], c2), g[3], c3)
+    z = four_plus(four_plus(four_plus(four_plus(z, h[0], c0), h[1], c1), h[2], c2), h[3], c3)
+    put_four(sums, i, 0, x)
+    put_four(sums, i, 1, y)
+    put_four(sums, i, 2, z)
+
+
+@njit(cache=True)
+def _add_turned(sums: Floats, i: int, lean: Block, turns: Floats, slot: int) -> None:
+    """sums[i] += lean turn."""
+    t0, t1, t2 = _block(turns, slot)
+    (x, y, z), (f, g, h) = _block(sums, i), lean
+    x = four_plus(four_plus(four_plus(x, f[0], t0), f[1], t1), f[2], t2)
+    y = four_plus(four_plus(four_plus(y, g[0], t0), g[1], t1), g[2], t2)
+    z = four_plus(four_plus(four_plus(z, h[0], t0), h[1], t1), h[2], t2)
+    put_four(sums, i, 0, x)
+    put_four(sums, i, 1, y)
+    put_four(sums, i, 2, z)
+
+
+@njit(cache=True)
+def _carried(rates: Floats, q: int, one: float, two: float, frames: Floats) -> Block:
+    """How the force of sample q on a node, whose shape function has these derivatives, moves with x_S - x_M by its foot."""
+    h = plus(times(one, got(frames, q, 3)), times(two, got(frames, q, 4)))
+    return _outer(four_of(rates, q, FORCE), four(h))
+
+
+@njit(cache=True)
+def _both(r: float, a: Block, s: float, b: Block) -> Block:
+    """r a + s b."""
+    return (
+        four_plus(four_plus(NOUGHT, r, a[0]), s, b[0]),
+        four_plus(four_plus(NOUGHT, r, a[1]), s, b[1]),
+        four_plus(four_plus(NOUGHT, r, a[2]), s, b[2]),
+    )
 
 
 @njit(cache=True)
 def _uncover(
-    element: Floats, leaned: Floats, force: Vector, q: int, turn: Vector, met: Met, slaves: Slaves, known: Ints64
-) -> None:
-    """Add how a sample's force on one node moves with the sample's share; turn: slope of the share with its mean normal."""
-    nodes, table, shapes, ends = slaves[0], slaves[2], slaves[3], met[7]
-    f, s = q // len(shapes), q % len(shapes)
-    for i in range(nodes.shape[1]):
-        _outer(element, known[nodes[f, i]], table[s, i], force, got(met[8], q, 0))
-    for c in range(shapes.shape[1]):
-        _outer(leaned[c], 0, shapes[s, c], force, turn)
-    for i in range(3):
-        _outer(element, known[ends[q, i]], 1.0, force, got(met[8], q, 2 + i))
-    _outer(element, known[ends[q, 3]], -1.0, force, got(met[8], q, 4))
+    i: int, n: int, of: tuple[int, float], where: tuple[Slaves, Met, Floats, Held, Ints64], columns: Row, normals: Row
+) -> int:
+    """Add to row i of n columns how a part of a sample's force moves with the sample's share; returns how many columns it
+    has then."""
+    slaves, met, lengths, (_, rates), blocks = where
+    (q, part), (listed, sums), (at_group, leaned) = of, columns, normals
+    f, s, ends, slopes, force = q // len(slaves[3]), q % len(slaves[3]), met[7], met[8], four_of(rates, q, WHOLE)
+    moved = _outer(force, four(got(slopes, q, 0)))
+    for j in range(slaves[0].shape[1]):
+        n = join(blocks[slaves[0][f, j]], listed, i, n)
+        _add(sums, listed[PLACE, blocks[slaves[0][f, j]]], part * slaves[2][s, j], moved)
+    leant = _outer(force, four(got(slopes, q, 1)))
+    for c in range(slaves[3].shape[1]):
+        _add(leaned, at_group[PLACE, slaves[4][f, c]], -part * slaves[3][s, c] / lengths[q], leant)
+    for j in range(4):
+        n = join(blocks[ends[q, j]], listed, i, n)
+        slope = got(slopes, q, 2 + j if j < 3 else 4)
+        _add(sums, listed[PLACE, blocks[ends[q, j]]], part if j < 3 else -part, _outer(force, four(slope)))
+    return n
 
 
 @njit(cache=True)
-def _lean(leaned: Floats, i: int, share: float, lean: Floats, shapes: Floats, s: int) -> None:
-    for c in range(shapes.shape[1]):
-        for a in range(3):
-            for b in range(3):
-                leaned[i, c, a, b] += share * shapes[s, c] * lean[a, b]
+def _outer(a: Four, b: Four) -> Block:
+    """a b^T of vectors."""
+    return four_plus(NOUGHT, a[0], b), four_plus(NOUGHT, a[1], b), four_plus(NOUGHT, a[2], b)
 
 
 @njit(cache=True)
-def _multiply(blocks: Floats, j: int, left: Floats, right: Floats) -> None:
-    """Block j of a row of blocks (3, 3 n) += left right."""
-    for a in range(3):
-        for b in range(3):
-            blocks[a, 3 * j + b] += left[a, 0] * right[0, b] + left[a, 1] * right[1, b] + left[a, 2] * right[2, b]
+def _add(sums: Floats, i: int, share: float, block: Block) -> None:
+    """sums[i] += share block."""
+    add_four(sums, i, 0, share, block[0])
+    add_four(sums, i, 1, share, block[1])
+    add_four(sums, i, 2, share, block[2])
 
 
 @njit(cache=True)
-def sort_columns(nodes: Ints64, n: int, blocks: Ints64, order: Ints64) -> None:
-    """Fill order (n,) with the places of the first n nodes, rising by their blocks."""
-    for i in range(n):
-        at = i
-        while at > 0 and blocks[nodes[order[at - 1]]] > blocks[nodes[i]]:
-            order[at] = order[at - 1]
-            at -= 1
-        order[at] = i
-
-
-@njit(cache=True)
-def insert_row(head: int, nodes: Ints64, order: Ints64, n: int, added: Floats, matrix: Matrix) -> int:
-    """Add a row of blocks (3, 3 n) of a node with the sorted nodes; returns how many, not zero, have no place there."""
-    blocks, first, end, columns, values, used = matrix
-    at, stop, missing = first[head], end[head], 0
-    for place in range(n):
-        j = order[place]
+def _put_row(i: int, columns: Ints64, sums: Floats, out: tuple[Ints64, Ints64, Floats], end: int) -> int:
+    """Put the columns (n,) of row i, but for zeros, behind the rows before it while there is room; returns the new end."""
+    rows, others, values = out
+    for j in range(len(columns)):
         largest = 0.0
         for a in range(3):
-            for b in range(3):
-                largest = max(largest, abs(added[a, 3 * j + b]))
+            largest = max(largest, abs(sums[j, a, 0]), abs(sums[j, a, 1]), abs(sums[j, a, 2]))
         if largest == 0.0:
             continue
-        column = blocks[nodes[j]]
-        while at < stop and columns[at] < column:
-            at += 1
-        if at == stop or columns[at] != column:
-            missing += 1
-            continue
-        used[at] = True
-        for a in range(3):
-            for b in range(3):
-                values[at, a, b] += added[a, 3 * j + b]
-    return missing
+        if end < len(rows):
+            rows[end], others[end] = i, columns[j]
+            for a in range(3):
+                for b in range(3):
+                    values[end, a, b] = sums[j, a, b]
+        end += 1
+    return end

@@ -120,7 +120,8 @@ def group_slots(
 
 @njit(cache=True, error_model="numpy")
 def group_normals(coords: Floats, nodes: Ints64, gradients: Floats, groups: Groups, normals: Floats, turns: Floats) -> None:
-    """Fill unit normals (ng, 3) and turns (ns, 3, 3): a normal moves by the sum of its slots' turns times their motion."""
+    """Fill unit normals (ng, 3) and turns (ns, 3, 3), or (ns, 3, 4) with zeros behind: a normal moves by the sum of its
+    slots' turns times their motion."""
     starts, facets, places, slot_starts, _, slots, angles = groups
     turns[:] = 0.0
     for g in range(len(normals)):

@@ -12,11 +12,11 @@ from fenics_contact.kernels.couplings import find
 from fenics_contact.kernels.deformable_element import Anchors, PointLaws, Slaves, place_apart
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.law import direction_rate
-from fenics_contact.kernels.mortar_tangent import Matrix
 from fenics_contact.kernels.status import SLIP
 from fenics_contact.kernels.vectors import Vector, norm, row
-from fenics_contact.types import Floats, Ints64
+from fenics_contact.types import Bools, Floats, Ints64
 
+Matrix = tuple[Ints64, Ints64, Ints64, Ints64, Floats, Bools]  # a Pattern, values (nb, 3, 3) and used (nb,) of its blocks
 Parts = tuple[Ints64, Floats]  # nodes (np, l) of the points' directions and their parts c (np, l) in them
 
 

@@ -40,6 +40,36 @@ def got(array: Floats, i: int, j: int) -> Vector:
 
 
 @njit(cache=True)
+def four_of(x: Floats, i: int, j: int) -> Four:
+    """x[i, j] of an array (m, n, 4), what a processor adds at once."""
+    return x[i, j, 0], x[i, j, 1], x[i, j, 2], x[i, j, 3]
+
+
+@njit(cache=True, fastmath={"contract"})
+def four_plus(a: Four, s: float, b: Four) -> Four:
+    """a + s b."""
+    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2], a[3] + s * b[3]
+
+
+@njit(cache=True)
+def put_four(x: Floats, i: int, j: int, a: Four) -> None:
+    """x[i, j] = a, in an array (m, n, 4)."""
+    x[i, j, 0], x[i, j, 1], x[i, j, 2], x[i, j, 3] = a
+
+
+@njit(cache=True)
+def add_four(x: Floats, i: int, j: int, s: float, a: Four) -> None:
+    """x[i, j] += s a, in an array (m, n, 4)."""
+    put_four(x, i, j, four_plus(four_of(x, i, j), s, a))
+
+
+@njit(cache=True)
+def four(a: Vector) -> Four:
+    """A vector and a zero behind it."""
+    return a[0], a[1], a[2], 0.0
+
+
+@njit(cache=True)
 def plus(a: Vector, b: Vector) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
