@@ -9,16 +9,18 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 import basix
+import cffi
 import dolfinx
 import dolfinx.fem.petsc as fem_petsc
 import dolfinx.mesh as dolfinx_mesh
+import ffcx.compiler
 import numba
 import numpy as np
 import petsc4py
 from dolfinx import fem
 from mpi4py import MPI
 
-from fenics_contact.types import Array, Bools, Expr, Floats, Form, Ints, Ints64, Mat, Mesh, Space, Tags, Vec
+from fenics_contact.types import Array, Expr, Floats, Form, Ints, Ints64, Mat, Mesh, Space, Tags, Vec
 
 try:
     from dolfinx.io import gmsh as gmsh_reader  # 0.10 and newer
@@ -32,6 +34,7 @@ Constant: TypeAlias = fem.Constant
 
 # A NaN must survive as NaN: solvers recognise an inverted element by it.
 _C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
+_FFI = cffi.FFI()
 _JIT_NAME = "jit_options" if "jit_options" in inspect.signature(fem.form).parameters else "jit_params"
 _HAS_FUNCTIONSPACE = hasattr(fem, "functionspace")
 _HAS_PETSC_VEC = not hasattr(fem.Function, "vector")
@@ -65,26 +68,74 @@ def _make_space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) ->
     return fem.FunctionSpace(mesh, (family, degree))
 
 
-def compile_form(form: Form) -> Form:
-    """UFL form -> compiled form, with flags that let the C compiler vectorise."""
+def compile_form(form: Form, treated: Callable[[str], str] | None = None, version: str = "") -> Form:
+    """UFL form -> compiled form, with flags that let the C compiler vectorise. Collective.
+
+    treated: what becomes of FFCx's C source before it is compiled; where the compiler refuses that it gets the source as it
+    is. version: of this function, for the cache.
+    """
+    if treated is None:
+        return _compiled(form, _C_FLAGS)
+    generate = ffcx.compiler.compile_ufl_objects
+
+    def generated(*arguments: Any, **named: Any) -> tuple[Any, ...]:
+        first, second = generate(*arguments, **named)
+        if isinstance(second, str):
+            return first, treated(second)
+        header, source = first  # 0.10 and newer
+        return (header, treated(source)), second
+
+    ffcx.compiler.compile_ufl_objects = generated  # FFCx offers no other way in
+    try:
+        return _compiled(form, [*_C_FLAGS, f"-DFENICS_CONTACT={version}"])
+    except (cffi.VerificationError, RuntimeError):  # on one process, on several
+        pass
+    finally:
+        ffcx.compiler.compile_ufl_objects = generate
+    return _compiled(form, _C_FLAGS)
+
+
+def _compiled(form: Form, flags: list[str]) -> Form:
     with _quiet():
-        return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": _C_FLAGS}})
+        return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": flags}})
 
 
-def parts_of_form(form: Form, inside: Bools) -> list[Form] | None:
-    """A UFL form as two, on the cells where inside (owned cells,) is true and on the others; None unless on tagged cells."""
-    integrals = form.integrals()
-    tags = integrals[0].subdomain_data()
-    if not hasattr(tags, "indices") or any(i.integral_type() != "cell" or i.subdomain_data() is not tags for i in integrals):
+def cell_kernels(compiled_form: Form) -> list[tuple[int, tuple[Any, int], Ints]] | None:
+    """Of each integral of a form on cells alone: address of the kernel that `treated` has put in the place of the one in
+    single precision, key of its coefficients in `packed`, owned cells. None where there are other integrals or none such."""
+    known, ufcx = _of_library(compiled_form), compiled_form.ufcx_form
+    kinds = list(known.integral_types)
+    if [kind.name for kind in kinds] != ["cell"]:
         return None
-    owned = tags.indices < len(inside)
-    cells, values, mesh = tags.indices[owned], tags.values[owned], form.arguments()[0].ufl_function_space().mesh
-    parts = []
-    for chosen in (inside[cells], ~inside[cells]):
-        # the kernels know numbers of tags only: they are those of the whole form
-        part = dolfinx_mesh.meshtags(mesh, mesh.topology.dim, cells[chosen], values[chosen])
-        parts.append(type(form)([integral.reconstruct(subdomain_data=part) for integral in integrals]))
-    return parts
+    if hasattr(ufcx, "form_integrals"):
+        count, integrals, numbers = ufcx.form_integral_offsets[1], ufcx.form_integrals, ufcx.form_integral_ids
+    else:
+        count, integrals, numbers = ufcx.num_integrals(0), ufcx.integrals(0), ufcx.integral_ids(0)
+    if not hasattr(known, "integral_ids"):  # 0.10 and newer count the integrals
+        numbers = range(count)
+    addresses = [int(_FFI.cast("uintptr_t", integrals[i].tabulate_tensor_float32)) for i in range(count)]
+    if not all(addresses):
+        return None
+    keys = [(kinds[0], numbers[i]) for i in range(count)]
+    cells = [np.array(known.domains(*key), dtype=np.int32) for key in keys]
+    return list(zip(addresses, keys, cells, strict=True))
+
+
+def packed(compiled_form: Form) -> tuple[Floats, dict[tuple[Any, int], Floats]]:
+    """Values of a form's constants, and by integral its coefficients (cells, dofs in a cell)."""
+    known = _of_library(compiled_form)
+    return np.array(dolfinx.cpp.fem.pack_constants(known)), dolfinx.cpp.fem.pack_coefficients(known)
+
+
+def _of_library(compiled_form: Form) -> Any:
+    return compiled_form._cpp_object if hasattr(compiled_form, "_cpp_object") else compiled_form
+
+
+def on_cells_and_others(form: Form) -> list[Form]:
+    """A UFL form as one of its integrals over cells and one of the others, if there are such."""
+    of_cells = [integral for integral in form.integrals() if integral.integral_type() == "cell"]
+    others = [integral for integral in form.integrals() if integral.integral_type() != "cell"]
+    return [type(form)(part) for part in (of_cells, others) if part]
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import pytest
 pytestmark = pytest.mark.serial
 
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
-STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "contextlib", "csv", "ctypes", "dataclasses",
+STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "contextlib", "copy", "csv", "ctypes", "dataclasses",
             "errno", "functools", "gc", "importlib", "inspect", "io", "itertools", "json", "linecache", "logging", "math",
             "numbers", "os", "pathlib", "platform", "re", "resource", "runpy", "shutil", "statistics", "subprocess", "sys",
             "sysconfig", "tempfile", "textwrap", "time", "traceback", "types", "typing", "warnings", "weakref", "xml",
@@ -42,7 +42,7 @@ LONGER = {
 TABLE = {
     "packages": set(),
     "types": {"numpy"},
-    "compat": {"dolfinx", "basix", "numpy", "mpi4py", "numba", "petsc4py"},  # numba for its version
+    "compat": {"dolfinx", "basix", "cffi", "ffcx", "numpy", "mpi4py", "numba", "petsc4py"},  # numba for its version
     "values": {"numpy"},
     "timing": set(),
     "agreement": {"numpy", "mpi4py"},
@@ -76,7 +76,7 @@ TABLE = {
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one
 ONLY = {
-    ("studies", "assembly"): {"system", "term", "pattern"},  # their names; what a tangent is assembled into
+    ("studies", "assembly"): {"system", "term", "pattern", "cell_forms"},  # their names; what a tangent is assembled into
     ("studies", "output"): {"curves", "units"},  # names and units of columns
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"entries", "exchange", "facet_points", "numbering", "pose", "section", "system", "term"},

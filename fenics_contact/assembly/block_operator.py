@@ -8,17 +8,14 @@ from weakref import WeakMethod
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.petsc_memory import HANDLE, INT, Rows, array_at, block_rows, called
 from fenics_contact.kernels.block_products import add_product, diagonal_product, inverses
-from fenics_contact.types import Array, Floats, Mat, Vec
+from fenics_contact.types import Floats, Mat, Vec
 
-_PETSC = ctypes.CDLL(PETSc.__file__)  # petsc4py gives no access to the entries of a matrix without copies
-_INT = ctypes.c_int64 if np.dtype(PETSc.IntType).itemsize == 8 else ctypes.c_int32
-_HANDLE = ctypes.c_void_p
-_PRODUCT = ctypes.CFUNCTYPE(ctypes.c_int, _HANDLE, _HANDLE, _HANDLE)
+_PRODUCT = ctypes.CFUNCTYPE(ctypes.c_int, HANDLE, HANDLE, HANDLE)
 _MULT = 3  # PETSc's number of the operation y = A x
 _INSERT, _FORWARD = 1, 0  # PETSc's numbers of a scatter's modes
 _stopped: list[BaseException] = []
-_Rows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
 
 
 class Blocks:
@@ -33,7 +30,7 @@ class Blocks:
     def __init__(self, matrix: Mat) -> None:
         self._made: list[Mat] = []  # from a matrix by scalars
         self._known: tuple[int, int, int | None, int | None] | None = None
-        self._others: _Rows | None = None  # columns that other processes own, and how their entries come here
+        self._others: Rows | None = None  # columns that other processes own, and how their entries come here
         self._scatter: Any = None
         self._ghosts: Vec = None
         self._singles = [np.empty(0, dtype=np.float32) for _ in range(2)]  # blocks of the own columns, of the others
@@ -51,11 +48,11 @@ class Blocks:
             matrix, pattern = matrix.convert("baij", out=PETSc.Mat()), None
             self._made.append(matrix)
         if matrix.comm.size == 1:
-            self._own = _rows(_HANDLE(matrix.handle))
+            self._own = block_rows(HANDLE(matrix.handle))
         else:
-            own, others, ghosts = _HANDLE(), _HANDLE(), _HANDLE()
-            _called("MatMPIBAIJGetSeqBAIJ", _HANDLE(matrix.handle), *map(ctypes.byref, (own, others, ghosts)))
-            self._own, self._others = _rows(own), _rows(others)
+            own, others, ghosts = HANDLE(), HANDLE(), HANDLE()
+            called("MatMPIBAIJGetSeqBAIJ", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, ghosts)))
+            self._own, self._others = block_rows(own), block_rows(others)
             known = None if pattern is None else (matrix.handle, pattern, others.value, ghosts.value)
             if matrix.comm.tompi4py().allreduce(known is None or known != self._known):
                 self._reach(matrix, others, ghosts)
@@ -72,10 +69,10 @@ class Blocks:
         for thing in (self._scatter, self._ghosts):
             if thing is not None:
                 thing.destroy()
-        rows, columns = _INT(), _INT()
-        _called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
+        rows, columns = INT(), INT()
+        called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
         count = columns.value // 3
-        places = PETSc.IS().createBlock(3, _array(ghosts, _INT, count), comm=matrix.comm)
+        places = PETSc.IS().createBlock(3, array_at(ghosts, INT, count), comm=matrix.comm)
         x = matrix.createVecRight()
         self._ghosts = PETSc.Vec().createSeq(3 * count)
         self._scatter = PETSc.Scatter().create(x, places, self._ghosts, None)
@@ -110,18 +107,18 @@ class Blocks:
         beside = None if self._others is None else (*self._others[:2], others)
         self._multiplied(x, y, (*self._own[:2], own), beside)
 
-    def _multiplied(self, x: int, y: int, own: _Rows, others: _Rows | None) -> None:
+    def _multiplied(self, x: int, y: int, own: Rows, others: Rows | None) -> None:
         size = 3 * self.rows
-        scatter = [_HANDLE(one.handle) for one in (self._scatter, self._ghosts)] if self._scatter else []
+        scatter = [HANDLE(one.handle) for one in (self._scatter, self._ghosts)] if self._scatter else []
         if scatter:
-            _called("VecScatterBegin", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
+            called("VecScatterBegin", scatter[0], HANDLE(x), scatter[1], _INSERT, _FORWARD)
         try:
             with _entries(x, size) as given, _entries(y, size, written=True) as out:
                 out[:] = 0.0
                 add_product(*own, given, out)
         finally:  # one that has begun must end, or it can never be freed
             if scatter:
-                _called("VecScatterEnd", scatter[0], _HANDLE(x), scatter[1], _INSERT, _FORWARD)
+                called("VecScatterEnd", scatter[0], HANDLE(x), scatter[1], _INSERT, _FORWARD)
         if others is not None:
             with _entries(y, size, written=True) as out:
                 add_product(*others, self._ghosts.array_r, out)
@@ -133,7 +130,7 @@ class BlockJacobi:
     def __init__(self, pc: Any, blocks: Blocks) -> None:
         self._blocks, self._inverses, self._product = blocks, np.zeros(9 * blocks.rows), _product(self._multiply)
         pc.setType("shell")
-        _called("PCShellSetApply", _HANDLE(pc.handle), self._product)
+        called("PCShellSetApply", HANDLE(pc.handle), self._product)
         self.renew()
 
     def renew(self) -> None:
@@ -150,15 +147,15 @@ class _entries:
     """A process's entries of a vector by its handle, in a with statement."""
 
     def __init__(self, vector: int, size: int, written: bool = False) -> None:
-        self._vector, self._size, self._kind = _HANDLE(vector), size, "" if written else "Read"
-        self._pointer = _HANDLE()
+        self._vector, self._size, self._kind = HANDLE(vector), size, "" if written else "Read"
+        self._pointer = HANDLE()
 
     def __enter__(self) -> Floats:
-        _called(f"VecGetArray{self._kind}", self._vector, ctypes.byref(self._pointer))
-        return _array(self._pointer, ctypes.c_double, self._size)
+        called(f"VecGetArray{self._kind}", self._vector, ctypes.byref(self._pointer))
+        return array_at(self._pointer, ctypes.c_double, self._size)
 
     def __exit__(self, *_: object) -> None:
-        _called(f"VecRestoreArray{self._kind}", self._vector, ctypes.byref(self._pointer))
+        called(f"VecRestoreArray{self._kind}", self._vector, ctypes.byref(self._pointer))
 
 
 def _shell(matrix: Mat, product: Any) -> Mat:
@@ -167,7 +164,7 @@ def _shell(matrix: Mat, product: Any) -> Mat:
     shell.setSizes(matrix.getSizes())
     shell.setType("shell")
     shell.setUp()
-    _called("MatShellSetOperation", _HANDLE(shell.handle), _MULT, product)
+    called("MatShellSetOperation", HANDLE(shell.handle), _MULT, product)
     return shell
 
 
@@ -185,7 +182,7 @@ def _product(multiply: Callable[[int, int], None]) -> Any:
         if (
             known is None or _stopped
         ):  # no error: PETSc's multigrid cannot be freed after one; what is no number ends a solve
-            _called("VecSet", _HANDLE(y), ctypes.c_double(np.nan))
+            called("VecSet", HANDLE(y), ctypes.c_double(np.nan))
         return 0
 
     return _PRODUCT(product)
@@ -197,24 +194,3 @@ def raise_stopped() -> None:
         stop = _stopped[0]
         _stopped.clear()
         raise stop
-
-
-def _rows(matrix: ctypes.c_void_p) -> _Rows:
-    """The block rows of a process's own matrix, where PETSc holds them."""
-    count, done = _INT(), ctypes.c_int()
-    offsets, columns, blocks = _HANDLE(), _HANDLE(), _HANDLE()
-    _called("MatGetRowIJ", matrix, _INT(0), 0, 1, *map(ctypes.byref, (count, offsets, columns, done)))
-    _called("MatSeqBAIJGetArray", matrix, ctypes.byref(blocks))
-    starts = _array(offsets, _INT, count.value + 1)
-    return starts, _array(columns, _INT, starts[-1]), _array(blocks, ctypes.c_double, 9 * starts[-1])
-
-
-def _array(address: ctypes.c_void_p, kind: Any, size: int) -> Array:
-    """PETSc's memory as an array: numpy's own way leaves a cycle of objects behind each time."""
-    return np.frombuffer((kind * size).from_address(address.value), dtype=kind) if size else np.empty(0, dtype=kind)
-
-
-def _called(name: str, *arguments: object) -> None:
-    """Call a function of PETSc. RuntimeError with its error code."""
-    if code := getattr(_PETSC, name)(*arguments):
-        raise RuntimeError(f"{name}: PETSc's error {code}")

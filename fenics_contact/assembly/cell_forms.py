@@ -1,45 +1,73 @@
-"""Bilinear forms: into the matrix by the fast way wherever a cell's nodes are all of this rank; symmetric or not."""
+"""Forms into vectors and into the matrix, by the fast way wherever a cell's nodes are all of this rank; symmetric or not."""
 
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.lanes import Lanes
+from fenics_contact.assembly.petsc_memory import HANDLE, block_rows, pattern_of
 from fenics_contact.assembly.supports import Supports
-from fenics_contact.types import Form, Function, Mat
+from fenics_contact.kernels.scatter import find_blocks
+from fenics_contact.types import Floats, Form, Function, Mat
+
+
+class LinearForm:
+    """A linear form, added to local vectors; that of its cells several cells at once."""
+
+    def __init__(self, form: Form) -> None:
+        lanes = [Lanes(part) for part in compat.on_cells_and_others(form)]
+        self._nodes = [compat.cell_dofs(form.arguments()[0].ufl_function_space())[part.cells] for part in lanes]
+        self._lanes = lanes
+
+    def add(self, array: Floats) -> None:
+        """Add to a local array (owned and ghost dofs), without exchange between ranks."""
+        for part, nodes in zip(self._lanes, self._nodes, strict=True):
+            if part.usable:
+                part.add(nodes, array)
+            else:
+                compat.assemble_vector(array, part.compiled)
 
 
 class CellForm:
-    """A bilinear form on tagged cells, added to a matrix of blocks of three.
+    """A bilinear form on cells, added to a matrix of blocks of three.
 
-    PETSc takes a cell's matrix apart for a matrix that ranks share: 1.2 times the cost of a tangent. Cells inside a
-    rank's part need none of that: theirs go whole into the block of the rank's own rows and columns.
+    PETSc looks for each block's place whenever it takes a cell's matrix, and takes it apart where ranks share the matrix:
+    that costs more than its entries. So the places of the cells inside a rank's part, all but one layer, are looked up once
+    per pattern. Where the form has no usable Lanes dolfinx adds it.
     """
 
-    def __init__(self, form: Form) -> None:
-        self.whole, self._inner, self._rest = compat.compile_form(form), None, None
+    def __init__(self, form: Form, symmetric: bool = False) -> None:
+        lanes = Lanes(form, symmetric)
+        self.whole, self._usable = lanes.compiled, lanes.usable
         space = form.arguments()[0].ufl_function_space()
-        if space.mesh.comm.size > 1:
-            owned = compat.cell_map(space.mesh).size_local
-            inside = (compat.cell_dofs(space)[:owned] < space.dofmap.index_map.size_local).all(axis=1)
-            parts = compat.parts_of_form(form, inside)
-            if parts is not None:
-                self._inner, self._rest = (compat.compile_form(part) for part in parts)
+        nodes = compat.cell_dofs(space)
+        inside = (nodes < space.dofmap.index_map.size_local).all(axis=1)
+        self._inner, self._rest = lanes.on(inside), lanes.on(~inside)
+        self._nodes, self._rest_nodes = (np.ascontiguousarray(nodes[part.cells]) for part in (self._inner, self._rest))
+        self._pattern, self._places = (-1, -1), np.empty(0, dtype=np.int32)
 
     def add(self, matrix: Mat) -> None:
         """Add to a matrix of MatrixPattern, to be assembled afterwards."""
-        if self._inner is None:
+        if not self._usable:
             compat.assemble_matrix(matrix, self.whole)
             return
-        compat.assemble_matrix(matrix.getDiagonalBlock(), self._inner)
-        compat.assemble_matrix(matrix, self._rest)
+        own = matrix if matrix.comm.size == 1 else matrix.getDiagonalBlock()
+        offsets, columns, blocks = block_rows(HANDLE(own.handle))
+        if self._pattern != pattern_of(own):
+            self._places = find_blocks(self._nodes, offsets, columns)
+            self._pattern = pattern_of(own)
+        self._inner.add(self._places, blocks)
+        self._add_by_petsc(matrix)
 
-
-def number_own_block(matrix: Mat, count: int) -> None:
-    """Let the block of a rank's own rows and columns be filled by local numbers of nodes; count: owned nodes."""
-    if matrix.comm.size > 1:
-        own = matrix.getDiagonalBlock()
-        numbers = PETSc.LGMap().create(np.arange(count, dtype=PETSc.IntType), bsize=3, comm=own.comm)
-        own.setLGMap(numbers, numbers)
+    def _add_by_petsc(self, matrix: Mat) -> None:
+        """Cells with nodes of other ranks."""
+        nodes = self._rest_nodes
+        cells, k = nodes.shape
+        blocks = np.zeros((cells, k, k, 3, 3))
+        self._rest.add(np.arange(cells * k * k, dtype=np.int32), blocks)
+        if cells:
+            values = np.ascontiguousarray(blocks.transpose(0, 1, 4, 2, 3)).reshape(cells, 3 * k, 3 * k)
+            matrix.setValuesBlockedLocalRCV(nodes, nodes, values, addv=True)
 
 
 def is_symmetric(tangent_form: Form, u: Function, supports: Supports) -> bool:

@@ -4,7 +4,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.assembly.cell_forms import number_own_block
 from fenics_contact.assembly.exchange import lasting
 from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.types import Form, Ints64, Mat, Space
@@ -15,35 +14,29 @@ class MatrixPattern:
 
     def __init__(self, form: Form, space: Space) -> None:
         self.comm, self._map = lasting(space.mesh.comm), space.dofmap.index_map
-        self._offsets, self._columns = compat.block_pattern(form, space)
+        offsets, columns = compat.block_pattern(form, space)
+        first, end = self._map.local_range
+        self._keys = np.repeat(np.arange(first, end), np.diff(offsets)) * self._map.size_global + columns
         self._blocks = compat.global_blocks(space)
 
     def matrix(self, keys: Ints64) -> Mat:
-        """New matrix whose couplings hold explicit zeros, not yet assembled: add the forms, then assemble. Collective.
+        """New matrix of zeros in all its places: assembled. Collective.
 
         keys (n,): row * N + column of global block numbers, N their total; rows may belong to any rank.
         """
         first, end = self._map.local_range
         total = self._map.size_global
-        keys = self._not_in_bodies(self._sent_to_owners(keys))
-        rows, columns = np.divmod(keys, total)
-        inside = (columns >= first) & (columns < end)
-        body = (self._columns >= first) & (self._columns < end)
-        count = np.diff(self._offsets)
-        ours = np.diff(np.concatenate([[0], np.cumsum(body)])[self._offsets])
-        ours_more = np.bincount(rows[inside] - first, minlength=end - first)
-        theirs_more = np.bincount(rows[~inside] - first, minlength=end - first)
-        nnz = [n.astype(PETSc.IntType) for n in (ours + ours_more, count - ours + theirs_more)]
+        keys = self._sent_to_owners(keys)
+        places = np.searchsorted(self._keys, keys)
+        new = np.take(np.append(self._keys, -1), places) != keys
+        rows, columns = np.divmod(np.insert(self._keys, places[new], keys[new]), total)
+        offsets = np.searchsorted(rows, np.arange(first, end + 1))
+        csr = offsets.astype(PETSc.IntType), columns.astype(PETSc.IntType)
         size = (3 * (end - first), 3 * total)
         # blocks of three: a cell's matrix goes in eight times as fast as by scalars (docs/speed.md)
-        matrix = PETSc.Mat().createBAIJ((size, size), 3, nnz=tuple(nnz), comm=self.comm)
+        matrix = PETSc.Mat().createBAIJ((size, size), 3, csr=csr, comm=self.comm)
         local = PETSc.LGMap().create(self._blocks.astype(PETSc.IntType), bsize=3, comm=self.comm)
         matrix.setLGMap(local, local)
-        number_own_block(matrix, end - first)
-        if len(keys):
-            zeros = np.zeros((len(keys), 3, 3))
-            pair = [part[:, None].astype(PETSc.IntType) for part in (rows, columns)]
-            matrix.setValuesBlockedRCV(*pair, zeros, addv=True)
         return matrix
 
     def _sent_to_owners(self, keys: Ints64) -> Ints64:
@@ -52,14 +45,6 @@ class MatrixPattern:
         keys = np.unique(keys)
         parts = np.split(keys, np.searchsorted(keys, starts[1:]))
         return np.unique(np.concatenate(self.comm.alltoall(parts)))
-
-    def _not_in_bodies(self, keys: Ints64) -> Ints64:
-        first = self._map.local_range[0]
-        total = self._map.size_global
-        rows = np.unique(keys // total)
-        spans = [slice(self._offsets[r - first], self._offsets[r - first + 1]) for r in rows]
-        known = [row * total + self._columns[span] for row, span in zip(rows, spans, strict=True)]
-        return keys[~np.isin(keys, np.concatenate(known))] if known else keys
 
 
 class Couplings:
@@ -76,7 +61,7 @@ class Couplings:
         self.patterns = 0
 
     def matrix(self) -> Mat:
-        """New matrix for the couplings known so far, not yet assembled. Collective."""
+        """New matrix of zeros for the couplings known so far. Collective."""
         matrix = self._pattern.matrix(np.concatenate(self._keys))
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
@@ -94,6 +79,5 @@ class Couplings:
                 self._keys[i], changed = keys, True
         if self._comm.allreduce(int(changed)):
             return self.matrix()
-        if matrix.assembled:
-            matrix.zeroEntries()
+        matrix.zeroEntries()
         return matrix

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.cell_forms import CellForm
+from fenics_contact.assembly.cell_forms import CellForm, LinearForm
 from fenics_contact.assembly.term import FormTerm, State
 from fenics_contact.types import Bools, Constant, Floats, Form, Function
 
@@ -51,7 +50,7 @@ class SpringTerm(FormTerm):
     def share(self, value: float) -> None:
         if value > 0.0 and not self._residuals:
             residual, tangent = self._forms
-            self._residuals, self._tangents = [compat.compile_form(residual)], [CellForm(tangent)]
+            self._residuals, self._tangents = [LinearForm(residual)], [CellForm(tangent, symmetric=True)]
         self._constant.value = value
 
     def begin(self, u: Floats, q: Floats) -> None:

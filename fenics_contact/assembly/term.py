@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.cell_forms import CellForm
+from fenics_contact.assembly.cell_forms import CellForm, LinearForm
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.pose import Pose, Poses
 from fenics_contact.types import Array, Bools, Constant, Floats, Form, Function, Ints64
@@ -265,8 +265,8 @@ class FormTerm:
         energy: Energy | None = None,
     ) -> None:
         self.name, self.symmetric, self.laws = name, symmetric, laws
-        self._residuals = [compat.compile_form(form) for form in _listed(residual)]
-        self._tangents = [CellForm(form) for form in _listed(tangent)]
+        self._residuals = [LinearForm(form) for form in _listed(residual)]
+        self._tangents = [CellForm(form, symmetric) for form in _listed(tangent)]
         self._energy = None if energy is None else compat.compile_form(energy.form)
         self._by_ratio = [(ratio, compat.compile_form(rate)) for ratio, rate in (energy.by_ratio if energy else ())]
         self._by_field = [(field, compat.compile_form(rate)) for field, rate in (energy.by_field if energy else ())]
@@ -274,7 +274,7 @@ class FormTerm:
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
         for form in self._residuals:
-            compat.assemble_vector(residual, form)
+            form.add(residual)
 
     def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         """The residual: there are no other unknowns."""

@@ -1,8 +1,9 @@
 """Addition of element forces and couplings into arrays of local dofs, three per node."""
 
+import numpy as np
 from numba import njit
 
-from fenics_contact.types import Array, Floats
+from fenics_contact.types import Array, Floats, Ints
 
 
 @njit(cache=True)
@@ -40,3 +41,30 @@ def motions_of_pairs(rows: Array, columns: Array, K: Floats, motions: Floats, by
                 for m in range(6):
                     by_motion[i, c, m] += K[pair, c, d] * motions[j, d, m]
                     of_wrench[j, m, d] += motions[i, c, m] * K[pair, c, d]
+
+
+@njit(cache=True)
+def find_blocks(nodes: Ints, offsets: Array, columns: Array) -> Ints:
+    """Place (ne, k, k) of the block of each two nodes of elements (ne, k) in a matrix by rows, whose columns rise in a row.
+
+    KeyError where the matrix has no such block or more than int32 can count.
+    """
+    ne, k = nodes.shape
+    places = np.empty((ne, k, k), dtype=np.int32)
+    if len(columns) > 2**31 - 1:
+        raise KeyError
+    for e in range(ne):
+        for i in range(k):
+            first, end = offsets[nodes[e, i]], offsets[nodes[e, i] + 1]
+            for j in range(k):
+                low, high = first, end
+                while low < high:
+                    middle = (low + high) // 2
+                    if columns[middle] < nodes[e, j]:
+                        low = middle + 1
+                    else:
+                        high = middle
+                if low == end or columns[low] != nodes[e, j]:
+                    raise KeyError
+                places[e, i, j] = low
+    return places

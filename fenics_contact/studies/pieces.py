@@ -12,6 +12,7 @@ import ufl
 from matplotlib.figure import Figure
 
 from fenics_contact import compat
+from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.pairing import Pairing, seek_closest
@@ -29,7 +30,7 @@ from fenics_contact.studies.runner import Row, Run, Study
 from fenics_contact.studies.speed import written
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Form
+from fenics_contact.types import Array
 
 STEPS, FINE = 2, 0.1  # of the growing mesh, with this travel in each [mm]
 GROWTH = ((10, 5), (20, 10), (32, 13), (50, 15), (70, 16))  # cells to the edge, over the height: 7.9e3 ... 1.0e6 unknowns
@@ -94,18 +95,19 @@ def forms(cells: int, layers: int) -> Row:
     J = ufl.det(F)
     B = J ** (-2 / 3) * ufl.dot(F, F.T)
     energy = material.psi(ufl.tr(B), ufl.tr(ufl.dot(B, B)), J) * dx
+    nearly_nothing = ufl.inner(ufl.grad(du), ufl.grad(v)) * dx(metadata={"quadrature_degree": 0})
     compiled = {
-        "rate_s": compat.compile_form(vp.stress_power_rate(material, u, du, v, dx)),
-        "energy_s": compat.compile_form(ufl.derivative(ufl.derivative(energy, u, v), u, du)),
-        "insertion_s": compat.compile_form(ufl.inner(ufl.grad(du), ufl.grad(v)) * dx(metadata={"quadrature_degree": 0})),
+        "rate_s": CellForm(vp.stress_power_rate(material, u, du, v, dx), symmetric=True),
+        "energy_s": CellForm(ufl.derivative(ufl.derivative(energy, u, v), u, du), symmetric=True),
+        "insertion_s": CellForm(nearly_nothing, symmetric=True),
     }
-    matrix = MatrixPattern(compiled["rate_s"], scene.space).matrix(np.empty(0, dtype=np.int64))
+    matrix = MatrixPattern(compiled["rate_s"].whole, scene.space).matrix(np.empty(0, dtype=np.int64))
     x = compat.petsc_vector(u)
     y = x.duplicate()
 
-    def assemble(form: Form) -> None:
+    def assemble(form: CellForm) -> None:
         matrix.zeroEntries()
-        compat.assemble_matrix(matrix, form)
+        form.add(matrix)
         matrix.assemble()
 
     work: dict[str, Callable[[], Any]] = {name: partial(assemble, form) for name, form in compiled.items()}

@@ -1,0 +1,43 @@
+"""What PETSc holds of vectors and of matrices of blocks, without copies: petsc4py gives no access to it."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from fenics_contact.types import Array, Mat
+
+_PETSC = ctypes.CDLL(PETSc.__file__)
+INT = ctypes.c_int64 if np.dtype(PETSc.IntType).itemsize == 8 else ctypes.c_int32
+HANDLE = ctypes.c_void_p
+Rows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
+
+
+def block_rows(matrix: ctypes.c_void_p) -> Rows:
+    """The block rows of a process's own matrix, where PETSc holds them."""
+    count, done = INT(), ctypes.c_int()
+    offsets, columns, blocks = HANDLE(), HANDLE(), HANDLE()
+    called("MatGetRowIJ", matrix, INT(0), 0, 1, *map(ctypes.byref, (count, offsets, columns, done)))
+    called("MatSeqBAIJGetArray", matrix, ctypes.byref(blocks))
+    starts = array_at(offsets, INT, count.value + 1)
+    return starts, array_at(columns, INT, starts[-1]), array_at(blocks, ctypes.c_double, 9 * starts[-1])
+
+
+def array_at(address: ctypes.c_void_p, kind: Any, size: int) -> Array:
+    """PETSc's memory as an array: numpy's own way leaves a cycle of objects behind each time."""
+    return np.frombuffer((kind * size).from_address(address.value), dtype=kind) if size else np.empty(0, dtype=kind)
+
+
+def called(name: str, *arguments: object) -> None:
+    """Call a function of PETSc. RuntimeError with its error code."""
+    if code := getattr(_PETSC, name)(*arguments):
+        raise RuntimeError(f"{name}: PETSc's error {code}")
+
+
+def pattern_of(matrix: Mat) -> tuple[int, int]:
+    """Two numbers that no other matrix has, nor this one once its nonzero pattern has changed."""
+    number, state = ctypes.c_int64(), ctypes.c_int64()
+    called("PetscObjectGetId", HANDLE(matrix.handle), ctypes.byref(number))
+    called("MatGetNonzeroState", HANDLE(matrix.handle), ctypes.byref(state))
+    return number.value, state.value
