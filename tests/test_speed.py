@@ -1,5 +1,9 @@
 """What speed rests on, by counts that do not depend on the machine: iterations, factorisations, patterns, mallocs, bytes."""
 
+import os
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -181,3 +185,16 @@ def test_stages_add_up(monkeypatch):
     now[0] = 10.0
     table = timers.table()
     assert (table["residual"], table["contact kernel"], table["other"], table["total"]) == (3.0, 4.0, 3.0, 10.0)
+
+
+@pytest.mark.serial
+def test_ranks_yield_their_core_and_on_open_mpi_4_a_process_alone_does_not():
+    """MUMPS looks for messages thousands of times: beside three other programs a plane scene took four times as long."""
+    name, root = "OMPI_MCA_mpi_yield_when_idle", Path(__file__).parents[1]
+    given = {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ}
+    script = f'. {root}/.ci/environment; echo "alone ${name}"; mpirun --version | head -1; mpirun -n 2 printenv {name}'
+    alone, version, *ranks = subprocess.run(
+        ["bash", "-c", script], env=given, capture_output=True, text=True, check=True, timeout=60
+    ).stdout.splitlines()
+    assert ranks == ["1", "1"]
+    assert alone == ("alone " if "Open MPI) 4" in version else "alone 1")
