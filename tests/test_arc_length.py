@@ -189,7 +189,7 @@ def columns(result):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("drive", ["move", "push"])
+@pytest.mark.parametrize("drive", [pytest.param("move", marks=pytest.mark.slow), "push"])
 def test_same_states_as_load_control(drive):
     """At the loads of the continuation's own steps Newton finds its states: the same friction history."""
     scene, way = pressed(drive)

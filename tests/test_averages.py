@@ -224,6 +224,7 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
     assert np.abs(total).max() < 1e-10 * force[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_a_stiff_sharp_block_is_led_over_soft_slaves_and_off_their_end():
     """The block's edges pass over sample after sample: where these counted whole or not at all, Newton's method cycled."""

@@ -78,6 +78,7 @@ def errors(ours, exact, degree, cells):
     return np.sqrt(squares[:2] / squares[2])
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_the_strip_s_error_is_the_one_its_mesh_leaves():
     """Of an energy minimum the relative error of the force is the square of the field's."""

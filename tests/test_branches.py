@@ -226,6 +226,7 @@ def test_a_column_buckles_at_eulers_load_and_follows_the_elastica(rough):
     np.testing.assert_allclose(result.column("t")[-1] / load - 1.0, turned**2 / 8, rtol=turned**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parallel
 def test_a_column_tied_to_a_hub_buckles_alike_however_it_is_pressed():
     """The hub takes part in what is softest; where the surface named is tied, so does its branch."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from taylor import orders, random_way, remainders
+from test_two_bodies import turned_about
 
 from fenics_contact import (
     Body,
@@ -19,6 +20,7 @@ from fenics_contact import (
     rigid_cylinder,
     solve,
 )
+from fenics_contact.assembly.pose import rotation
 from fenics_contact.kernels.facets import corner
 from fenics_contact.kernels.quadratic import LINE, QUADRILATERAL, TRIANGLE, quadratic_shape
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
@@ -153,24 +155,8 @@ def test_tangent_is_the_derivative_of_the_residual(kind, friction, led, status, 
 @pytest.mark.parametrize("kind, points", [("hexahedra", 3), ("rings", 3), ("tetrahedra", "averages"), ("rings", "averages")])
 def test_forces_balance_and_a_turn_of_everything_changes_no_traction(kind, points):
     system, contact, _ = pressed(kind, 5.0, 0.02, points)
-    state = system.state
-    out = np.zeros(len(state.u.x.array))
-    contact.add_residual(state, out, np.zeros((0, 3)))
-    assert np.abs(out.reshape(-1, 3).sum(axis=0)).max() < 1e-11 * np.abs(out).max()
-    response = contact.response(state)
-    contact.commit(state)
-    size, status = np.linalg.norm(response.traction, axis=2), response.status.ravel()
-    assert (status == STICK).any()
-    X = system.space.tabulate_dof_coordinates()
-    x = X + state.u.x.array.reshape(-1, 3)
-    for step in range(1, 9):
-        angle = 2 * np.pi * step / 8
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        state.u.x.array[:] = (x @ turn.T - X).ravel()
-        contact.commit(state)
-        assert (contact.statuses() == status).all()
-        # coordinates of size 40 round at 1e-14; times a penalty of 50
-        assert np.abs(np.linalg.norm(contact.response(state).traction, axis=2) - size).max() < 1e-10 * size.max()
+    turns = [rotation(np.array([0.0, 0.0, 2 * np.pi * step / 8])) for step in range(1, 9)]
+    assert (turned_about(system, contact, turns) == STICK).any()
 
 
 # -- loads of a constant pressure ----------------------------------------------------------------------------------------
