@@ -307,6 +307,19 @@ def _uncovered(q: int, met: Met, moved: Vector, tilt: Vector, nodes_moved: Float
 
 
 @njit(cache=True, error_model="numpy")
+def _tilts(turned: Turned, moved: Floats) -> Floats:
+    """Changes (ng, 3) of the normals of `group_normals` when nodes move by moved (nx, 3)."""
+    slot_starts, slot_nodes, turns, _ = turned
+    tilts = np.zeros((len(slot_starts) - 1, 3))
+    for g in range(len(tilts)):
+        for slot in range(slot_starts[g], slot_starts[g + 1]):
+            for a in range(3):
+                for b in range(3):
+                    tilts[g, a] += turns[slot, a, b] * moved[slot_nodes[slot], b]
+    return tilts
+
+
+@njit(cache=True, error_model="numpy")
 def foreseen_averages(
     coords: Floats,
     slaves: Slaves,
@@ -319,19 +332,12 @@ def foreseen_averages(
 ) -> Floats:
     """Changes (ns, 8) of mean gaps, mean ways, covered shares and directions of friction, linearised, when the nodes move.
 
-    motion: (moved (nx, 3), directed and their facets as in add_node_tangents).
+    motion: (moved (nx, 3), directed and the samples' facets as of Changing).
     """
     moved, directed, leading = motion
-    starts, facets, places = slaves[5], slaves[6], slaves[7]
-    slot_starts, slot_nodes, turns, lengths = turned
-    nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
+    nodes, weights, table, shapes, group, starts, facets, places = slaves
     count, m = shapes.shape
-    tilts, changes = np.zeros((len(slot_starts) - 1, 3)), np.zeros((len(starts) - 1, 8))
-    for g in range(len(tilts)):
-        for slot in range(slot_starts[g], slot_starts[g + 1]):
-            for a in range(3):
-                for b in range(3):
-                    tilts[g, a] += turns[slot, a, b] * moved[slot_nodes[slot], b]
+    tilts, lengths, changes = _tilts(turned, moved), turned[3], np.zeros((len(starts) - 1, 8))
     for A in range(len(changes)):
         total, way, bared = 0.0, ZERO, 0.0
         for e in range(starts[A], starts[A + 1]):

@@ -23,7 +23,7 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import Energy, FormTerm
 from fenics_contact.solid import materials
 from fenics_contact.solid import virtual_power as vp
-from fenics_contact.solid.materials import Material
+from fenics_contact.solid.materials import Isotropic, Material
 from fenics_contact.types import Expr, Form, Function, Measure, Mesh, Space
 from fenics_contact.values import SceneError
 
@@ -52,7 +52,7 @@ def refuse_element(
             "10 and element='displacement' below"
         )
     for body, material in materials_by_body.items():
-        if element != "displacement" and getattr(material, "volumetric", None) is None:
+        if element != "displacement" and (not isinstance(material, Isotropic) or material.volumetric is None):
             raise SceneError(
                 f"element '{element}' needs an energy isochoric(I1, I2) + volumetric(J), but '{material.name}' of body "
                 f"'{body}' is not stated as such a sum; use element='displacement' with degree=2"

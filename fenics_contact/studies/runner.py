@@ -73,7 +73,7 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
         "error": error if verdict.converged else float("nan"),
         "value": value,
         "converged": verdict.converged,
-        "verdict": getattr(verdict, "kind", verdict.reason),
+        "verdict": verdict.kind,
         "t_reached": verdict.t,
         "iterations": verdict.iterations,
         "cut_backs": verdict.cuts,
