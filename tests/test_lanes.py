@@ -1,10 +1,10 @@
 """Cells several at once against dolfinx, which takes one after another: elements, laws, loads; what cannot be treated."""
 
-import gmsh
 import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from test_elements import draw_tetrahedra
 
 from fenics_contact import Body, Scene, compat, mooney_rivlin, neo_hooke, read_gmsh
 from fenics_contact.assembly.cell_forms import CellForm, LinearForm
@@ -14,13 +14,6 @@ from fenics_contact.solid import materials, virtual_power
 
 CLASSIC = mooney_rivlin(0.1863, 0.0098, 5.0)
 compile_form = compat.compile_form  # what dolfinx assembles by itself
-
-
-def draw_tetrahedra():
-    box.build(cells=(1, 1, 1))
-    gmsh.model.mesh.clear()
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
-    gmsh.model.mesh.generate(3)
 
 
 def users_energy(F):
@@ -88,6 +81,9 @@ def dolfinx_alone(monkeypatch):
 def check(name, monkeypatch):
     system = scene_of(name).system()
     term = system.terms[0]
+    assert compat.cell_name(system.space.mesh) in {"tetrahedra": "tetrahedron", "triangles": "triangle"}.get(
+        SCENES[name][0], "hexahedron quadrilateral"
+    )
     assert all(part.usable for form in term._residuals for part in form._lanes)
     assert all(form._usable for form in term._tangents)
     dolfinx_alone(monkeypatch)
