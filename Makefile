@@ -2,15 +2,19 @@
 SHELL := /bin/bash
 ENV := set -e; . .venv/bin/activate;
 
-.PHONY: demo test suite suite-beside suite-ranks suite-newest test-slow test-rounding nightly bench study docs pictures lint setup test-debian13 test-newest
+.PHONY: demo test suite suite-beside suite-ranks suite-newest test-slow test-rounding nightly bench study docs pictures lint setup bare test-debian13 test-newest
 setup: fenics_contact/kernels/__pycache__/fresh
 	@bash .ci/setup
+
+# Without what is compiled ahead for scenes of all kinds
+bare: fenics_contact/kernels/__pycache__/fresh
+	@bash .ci/setup bare
 
 # Numba notices an edit of a cached kernel's own file, not of those that it calls: after any edit all are compiled anew
 fenics_contact/kernels/__pycache__/fresh: $(wildcard fenics_contact/kernels/*.py)
 	@mkdir -p $(@D) && rm -f $(@D)/*.nbi $(@D)/*.nbc && touch $@
 
-demo: setup
+demo: bare
 	@$(ENV) mpirun -n 2 python3 demos/punch_on_plate.py
 
 # Runs what the committed CSV files lack and draws again: make study NAME=sphere (tubes punch cylinder hertz maps economy all)
@@ -18,7 +22,7 @@ study: setup
 	@$(ENV) python3 -m fenics_contact.studies $(NAME)
 
 # HTML in build/docs, without a network; a warning is an error
-docs: setup
+docs: bare
 	@bash .ci/setup docs
 	@$(ENV) python3 -m sphinx -n -W --keep-going -q -b html docs build/docs && echo "documents: build/docs/index.html"
 
@@ -26,7 +30,7 @@ docs: setup
 pictures: setup
 	@$(ENV) python3 docs/pages.py $(PAGES)
 
-lint: setup
+lint: bare
 	@$(ENV) ruff check . && ruff format --check . && mypy
 
 test: lint suite

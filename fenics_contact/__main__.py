@@ -1,4 +1,5 @@
-"""`python3 -m fenics_contact`: versions, a check of the installation, the demos; with a demo's name it runs that."""
+"""`python3 -m fenics_contact`: versions, a check of the installation, the demos; with a demo's name it runs that, with
+`warm` it compiles ahead what scenes run."""
 
 import runpy
 import sys
@@ -15,6 +16,7 @@ from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import neo_hooke
+from fenics_contact.warm import warm
 
 DEMOS = Path(__file__).with_name("demos")
 SHUT, SIDE, SHARE = 1e-9, 10.0, 0.1  # share of the force that may be out of balance; mm; by which the cube is pressed
@@ -40,8 +42,11 @@ def demos() -> dict[str, str]:
     return {path.stem: path.read_text().split('"""')[1].split("\n")[0] for path in sorted(DEMOS.glob("*.py"))}
 
 
-def main(name: str | None = None) -> None:
-    """Run the demo of this name, or without one check the installation and list the demos."""
+def main(name: str | None = None, kind: str | None = None) -> None:
+    """Run the demo of this name or `warm`, or without one check the installation and list the demos."""
+    if name == "warm":
+        print(warm(kind))
+        return
     known = demos()
     if name is not None:
         if name not in known:
@@ -56,4 +61,4 @@ def main(name: str | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2])
+    main(*sys.argv[1:3])

@@ -1,11 +1,11 @@
 """Every difference between dolfinx 0.5, 0.9 and newer, chosen once at import by what the library can do."""
 
-import ctypes
 import inspect
 import logging
 import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import basix
@@ -19,7 +19,10 @@ import numpy as np
 import petsc4py
 from dolfinx import fem
 from mpi4py import MPI
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.corealg.multifunction import MultiFunction
 
+from fenics_contact import blas
 from fenics_contact.types import Array, Expr, Floats, Form, Ints, Ints64, Mat, Mesh, Space, Tags, Vec
 
 try:
@@ -68,6 +71,27 @@ def _make_space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) ->
     return fem.FunctionSpace(mesh, (family, degree))
 
 
+class _NumbersApart(MultiFunction):
+    """Real numbers of an expression as Constants, one for each value; exponents stay what they are."""
+
+    def __init__(self, domain: Any) -> None:
+        super().__init__()
+        self._domain, self._constants = domain, dict[float, Constant]()
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def float_value(self, number: Expr) -> Constant:
+        return self._constants.setdefault(float(number), fem.Constant(self._domain, float(number)))
+
+    def power(self, whole: Expr, base: Expr, _: Expr) -> Expr:
+        return whole if base is whole.ufl_operands[0] else whole._ufl_expr_reconstruct_(base, whole.ufl_operands[1])
+
+
+def numbers_apart(form: Form) -> Form:
+    """A UFL form whose moduli are handed over when it is evaluated: laws of one kind are one compiled code."""
+    return map_integrand_dags(_NumbersApart(form.ufl_domain()), form)
+
+
 def compile_form(form: Form, treated: Callable[[str], str] | None = None, version: str = "") -> Form:
     """UFL form -> compiled form, with flags that let the C compiler vectorise. Collective.
 
@@ -97,7 +121,7 @@ def compile_form(form: Form, treated: Callable[[str], str] | None = None, versio
 
 def _compiled(form: Form, flags: list[str]) -> Form:
     with _quiet():
-        return fem.form(form, **{_JIT_NAME: {"cffi_extra_compile_args": flags}})
+        return fem.form(numbers_apart(form), **{_JIT_NAME: {"cffi_extra_compile_args": flags}})
 
 
 def cell_kernels(compiled_form: Form) -> list[tuple[int, tuple[Any, int], Ints]] | None:
@@ -350,19 +374,19 @@ def degree(space: Space) -> int:
     return element.degree() if callable(element.degree) else element.degree
 
 
-def blas() -> str:
-    """The BLAS that PETSc calls and the processor whose kernels it runs: those for others are up to four times as slow, and
-    those of the reference BLAS more."""
-    try:
-        core_of = ctypes.CDLL("libblas.so.3").openblas_get_corename
-    except (OSError, AttributeError):  # none of this name, or none that says
-        return "not OpenBLAS, or not found"
-    core_of.restype = ctypes.c_char_p
-    return f"OpenBLAS for {core_of().decode()}"
+def kernels_folder(kernel: Any) -> Path:
+    """Where Numba keeps a compiled kernel."""
+    return Path(kernel.stats.cache_path)
+
+
+def forms_folder() -> Path:
+    """Where FFCx keeps compiled forms."""
+    settings = dolfinx.jit.get_options() if _JIT_NAME == "jit_options" else dolfinx.jit.get_parameters()
+    return Path(settings["cache_dir"])
 
 
 def versions() -> dict[str, str]:
     """Versions of what a result and its time depend on, for summaries."""
     modules = {"dolfinx": dolfinx, "petsc4py": petsc4py, "numba": numba, "numpy": np}
     known = {name: module.__version__ for name, module in modules.items()}
-    return known | {"python": platform.python_version(), "blas": blas()}
+    return known | {"python": platform.python_version(), "blas": blas.told()}

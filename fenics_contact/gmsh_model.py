@@ -184,7 +184,7 @@ def hand_over() -> Groups:
 
     corners = np.searchsorted(used, cells[:, : _FACES[shape].max() + 1])
     doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of)
-    volume_tags = {name: tag for name, (tag, _) in volumes.items()}
+    volume_tags = {name: number for number, name in enumerate(volumes, 1)}  # not the script's: forms are compiled by them
     counts = [int(count) for count in np.bincount(owner, minlength=len(names))]
     edges, points = {} if dim == 2 else _ends(1, used), _ends(0, used)
     rows = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]

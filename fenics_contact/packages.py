@@ -4,7 +4,11 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-NAMES = ("dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "numpy", "gmsh", "numba", "matplotlib", "tqdm", "scipy", "meshio")
+from fenics_contact import blas
+
+# numba and gmsh before dolfinx: it makes the symbols of its hundred libraries global, and every library loaded after them
+# looks for each of its own symbols there first (0.65 instead of 0.85 s)
+NAMES = ("numpy", "numba", "gmsh", "dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "matplotlib", "tqdm", "scipy", "meshio")
 PACKAGES = {name: f"python3-{name}" for name in NAMES}
 
 
@@ -42,6 +46,7 @@ def module(name: str) -> ModuleType:
 # those of the studies and of one kind of mesh file are required where they are used; of one that is only loaded once
 # something is drawn it is enough that it is there
 LATER = ("scipy", "meshio", "matplotlib")
+blas.prepare()  # the first of them, NumPy, may load it
 require(*(name for name in PACKAGES if name not in LATER))
 if find_spec("matplotlib") is None:
     require("matplotlib")

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Scene, blas, mooney_rivlin, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import box
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
@@ -240,19 +240,58 @@ def test_a_run_that_changes_its_solver_gives_the_same(monkeypatch):
     ],
 )
 def test_kernels_for_a_processor_that_the_blas_does_not_know(taken, flags, better):
-    """Set-up's answer to OpenBLAS' fallback; what it has chosen by itself it keeps."""
-    script = Path(__file__).parents[1] / ".ci" / "coretype"
-    said = subprocess.run([str(script), taken, flags], capture_output=True, text=True, check=True).stdout
-    assert said.strip() == better
+    """What OpenBLAS has chosen by itself it keeps."""
+    assert blas.better(taken, set(flags.split())) == better
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("core", ["Prescott", "Haswell"])
 def test_the_blas_in_use_is_said(core):
     """OpenBLAS takes the kernels that it is told to, if the processor has what they need; another BLAS says so."""
-    if "OpenBLAS" not in compat.blas() or "not" in compat.blas():
+    if not blas.core():
         pytest.skip("another BLAS")
-    script = "from fenics_contact import compat; print(compat.versions()['blas'])"
-    environment = os.environ | {"OPENBLAS_CORETYPE": core, "PYTHONPATH": str(Path(__file__).parents[1])}
-    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment).stdout
-    assert said.split()[-1] == core
+    assert in_a_process_of_its_own("", OPENBLAS_CORETYPE=core)[0] == f"OpenBLAS for {core}"
+
+
+@pytest.mark.serial
+def test_the_best_kernels_are_chosen_where_nothing_is_stated():
+    """Unless NumPy has loaded the same BLAS before: then it is said what would be faster."""
+    if not blas.core():
+        pytest.skip("another BLAS")
+    taken, *_ = in_a_process_of_its_own("import ctypes; ctypes.CDLL('libblas.so.3')")
+    best = blas.better(taken.split()[-1], blas.processor())
+    assert in_a_process_of_its_own("")[0] == (f"OpenBLAS for {best}" if best else taken)
+    told = in_a_process_of_its_own("import ctypes; ctypes.CDLL('libblas.so.3')")[1:]
+    assert told == ([f"faster here: export OPENBLAS_CORETYPE={best}"] if best else [])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("ranks", "stated", "threads"), [(1, {}, None), (64, {}, "1"), (2, {"OMP_NUM_THREADS": "3"}, "3")])
+def test_processes_share_the_cores(ranks, stated, threads):
+    """blas.py as a script's only module: nothing of the package is imported."""
+    script = (
+        "import os, runpy; runpy.run_path('fenics_contact/blas.py')['prepare'](); print(os.environ.get('OMP_NUM_THREADS'))"
+    )
+    env = bare_environment() | {"OMPI_COMM_WORLD_LOCAL_SIZE": str(ranks)} | stated
+    said = subprocess.run(
+        [sys.executable, "-S", "-c", script], capture_output=True, text=True, check=True, env=env, cwd=ROOT
+    )
+    assert said.stdout.split() == [str(threads)]
+
+
+ROOT = Path(__file__).parents[1]
+
+
+def bare_environment():
+    """This one without what states the BLAS' kernels and threads, or that this is one of several processes."""
+    dropped = ("OPENBLAS_", "OMP_", "OMPI_", "PMIX_", "MPI_", "PRTE_")
+    return {name: value for name, value in os.environ.items() if not name.startswith(dropped)} | {"PYTHONPATH": str(ROOT)}
+
+
+def in_a_process_of_its_own(first, **stated):
+    """What is told of the BLAS after `first` has been run and then the package imported, by parts."""
+    script = f"{first}\nimport fenics_contact.packages\nfrom fenics_contact import blas\nprint(blas.told())"
+    said = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env=bare_environment() | stated
+    )
+    return said.stdout.strip().split("; ")
