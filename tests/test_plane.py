@@ -3,8 +3,10 @@
 import re
 from pathlib import Path
 
+import gmsh
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fenics_contact import (
     ArcSteps,
@@ -207,6 +209,84 @@ def test_limit_point_of_a_thin_sphere(law, K, limit, way):
     assert found == pytest.approx(way, rel=5e-6)
 
 
+@pytest.mark.parametrize("reading, law", [("A", mooney_paper), ("B", mooney_rivlin)])
+@pytest.mark.parametrize("K", [5.0, 200.0])
+def test_a_thick_sphere_follows_the_radial_problem_past_its_limit_point(reading, law, K):
+    """Pressure against the inner radius, and the outer radius, to 0.01 % in every step up to 2.5 times the inner radius."""
+    wall = (1.0, 2.0)
+    mesh = read_gmsh(ring_sector.build, radii=wall, cells=(12, 24), order=2)
+    scene = Scene(Body(mesh, "ring", law(0.1863, 0.0098, K)), plane="axisymmetric", degree=2, element="mixed")
+    scene.fix("ymin", "y")
+    scene.pressure("inner", 0.3)
+    places = {"inner_x": (1.0, 0.0, 0.0), "inner_y": (0.0, 1.0, 0.0), "outer_x": (2.0, 0.0, 0.0), "outer_y": (0.0, 2.0, 0.0)}
+    record = {f"{name}_mm": lambda view, X=X: float(sum(view.at(X).displacement)) for name, X in places.items()}
+    arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=0.3), "until": Displacement("ymin", "x", 1.15)}
+    result = solve(scene, record=record, progress=False, **arc).require()
+    assert sum(result.column("limit_point")) == 1 and len(result.history) > 8
+    for row in result.history:
+        moved = np.array([row[f"{name}_mm"] for name in places])
+        inside = moved[:2].mean()
+        pressure, outside = Radial("sphere", K, reading).solve(wall, 1.0 + inside)
+        assert 0.3 * row["t"] == pytest.approx(pressure, rel=1e-4)
+        np.testing.assert_allclose(moved, np.repeat([inside, outside - 2.0], 2), rtol=1e-4)
+    assert inside > 1.5
+
+
+PULLED = {  # nominal stress [MPa] of readings A and B at a stretch, by independent scripts, K = 5 MPa
+    0.5: (-1.5656006, -1.4045219),
+    0.9: (-0.1458523, -0.1288051),
+    1.5: (0.4866384, 0.3910385),
+    3.0: (1.6818203, 0.9819937),
+}
+
+
+@pytest.mark.parametrize("reading, law", [(0, mooney_paper), (1, mooney_rivlin)])
+@pytest.mark.parametrize("stretch", PULLED)
+def test_a_rod_pulled_along_its_axis(reading, law, stretch):
+    """Uneven cells with curved sides: the state is homogeneous all the same, its force that of uniaxial stress."""
+    mesh = read_gmsh(pulled_rod)
+    scene = Scene(Body(mesh, "rod", law(0.1863, 0.0098, 5.0)), plane="axisymmetric", degree=2)
+    scene.fix("bottom", "y")
+    scene.prescribe("top", "y", 2.0 * (stretch - 1.0))
+    row = solve(scene, steps=8, progress=False).require().history[-1]
+    exact = PULLED[stretch][reading] * np.pi
+    assert row["top_reaction_y_N"] == pytest.approx(exact, abs=2e-7 * np.pi)  # printed digits
+    assert row["bottom_reaction_y_N"] == pytest.approx(-exact, abs=2e-7 * np.pi)
+
+
+def pulled_rod():
+    """Quadrilaterals of no regular shape in 0 <= x <= 1, 0 <= y <= 2, on the axis too."""
+    box = gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 1.0, 2.0)
+    gmsh.model.occ.fragment([(2, box)], [(2, gmsh.model.occ.addDisk(0.45, 0.9, 0.0, 0.3, 0.3))])
+    gmsh.model.occ.synchronize()
+    parts = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, parts), "rod")
+    for name, y in (("bottom", 0.0), ("top", 2.0)):
+        (side,) = gmsh.model.getEntitiesInBoundingBox(-1.0, y - 1e-3, -1.0, 2.0, y + 1e-3, 1.0, 1)
+        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [side[1]]), name)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+    gmsh.option.setNumber("Mesh.RecombineAll", 1)
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(2)
+
+
+@pytest.mark.parametrize("reading, law", [("A", mooney_paper), ("B", mooney_rivlin)])
+@pytest.mark.parametrize("degree, element", [(1, "displacement"), (1, "mixed"), (2, "mixed")])
+def test_a_disc_whose_rim_is_pulled(reading, law, degree, element):
+    """It is stretched alike along the radius and around; the stretch across leaves its faces free."""
+    law, stretch, exact = law(0.1863, 0.0098, 5.0), 1.4, Radial("sphere", 5.0, reading)
+    across = brentq(lambda across: exact.nominal(across, stretch)[0], 0.3, 1.0, xtol=1e-14)
+    nominal = exact.nominal(across, stretch)[1]
+    mesh = read_gmsh(rectangles.build, rectangles={"disc": ((0.0, 0.0), (3.0, 0.5), (4, 2))})
+    scene = Scene(Body(mesh, "disc", law), plane="axisymmetric", degree=degree, element=element)
+    scene.fix("disc_ymin", "y")
+    scene.traction("disc_xmax", (nominal, 0.0, 0.0))
+    record = {f"corner_{'xy'[i]}_mm": lambda view, i=i: view.at((3.0, 0.5, 0.0)).displacement[i] for i in range(2)}
+    row = solve(scene, steps=4, tolerance=1e-10, record=record, progress=False).require().history[-1]
+    assert row["corner_x_mm"] == pytest.approx(3.0 * (stretch - 1.0), rel=1e-8)
+    assert row["corner_y_mm"] == pytest.approx(0.5 * (across - 1.0), rel=1e-8)
+
+
 def test_a_turned_block_is_a_cylinder():
     """Squeezed between smooth planes it is in the homogeneous state of uniaxial stress."""
     mesh = read_gmsh(rectangles.build, rectangles={"disc": ((0.0, 0.0), (2.0, 1.0), (3, 2))})
@@ -214,9 +294,8 @@ def test_a_turned_block_is_a_cylinder():
     scene.fix("disc_ymin", "y")
     scene.prescribe("disc_ymax", "y", -0.3)
     row = solve(scene, steps=3, progress=False).require().history[-1]
-    # neo-Hooke, stretches (a, 0.7, a): sigma = mu J^(-5/3) dev(B) + K (J - 1) I, without stress along the radius
-    from scipy.optimize import brentq
 
+    # neo-Hooke, stretches (a, 0.7, a): sigma = mu J^(-5/3) dev(B) + K (J - 1) I, without stress along the radius
     def stress(a, other):
         J, trace = 0.7 * a * a, 2 * a * a + 0.49
         return J ** (-5 / 3) * (other**2 - trace / 3) + 10.0 * (J - 1.0)

@@ -21,18 +21,20 @@ Field = Callable[[Floats], Floats]  # displacements (n, 3) at places (n, 3) [mm]
 class Radial:
     """Spheres and, in plane strain, tubes of the paper's Mooney energy (22) that deform radially.
 
-    kind: "sphere" or "tube"; K: bulk modulus [MPa]. Lengths in mm, stresses in MPa.
+    kind: "sphere" or "tube"; K: bulk modulus [MPa]; reading: "A", I2 = tr(B.B), the paper's, or "B", the classical I2.
+    Lengths in mm, stresses in MPa.
     """
 
-    def __init__(self, kind: str, K: float) -> None:
-        self.hoops, self.K = {"sphere": 2, "tube": 1}[kind], K
+    def __init__(self, kind: str, K: float, reading: str = "A") -> None:
+        self.hoops, self.K, self.classical = {"sphere": 2, "tube": 1}[kind], K, {"A": False, "B": True}[reading]
 
     def nominal(self, radial: complex, hoop: complex) -> tuple[Any, Any]:
         """Nominal stresses (radial, hoop) at principal stretches."""
         other = hoop if self.hoops == 2 else 1.0
         J = radial * hoop * other
         B = np.array([radial**2, hoop**2, other**2 + 0.0 * J]) * J ** (-2 / 3)
-        tau = 2 * A1 * (B - B.sum() / 3) + 4 * A2 * (B**2 - (B**2).sum() / 3) + self.K * J * (J - 1)
+        second = B.sum() * B - B**2 if self.classical else 2 * B**2  # half of B dI2/dB
+        tau = 2 * A1 * (B - B.sum() / 3) + 2 * A2 * (second - second.sum() / 3) + self.K * J * (J - 1)
         return tau[0] / radial, tau[1] / hoop
 
     def through(self, wall: tuple[float, float], inside: float, radial: float) -> tuple[float, float, float]:
