@@ -6,9 +6,9 @@ import gmsh
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, rigid_cylinder, rigid_surface, solve
+from fenics_contact import Body, Scene, compat, from_elastic, read_gmsh, rigid_cylinder, rigid_surface, solve
 from fenics_contact.contact.chords import cut_off
-from fenics_contact.contact.master import ToolSurface
+from fenics_contact.contact.master import MasterSurface, ToolSurface
 from fenics_contact.meshes import ring_sector, tool_surfaces, tubes
 
 E, NU, BORE, DEEP = 1e3, 0.3, 2.0, 0.25
@@ -49,6 +49,29 @@ def test_facets_of_a_ball_leave_out_what_its_volume_lacks(quadrilaterals):
     assert found == pytest.approx(missing, rel=0.1)  # around the open rim normals are those of one side
 
 
+@pytest.mark.parallel
+@pytest.mark.parametrize("tetrahedra", [False, True])
+def test_middles_of_straight_cells_lie_within_a_ball_by_the_height_of_their_arcs(tetrahedra):
+    """Against the mesh's own sphere; normals around a corner are means, and differ by the unevenness of its facets."""
+
+    def draw():
+        gmsh.model.occ.addSphere(0.0, 0.0, 0.0, 3.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "ball")
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [1]), "skin")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
+        if not tetrahedra:
+            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
+        gmsh.model.mesh.generate(3)
+
+    mesh = read_gmsh(draw)
+    surface = MasterSurface(compat.lagrange_space(mesh.domain, 2, (3,)), mesh.facets("skin"), whole=True)
+    within = 3.0 - np.linalg.norm(surface.X, axis=1)
+    assert within.max() > 0.005 and len(surface.X) > 500
+    assert surface.arches.sum() == pytest.approx(within.sum(), rel=0.1)
+    assert np.abs(surface.arches - within).mean() < 0.2 * within.mean()
+
+
 def test_flat_surfaces_and_creases_cut_off_nothing():
     """A cube's facets meet at right angles; a plane's in one."""
     corners = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
@@ -57,8 +80,9 @@ def test_flat_surfaces_and_creases_cut_off_nothing():
 
 
 # -- what they do to loads ----------------------------------------------------------------------------------------------
-def fit(cells, interference, order=1, swap=False, deep=False):
-    """A shaft grown into a hub by an interference (quarter, plane strain); cells around of both; deep: a layer in space."""
+def fit(cells, interference, order=1, swap=False, deep=False, degree=None, points=None):
+    """A shaft grown into a hub by an interference (quarter, plane strain); cells around of both; deep: a layer in space;
+    degree: that of their cells unless given."""
 
     def draw():
         around = {"shaft": (1.0, BORE + interference, cells[0]), "hub": (BORE, 4.0, cells[1])}
@@ -71,7 +95,8 @@ def fit(cells, interference, order=1, swap=False, deep=False):
 
     mesh = read_gmsh(layer if deep else draw)
     law = from_elastic(E, NU)
-    scene = Scene(Body(mesh, "shaft", law), Body(mesh, "hub", law), degree=order, **({} if deep else {"plane": "strain"}))
+    plane = {} if deep else {"plane": "strain"}
+    scene = Scene(Body(mesh, "shaft", law), Body(mesh, "hub", law), degree=degree or order, **plane)
     if deep:
         for group, axis in (("symmetry_y", "y"), ("symmetry_x", "x"), ("ends", "z")):
             scene.fix(group, axis)
@@ -81,7 +106,7 @@ def fit(cells, interference, order=1, swap=False, deep=False):
             scene.fix(f"{body}_xmin", "x")
     sides = ("shaft_outside", "hub_inside") if deep else ("shaft_outer", "hub_inner")
     slave, master = sides[::-1] if swap else sides
-    scene.contact(slave, master, name="fit")
+    scene.contact(slave, master, name="fit", points=points)
     return solve(scene, steps=1, progress=False).require()
 
 
@@ -132,6 +157,23 @@ def test_a_layer_is_told_the_same():
     assert load(deep, DEEP) == pytest.approx(load(flat), rel=1e-9)
     assert said(deep) == pytest.approx(said(flat), rel=1e-6)
     assert len(notes(deep)) == 1
+
+
+@pytest.mark.parametrize("cells", [(12, 16), (16, 12)])
+@pytest.mark.parametrize("swap", [False, True])
+def test_gauss_points_of_degree_2_are_told_what_chords_do_where_they_touch(cells, swap):
+    """They press where the chords of one body are nearest to those of the other: of 12 on 16 cells that is as deep as the
+    circles, of 16 on 12 a fifth of the load deeper."""
+    straight = fit(cells, 0.01, degree=2, points=3, swap=swap)
+    true = load(fit(cells, 0.01, order=2, swap=swap)) / load(straight) - 1.0
+    assert (abs(true) > 0.15) == bool(notes(straight)) == (cells == (16, 12))
+    assert said(straight) == pytest.approx(true, abs=0.03)  # what is told of at all
+
+
+def test_gauss_points_of_a_layer_of_degree_2_are_told_the_same():
+    flat, deep = (fit((16, 12), 0.01, degree=2, points=3, deep=deep) for deep in (False, True))
+    assert load(deep, DEEP) == pytest.approx(load(flat), rel=1e-3)
+    assert said(deep) == pytest.approx(said(flat), rel=0.02)
 
 
 @pytest.mark.parametrize("points, off", [("nodes", False), (3, True)])

@@ -3,6 +3,9 @@
 A side e of a facet between corners with the surface's normals n and n' is the chord of an arc that lies e . (n' - n)/8
 beside its middle: outside on a convex surface, inside (negative) in a bore.  On a triangle that grows as the sides' three
 parabolas do, and is a third of the sum of their heights on average.
+
+Elements of degree 1 have no more than that mean.  Gauss points of degree 2 touch where surfaces stick out, and a mean is
+none of theirs: heights at the middles of the sides, carried by the facet's shape functions, are the parabolas themselves.
 """
 
 from typing import Protocol
@@ -10,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from fenics_contact.kernels.normals import CREASE, corner_angles, grouped_corners
+from fenics_contact.kernels.quadratic import LINE, QUADRILATERAL, STRIP, TRIANGLE
 from fenics_contact.types import Floats, Ints64
 
 # Derivatives of a triangle's shape functions along two of its sides, the same at its corners
@@ -24,12 +28,40 @@ class Faceted(Protocol):
     X: Floats
 
 
+class Whole(Faceted, Protocol):
+    """facets: with all their nodes (nf, m) of degree 2, and their size (nf,), all the same, as in kernels/quadratic.py."""
+
+    facets: tuple[Ints64, Ints64]
+
+
+# Number of the side, of both triangles of a quadrilateral in turn, by the facet's nodes after its corners
+SIDES = {LINE: [0], STRIP: [0, 0], TRIANGLE: [0, 1, 2], QUADRILATERAL: [0, 1, 4, 5, 2]}
+
+
 def cut_off(surface: Faceted) -> Floats:
     """Mean distances (nf,) [length] of the round surface from the facets that stand for it, positive outside."""
+    area, heights = _arcs(surface)
+    # a quadrilateral is two triangles, one after the other half way through
+    whole = np.maximum(area.sum(axis=0), 1e-300)
+    return np.asarray((area * heights.sum(axis=2) / 3.0).sum(axis=0) / whole)
+
+
+def arches(surface: Whole) -> Floats:
+    """The distances at the nodes (nm,) of facets of degree 2 [length]: none at corners, at middles those of their sides."""
+    (nodes, size), (_, heights), found = surface.facets, _arcs(surface), np.zeros(len(surface.X))
+    if len(size):
+        sides = SIDES[int(size[0])]
+        found[nodes[:, -len(sides) :]] = np.concatenate(heights, axis=1)[:, sides]
+    return found
+
+
+def _arcs(surface: Faceted) -> tuple[Floats, Floats]:
+    """Twice the areas (2, nf) [length^2] of both triangles of the facets, and how high the arcs rise above the middles of
+    their sides (2, nf, 3) [length]."""
     triangles, X = _triangles(surface)
     count = len(triangles)
     if not count:
-        return np.zeros(0)
+        return np.zeros((2, 0)), np.zeros((2, 0, 3))
     across = np.cross(*(X[triangles[:, i]] - X[triangles[:, 0]] for i in (1, 2)))
     area = np.linalg.norm(across, axis=1)
     group, cosine = np.empty((count, 3), dtype=np.int64), np.cos(np.radians(CREASE))
@@ -39,10 +71,8 @@ def cut_off(surface: Faceted) -> Floats:
     sums = np.add.reduceat(angles[:, None] * unit[facets], starts[:-1])
     normals = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300))[group]
     sides, turns = (np.roll(corners, -1, axis=1) - corners for corners in (X[triangles], normals))
-    heights = np.einsum("tic,tic->t", sides, turns) / 24.0
-    # a quadrilateral is two triangles, one after the other half way through
-    whole = np.maximum(area.reshape(2, -1).sum(axis=0), 1e-300)
-    return np.asarray((area * heights).reshape(2, -1).sum(axis=0) / whole)
+    heights = np.einsum("tic,tic->ti", sides, turns) / 8.0
+    return area.reshape(2, -1), heights.reshape(2, -1, 3)
 
 
 def _triangles(surface: Faceted) -> tuple[Ints64, Floats]:

@@ -12,7 +12,7 @@ from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.chords import cut_off
+from fenics_contact.contact.chords import arches, cut_off
 from fenics_contact.contact.tools import MeshedTool
 from fenics_contact.kernels.facets import MAX_NODES, Surface
 from fenics_contact.kernels.quadratic import LINE, STRIP, TRIANGLE
@@ -126,6 +126,11 @@ class _Surface:
     def cut_off(self) -> Floats:
         """Mean distances (nf,) [length] of a round surface from its facets, positive outside; of curved cells none."""
         return cut_off(self) if self.straight else np.zeros(len(self.facets[0]))
+
+    @cached_property
+    def arches(self) -> Floats:
+        """The same at the nodes (nm,) of facets of degree 2."""
+        return arches(self) if self.straight else np.zeros(len(self.X))
 
     def degenerate(self) -> Floats:
         """Reference positions of the centres of facets without area (n, 3)."""

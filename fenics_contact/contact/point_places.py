@@ -15,6 +15,7 @@ from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.deformable_element import slave_points
+from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Ints64, Space
 
@@ -144,8 +145,12 @@ class PointPlaces(PlacesOnFacets):
 
     def cut_off(self, state: State) -> Floats:
         """How much nearer (ne, nq) [length] the surfaces are to each other at the points than their facets. Collective."""
-        facet, kind = self.feet(state).projection[:2]
+        facet, kind = (projection := self.feet(state).projection)[:2]
         there = np.where(kind != NONE, self.master.cut_off[facet], 0.0)
+        if self.master.whole:
+            nodes, N = self.master.facets[0], np.empty((len(facet), 3, self.master.facets[0].shape[1]))
+            foot_shapes(np.arange(len(facet)), self.master.facets, projection, N)
+            there = np.einsum("pm,pm->p", N[:, 0], self.master.arches[nodes[facet]])
         return self.surface.cut_off + there.reshape(self.surface.area.shape)
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:

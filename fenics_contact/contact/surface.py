@@ -118,7 +118,7 @@ def slave_surface(
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
     exact = degree == 1 and points in ("nodes", "corners")  # corners lie on the round surface
-    cut_off = np.zeros(area.shape) if exact else _cut_off(space, facets, section, nodes, a)
+    cut_off = np.zeros(area.shape) if exact else _cut_off(space, facets, section, nodes, a, not isinstance(points, str))
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     return SlaveSurface(
         nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, cut_off, tangents, points == "corners",
@@ -126,13 +126,16 @@ def slave_surface(
     )  # fmt: skip
 
 
-def _cut_off(space: Space, facets: Ints, section: Section | None, nodes: Array, a: Floats) -> Floats:
-    """Means over the facets around nodes (ne, k) of what these cut off, at points of weights a (ne, nq, k). Collective."""
+def _cut_off(space: Space, facets: Ints, section: Section | None, nodes: Array, a: Floats, local: bool) -> Floats:
+    """What facets cut off at points of weights a (ne, nq, k) of the nodes (ne, k): of degree 2 there if `local`, else means
+    over the facets around the nodes. Collective."""
     skin = MasterSurface(space, facets, section, compat.degree(space) == 2)
+    at = np.searchsorted(skin.moving, compat.global_blocks(space)[nodes])
+    if local and skin.whole:
+        return np.einsum("eqk,ek->eq", a, skin.arches[at])
     sums, count = np.zeros((2, len(skin.X)))
     np.add.at(sums, skin.facets[0], skin.cut_off[:, None])
     np.add.at(count, skin.facets[0], 1.0)
-    at = np.searchsorted(skin.moving, compat.global_blocks(space)[nodes])
     return np.einsum("eqk,ek->eq", a, (sums / np.maximum(count, 1.0))[at])
 
 
