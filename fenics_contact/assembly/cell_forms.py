@@ -5,7 +5,7 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.assembly.lanes import Lanes
-from fenics_contact.assembly.petsc_memory import HANDLE, block_rows, pattern_of
+from fenics_contact.assembly.petsc_memory import HANDLE, block_rows, own_part, pattern_of
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.kernels.scatter import find_blocks
 from fenics_contact.types import Floats, Form, Function, Mat
@@ -51,10 +51,13 @@ class CellForm:
         if not self._usable:
             compat.assemble_matrix(matrix, self.whole)
             return
-        own = matrix if matrix.comm.size == 1 else matrix.getDiagonalBlock()
+        own = own_part(matrix)
         offsets, columns, blocks = block_rows(HANDLE(own.handle))
         if self._pattern != pattern_of(own):
-            self._places = find_blocks(self._nodes, offsets, columns)
+            nodes = self._nodes.astype(np.int64)
+            self._places = find_blocks(nodes, nodes, offsets, columns)
+            if (self._places < 0).any():
+                raise KeyError("cells couple nodes that the matrix does not")
             self._pattern = pattern_of(own)
         self._inner.add(self._places, blocks)
         self._add_by_petsc(matrix)

@@ -70,14 +70,11 @@ class Couplings:
         self.patterns += 1
         return matrix
 
-    def cleared(self, matrix: Mat, state: State) -> Mat:
-        """The matrix with zeros in it, or a new one where a term, on any rank, asks for others at this state. Collective."""
+    def suited(self, matrix: Mat, state: State) -> Mat:
+        """The matrix as it is, or a new one where a term, on any rank, asks for others at this state. Collective."""
         changed = False
         for i, term in enumerate(self._terms):
             keys = term.couplings(state)
             if keys is not None:
                 self._keys[i], changed = keys, True
-        if self._comm.allreduce(int(changed)):
-            return self.matrix()
-        matrix.zeroEntries()
-        return matrix
+        return self.matrix() if self._comm.allreduce(int(changed)) else matrix

@@ -14,6 +14,11 @@ HANDLE = ctypes.c_void_p
 Rows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
 
 
+def own_part(matrix: Mat) -> Mat:
+    """The block of a matrix that couples a process's own nodes with one another, counted from zero."""
+    return matrix if matrix.comm.size == 1 else matrix.getDiagonalBlock()
+
+
 def block_rows(matrix: ctypes.c_void_p) -> Rows:
     """The block rows of a process's own matrix, where PETSc holds them."""
     count, done = INT(), ctypes.c_int()

@@ -127,7 +127,9 @@ class System:
         trials: {contact: what it is evaluated with in the place of its own trial}.
         """
         with self.timers("insertion"):
-            self.matrix = self.couplings.cleared(self.matrix, self.state)
+            self.matrix = self.couplings.suited(self.matrix, self.state)
+        with self.timers("bulk tangent"):  # whose blocks nearly all are
+            self.matrix.zeroEntries()
         if self.border is not None:
             self.border.clear()
         for term in self.terms if terms is None else terms:

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from fenics_contact.types import Array, Floats, Ints
+from fenics_contact.types import Array, Floats, Ints, Ints64
 
 
 @njit(cache=True)
@@ -44,27 +44,39 @@ def motions_of_pairs(rows: Array, columns: Array, K: Floats, motions: Floats, by
 
 
 @njit(cache=True)
-def find_blocks(nodes: Ints, offsets: Array, columns: Array) -> Ints:
-    """Place (ne, k, k) of the block of each two nodes of elements (ne, k) in a matrix by rows, whose columns rise in a row.
+def find_blocks(rows: Ints64, others: Ints64, offsets: Array, columns: Array) -> Ints:
+    """Place (n, k, k) of each block of rows (n, k) with others (n, k) in a square matrix by rows, -1: it has no such block.
 
-    KeyError where the matrix has no such block or more than int32 can count.
+    OverflowError where the matrix has more blocks than int32 can count.
     """
-    ne, k = nodes.shape
-    places = np.empty((ne, k, k), dtype=np.int32)
+    (n, k), size = rows.shape, len(offsets) - 1
+    places, place_of = np.empty((n, k, k), dtype=np.int32), np.full(size, -1, dtype=np.int32)  # a column's, in the last row
+    row = first = end = -1
     if len(columns) > 2**31 - 1:
-        raise KeyError
-    for e in range(ne):
+        raise OverflowError
+    for e in range(n):
         for i in range(k):
-            first, end = offsets[nodes[e, i]], offsets[nodes[e, i] + 1]
+            if rows[e, i] != row:
+                row, inside = rows[e, i], 0 <= rows[e, i] < size
+                first, end = (offsets[row], offsets[row + 1]) if inside else (0, 0)
+                for place in range(first, end):
+                    place_of[columns[place]] = place
             for j in range(k):
-                low, high = first, end
-                while low < high:
-                    middle = (low + high) // 2
-                    if columns[middle] < nodes[e, j]:
-                        low = middle + 1
-                    else:
-                        high = middle
-                if low == end or columns[low] != nodes[e, j]:
-                    raise KeyError
-                places[e, i, j] = low
+                column = others[e, j]
+                place = place_of[column] if 0 <= column < size else -1
+                places[e, i, j] = place if first <= place < end else -1  # out of these bounds it is an earlier row's
     return places
+
+
+@njit(cache=True, error_model="numpy")
+def add_blocks(places: Ints, blocks: Floats, values: Floats) -> None:
+    """Add blocks (n, k, k, 3, 3) to a matrix's values, by columns of blocks, flat, at places (n, k, k), -1: nowhere."""
+    n, k = places.shape[:2]
+    for e in range(n):
+        for i in range(k):
+            for j in range(k):
+                if places[e, i, j] >= 0:
+                    at = 9 * np.int64(places[e, i, j])
+                    for c in range(3):
+                        for d in range(3):
+                            values[at + 3 * d + c] += blocks[e, i, j, c, d]
