@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import ufl
+from dolfinx.mesh import meshtags
 from mpi4py import MPI
 from test_elements import draw_tetrahedra
 
@@ -126,6 +127,18 @@ def relative(form, space, usable=True):
 
 def mass(space, weight=1.0):
     return weight * ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx(metadata={"quadrature_degree": 3})
+
+
+@pytest.mark.parallel
+def test_cells_of_two_integrals_on_each_rank():
+    """One after the other in the layer that ranks share, too."""
+    mesh = read_gmsh(box.build, cells=(3, 3, 3))
+    space = compat.lagrange_space(mesh.domain, 1, (3,))
+    cells = np.arange(compat.cell_map(mesh.domain).size_local, dtype=np.int32)
+    parts = meshtags(mesh.domain, 3, cells, (1 + cells % 2).astype(np.int32))
+    dx = ufl.Measure("dx", mesh.domain, subdomain_data=parts, metadata={"quadrature_degree": 3})
+    product = ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space))
+    assert relative(product * dx(1) + 7.0 * product * dx(2), space) < 1e-13
 
 
 def stress(scene, u):

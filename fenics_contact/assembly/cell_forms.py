@@ -67,7 +67,7 @@ class CellForm:
         nodes = self._rest_nodes
         cells, k = nodes.shape
         blocks = np.zeros((cells, k, k, 3, 3))
-        self._rest.add(np.arange(cells * k * k, dtype=np.int32), blocks)
+        self._rest.add(np.arange(cells * k * k, dtype=np.int32).reshape(cells, k, k), blocks)
         if cells:
             values = np.ascontiguousarray(blocks.transpose(0, 1, 4, 2, 3)).reshape(cells, 3 * k, 3 * k)
             matrix.setValuesBlockedLocalRCV(nodes, nodes, values, addv=True)

@@ -84,8 +84,10 @@ class Lanes:
     def add(self, places: Ints, out: Floats) -> None:
         """Add all cells' vectors or matrices, at the present coefficients, to blocks of `out`, those of matrices by columns.
 
-        places (n, nodes) or (n, nodes, nodes): number of each block, in the order of `cells`.
+        places (n, nodes) or (n, nodes, nodes): number of each block, in the order of `cells`. ValueError for other places.
         """
+        if len(places) != sum(len(cells) for *_, cells in self._parts):
+            raise ValueError(f"places {places.shape} are not those of the form's cells")
         constants, weights = compat.packed(self.compiled)
         x, start = np.ascontiguousarray(self._mesh.geometry.x), 0
         for add, key, rows, cells in self._parts:
