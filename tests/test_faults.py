@@ -261,3 +261,29 @@ def test_a_rank_that_fails_while_others_wait_for_it_ends_the_run(where):
     assert done.returncode != 0 and "came to its end" not in done.stdout
     assert f"failed on rank 1 alone: {'RuntimeError' if where == 'function' else 'MemoryError'}: alone in the" in done.stderr
     assert time.monotonic() - start < 40.0
+
+
+FREED_APART = """
+import sys
+from mpi4py import MPI
+from petsc4py import PETSc
+from fenics_contact import solve
+sys.path.insert(0, 'tests')
+from test_faults import bar
+scene = bar()
+scene.prescribe("xmax", "x", 0.1)
+solve(scene, steps=1, progress=False)
+del scene
+vector = PETSc.Vec().createMPI((2, 4), comm=MPI.COMM_WORLD)
+if MPI.COMM_WORLD.rank == 1:
+    vector.destroy()
+print("came to its end")
+"""
+
+
+@pytest.mark.serial
+def test_processes_end_though_one_alone_has_left_something_to_petsc():
+    """PETSc's clean-up at the end waits for all ranks, and is done by those that still have something."""
+    command = [*mpirun(2), sys.executable, "-c", FREED_APART]
+    done = subprocess.run(command, env=alone(), cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and done.stdout.count("came to its end") == 2

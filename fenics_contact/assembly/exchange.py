@@ -1,5 +1,7 @@
 """PETSc vectors that ranks share: exchange between owners and ghosts, and the communicator they live on."""
 
+from functools import cache
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -15,8 +17,20 @@ def lasting(comm: MPI.Comm) -> MPI.Comm:
     """
     for known in (MPI.COMM_WORLD, MPI.COMM_SELF):
         if MPI.Comm.Compare(comm, known) in (MPI.IDENT, MPI.CONGRUENT):
+            _hold(known.py2f())
             return known
     return comm
+
+
+@cache
+def _hold(handle: int) -> None:
+    """Let PETSc keep its duplicate of a communicator to the end of the process. Collective.
+
+    At its end PETSc frees what several ranks share on ranks that still have the duplicate, and the duplicate goes with the
+    last object there. Had one rank alone an object left, that rank would wait for the others for ever.
+    """
+    vector = PETSc.Vec().createMPI((0, 0), comm=MPI.Comm.f2py(handle))
+    vector.incRef()  # Python never frees it
 
 
 def ghosted_vector(space: Space) -> Vec:
