@@ -91,6 +91,31 @@ def test_a_matrix_of_another_pattern_is_factorised_anew(symmetric):
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("above", [0, 10**6], ids=["old factors precondition", "factors solve"])
+def test_rows_that_supports_hold_are_not_factorised(symmetric, above, monkeypatch):
+    """Of a block on its base MUMPS gets the nodes above it; held rows of the whole system are solved all the same."""
+    monkeypatch.setattr(reuse, "REUSE_ABOVE", above)
+    system = block(3).system()
+    system.assemble_tangent()
+    held, rest = system.supports.owned, system.new_vector()
+    matrix = system.supports.eliminated(system.matrix, 2.0)
+    solver = ReusingSolver(COMM, 3 * 64, symmetric, "direct", None, Timers(), held=held)
+    right, out = system.new_vector(), system.new_vector()
+    right.array_w[:] = np.cos(np.arange(*right.getOwnershipRange()))
+    for _ in range(2):
+        assert solver.solve(matrix, 0, right, out, 1e-12) >= 0
+        matrix.mult(out, rest)
+        rest.axpy(-1.0, right)
+        assert rest.norm() < 1e-11 * right.norm()
+        assert out.array_r[held] == pytest.approx(right.array_r[held] / matrix.getDiagonal().array_r[held], rel=1e-10)
+        matrix.shift(1e-3)
+    assert solver.builds == (1 if above == 0 else 2) and (solver.iterations > 2) == (above == 0)
+    assert solver.negative_pivots() == 0
+    assert solver._mumps().getSize() == (3 * 48, 3 * 48)
+
+
+@pytest.mark.parallel
 @pytest.mark.parametrize("linear", ["direct", "iterative"])
 def test_no_petsc_error_escapes(linear):
     system = block(2).system()

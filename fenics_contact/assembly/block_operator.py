@@ -34,7 +34,7 @@ class Blocks:
         self._scatter: Any = None
         self._ghosts: Vec = None
         self._singles = [np.empty(0, dtype=np.float32) for _ in range(2)]  # blocks of the own columns, of the others
-        self._products = [_product(multiply) for multiply in (self._multiply, self._multiply_rounded)]
+        self._products = [called_back(multiply) for multiply in (self._multiply, self._multiply_rounded)]
         self.mat, self.rounded = (_shell(matrix, product) for product in self._products)
         self.use(matrix)
 
@@ -113,14 +113,14 @@ class Blocks:
         if scatter:
             called("VecScatterBegin", scatter[0], HANDLE(x), scatter[1], _INSERT, _FORWARD)
         try:
-            with _entries(x, size) as given, _entries(y, size, written=True) as out:
+            with entries(x, size) as given, entries(y, size, written=True) as out:
                 out[:] = 0.0
                 add_product(*own, given, out)
         finally:  # one that has begun must end, or it can never be freed
             if scatter:
                 called("VecScatterEnd", scatter[0], HANDLE(x), scatter[1], _INSERT, _FORWARD)
         if others is not None:
-            with _entries(y, size, written=True) as out:
+            with entries(y, size, written=True) as out:
                 add_product(*others, self._ghosts.array_r, out)
 
 
@@ -128,7 +128,7 @@ class BlockJacobi:
     """y = D^-1 x with the 3x3 blocks on the diagonal of a matrix, as a PC of type shell; must live as long as that."""
 
     def __init__(self, pc: Any, blocks: Blocks) -> None:
-        self._blocks, self._inverses, self._product = blocks, np.zeros(9 * blocks.rows), _product(self._multiply)
+        self._blocks, self._inverses, self._product = blocks, np.zeros(9 * blocks.rows), called_back(self._multiply)
         pc.setType("shell")
         called("PCShellSetApply", HANDLE(pc.handle), self._product)
         self.renew()
@@ -139,11 +139,11 @@ class BlockJacobi:
 
     def _multiply(self, x: int, y: int) -> None:
         size = len(self._inverses) // 3
-        with _entries(x, size) as given, _entries(y, size, written=True) as out:
+        with entries(x, size) as given, entries(y, size, written=True) as out:
             diagonal_product(self._inverses, given, out)
 
 
-class _entries:
+class entries:
     """A process's entries of a vector by its handle, in a with statement."""
 
     def __init__(self, vector: int, size: int, written: bool = False) -> None:
@@ -168,7 +168,7 @@ def _shell(matrix: Mat, product: Any) -> Mat:
     return shell
 
 
-def _product(multiply: Callable[[int, int], None]) -> Any:
+def called_back(multiply: Callable[[int, int], None]) -> Any:
     """A function of (object, x, y) that PETSc can call as long as the method's object lives, which may hold it."""
     method = WeakMethod(multiply)  # no cycle: what ranks share would wait for Python's collector
 

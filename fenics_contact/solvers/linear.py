@@ -66,7 +66,8 @@ class LinearSolver:
         modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = None if afresh or size <= REUSE_ABOVE else choice
-        self._solver = ReusingSolver(system.comm, size, system.symmetric, method, modes, system.timers, afresh, trials)
+        held = system.supports.owned
+        self._solver = ReusingSolver(system.comm, size, system.symmetric, method, modes, system.timers, afresh, trials, held)
 
     @property
     def method(self) -> str:

@@ -10,10 +10,11 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, raise_stopped
 from fenics_contact.solvers.choice import Choice
+from fenics_contact.solvers.free_rows import FreeRows
 from fenics_contact.solvers.multigrid import multigrid
 from fenics_contact.solvers.softest import Softest
 from fenics_contact.timing import Timers
-from fenics_contact.types import Mat, Solver, Vec
+from fenics_contact.types import Ints, Mat, Solver, Vec
 
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
@@ -34,6 +35,7 @@ AGGREGATION = {
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_pc_type": "jacobi",
 }
+NONE_HELD = np.empty(0, dtype=np.int32)
 LONGEST = 400  # iterations of a solve with a new preconditioner
 LONGEST_IF_SMALL = 100  # the same up to SMALL unknowns, where a factorisation costs no more than that
 SMALL = 30_000
@@ -77,7 +79,8 @@ class ReusingSolver:
     latter. The matrix is one of blocks; what is factorised or coarsened is a copy by scalars, made when it is due;
     multigrid's finest level smooths with the matrix itself, which may have changed since. builds,
     iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing; choice: the
-    Choice that is asked for the method of each new preconditioner, None: it stays.
+    Choice that is asked for the method of each new preconditioner, None: it stays; held: owned dofs, by local number, of
+    which a matrix has the diagonal alone.
     """
 
     def __init__(
@@ -90,12 +93,14 @@ class ReusingSolver:
         timers: Timers,
         afresh: bool = False,
         choice: Choice | None = None,
+        held: Ints = NONE_HELD,
     ) -> None:
         self.comm, self.symmetric, self.timers, self.choice = comm, symmetric, timers, choice
-        self._near_null_space = near_null_space
+        self._near_null_space, self._held = near_null_space, held
         self.builds = self.iterations = self._cause = self._space = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
-        self._copy: Mat = None  # what is factorised
+        self._copy: Mat = None  # what is coarsened
+        self._rows: FreeRows | None = None  # what is factorised
         self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
         self._jacobi: BlockJacobi | None = None
         self._pattern: int | None = None
@@ -105,7 +110,7 @@ class ReusingSolver:
 
     def use(self, method: str) -> None:
         """Change to a method; drops what is kept."""
-        self.method, self._copy, self._reuse = method, None, None
+        self.method, self._copy, self._rows, self._reuse = method, None, None, None
         self._drop()
         if method == "direct":
             self._factors()
@@ -134,15 +139,15 @@ class ReusingSolver:
         return ksp
 
     def _factors(self) -> None:
-        pc = PETSc.PC().create(self.comm)
-        pc.setOptionsPrefix(PREFIX)
+        rows = self._rows = FreeRows(self.comm, self._held, PREFIX)
+        pc = rows.inner
         pc.setType("cholesky" if self.symmetric else "lu")
         pc.setFactorSolverType("mumps")
         if not self.symmetric:
             PETSc.Options()[PREFIX + "mat_mumps_icntl_33"] = 1  # the determinant
-        self._krylov, self._fresh = self._ksp(pc, "cg" if self.symmetric else "gmres"), self._ksp(pc, "preonly")
         pc.setFromOptions()
-        self._objects = (self._krylov, self._fresh, pc)
+        self._krylov, self._fresh = (self._ksp(rows.pc, kind) for kind in ("cg" if self.symmetric else "gmres", "preonly"))
+        self._objects = (self._krylov, self._fresh, rows)
 
     def _coarsened(self, matrix: Mat) -> None:
         """A new hierarchy of a matrix."""
@@ -229,28 +234,28 @@ class ReusingSolver:
         self._lap()
         return error
 
-    def _prepare(self, matrix: Mat, pattern: int) -> None:
-        """Factorise or coarsen a matrix. PETSc.Error where that fails."""
-        if self.method == "iterative":
+    def _prepare(self, matrix: Mat, pattern: int) -> int:
+        """Factorise or coarsen a matrix; returns zero or PETSc's reason. PETSc.Error where that fails."""
+        if self._rows is None:
             self._coarsened(matrix)
-            return
-        if pattern != self._pattern and self._copy is not None:
-            self._copy.destroy()  # leaves an empty handle, which convert fills anew
-        self._copy = matrix.convert("aij", out=self._copy or PETSc.Mat())
-        self._copy.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
-        self._fresh.setOperators(matrix, self._copy)
-        if self._by_mumps():
-            pc = self._fresh.getPC()
-            pc.setFactorSetUpSolverType()
-            factors = pc.getFactorMatrix()
+            return 0
+        self._rows.use(matrix, pattern == self._pattern, self.symmetric)
+        if self._by_mumps(self._rows):
+            self._rows.inner.setFactorSetUpSolverType()
+            factors = self._rows.inner.getFactorMatrix()
             factors.setOptionsPrefix(PREFIX)  # set up this early it has none
             factors.setMumpsIcntl(14, WORKSPACE[self._space])
-        self._fresh.setUp()
+        return self._rows.set_up()
 
-    def _by_mumps(self) -> bool:
+    def _by_mumps(self, rows: FreeRows) -> bool:
         """Whether MUMPS factorises: PETSc's options, which users may set, can ask for another solver."""
-        pc = self._fresh.getPC()
-        return (pc.getType(), pc.getFactorSolverType()) == ("cholesky" if self.symmetric else "lu", "mumps")
+        kind = rows.inner.getType(), rows.inner.getFactorSolverType()
+        return kind == ("cholesky" if self.symmetric else "lu", "mumps")
+
+    def _mumps(self) -> Mat:
+        """MUMPS' factors at hand, None where there are none."""
+        rows = self._rows if self._reuse is not None else None
+        return rows.inner.getFactorMatrix() if rows is not None and self._by_mumps(rows) else None
 
     def _lap(self, digits: float = 0.0) -> None:
         """Have the choice know of the time since the last lap, and of a solve by its digits."""
@@ -278,9 +283,8 @@ class ReusingSolver:
     def negative_pivots(self) -> int | None:
         """Of the factorisation at hand: MUMPS counts them where it is symmetric, else 1 where its determinant is negative, 0
         where not; None: there is none."""
-        if self.method != "direct" or self._reuse is None or not self._by_mumps():
+        if (factors := self._mumps()) is None:
             return None
-        factors = self._fresh.getPC().getFactorMatrix()
         return factors.getMumpsInfog(12) if self.symmetric else int(factors.getMumpsRinfog(12) < 0.0)
 
     def resists(self, softest: Softest, matrix: Mat) -> bool | None:
@@ -298,8 +302,7 @@ class ReusingSolver:
         return self._cause
 
     def _infog(self) -> int:
-        factorised = self.method == "direct" and self._reuse is not None and self._by_mumps()
-        return self._fresh.getPC().getFactorMatrix().getMumpsInfog(1) if factorised else 0
+        return 0 if (factors := self._mumps()) is None else factors.getMumpsInfog(1)
 
 
 def _unless_given(settings: Mapping[str, Any]) -> None:
@@ -310,11 +313,11 @@ def _unless_given(settings: Mapping[str, Any]) -> None:
             options[PREFIX + key] = value
 
 
-def _code(call: Callable[[], object]) -> int:
-    """0, or PETSc's error code as a negative number: PETSc raises the same on all ranks."""
+def _code(call: Callable[[], int | None]) -> int:
+    """What it returns, negative where that failed, or PETSc's error code as a negative number: the same on all ranks."""
     code = 0
     try:
-        call()
+        code = call() or 0
     except PETSc.Error as error:
         code = -abs(error.ierr)
     raise_stopped()

@@ -1,0 +1,78 @@
+"""A preconditioner that knows only the rows of a tangent that no support holds."""
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact.assembly.block_operator import called_back, entries
+from fenics_contact.assembly.petsc_memory import HANDLE, called
+from fenics_contact.types import Ints, Mat
+
+
+class FreeRows:
+    """A PC of type shell, `pc`, that leaves all rows but the held ones to another one, `inner`, with options of this prefix.
+
+    A held row has its diagonal and nothing else, but in the matrix's pattern it stays what it was: a factorisation of a
+    plane scene, all of whose nodes are held along z, takes half of the time without. held: owned dofs, by local number. Must
+    live as long as `pc`. Collective.
+    """
+
+    def __init__(self, comm: MPI.Comm, held: Ints, prefix: str) -> None:
+        self._held, self._free, self._diagonal = held, np.empty(0, dtype=PETSc.IntType), np.empty(0)
+        self._scalars: Mat = None
+        self._part: Mat = None  # of these, the free rows and columns
+        self._ends: tuple[Any, ...] = ()
+        self._solver, self.pc = PETSc.KSP().create(comm), PETSc.PC().create(comm)
+        self._solver.setType("preonly")
+        self._solver.setOptionsPrefix(prefix)
+        self.inner = self._solver.getPC()
+        self.pc.setOptionsPrefix(f"{prefix}all_")  # options without it are meant for the other one
+        self._applied = called_back(self._apply)
+        self.pc.setType("shell")
+        called("PCShellSetApply", HANDLE(self.pc.handle), self._applied)
+
+    def use(self, matrix: Mat, same_pattern: bool, symmetric: bool) -> None:
+        """Precondition a matrix from now on, whose pattern is that of the one before or not; `set_up` is due then."""
+        if not same_pattern:
+            self._forget()
+        self._scalars = matrix.convert("aij", out=self._scalars or PETSc.Mat())
+        start, end = matrix.getOwnershipRange()
+        self._diagonal = matrix.getDiagonal().array_r[self._held]
+        self._free = np.setdiff1d(np.arange(end - start, dtype=PETSc.IntType), self._held)
+        rows = PETSc.IS().createGeneral(self._free + start, comm=matrix.comm)
+        self._part = self._scalars.createSubMatrix(rows, rows, self._part)
+        rows.destroy()
+        self._part.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
+        if not self._ends:
+            self._ends = self._part.createVecs()
+        self._solver.setOperators(self._part)
+
+    def set_up(self) -> int:
+        """Factorise. Returns 0, or PETSc's negative reason where that fails."""
+        self._solver.setUp()
+        return min(self._solver.getConvergedReason(), 0)
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self._forget()
+        self.pc.destroy(), self._solver.destroy()
+
+    def _forget(self) -> None:
+        for thing in (self._scalars, self._part, *self._ends):
+            if thing is not None:
+                thing.destroy()
+        self._scalars, self._part, self._ends = None, None, ()
+
+    def _apply(self, x: int, y: int) -> None:
+        size, (right, solution) = len(self._free) + len(self._held), self._ends
+        with entries(x, size) as given:
+            right.array_w[:] = given[self._free]
+            held = given[self._held] / self._diagonal
+        try:
+            self.inner.apply(right, solution)
+        except PETSc.Error:  # the same on all ranks: what is no number ends the solve
+            solution.set(np.nan)
+        with entries(y, size, written=True) as out:
+            out[self._free], out[self._held] = solution.array_r, held
