@@ -15,6 +15,7 @@ from fenics_contact.meshes import box
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
 from fenics_contact.solvers.choice import EARLIEST, OTHER, Choice, foreseen_costs
+from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.reuse import ReusingSolver
 from fenics_contact.timing import Timers
@@ -38,7 +39,7 @@ def test_a_failed_factorisation_leaves_nothing(symmetric):
     singular, regular = system.matrix.copy(), system.matrix.copy()
     singular.zeroRowsColumns(np.arange(*singular.getOwnershipRange(), dtype=PETSc.IntType), 0.0)
     regular.shift(1.0)
-    solver = ReusingSolver(COMM, 3 * 27, symmetric, "direct", None, Timers())
+    solver = ReusingSolver(Rows(COMM, 3 * 27), symmetric, "direct", None, Timers())
     right, out = system.new_vector(), system.new_vector()
     right.set(1.0)
     for _ in range(2):
@@ -60,7 +61,7 @@ def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
     system.assemble_tangent()
     regular = system.matrix.copy()
     regular.shift(1.0)
-    solver = ReusingSolver(COMM, 3 * 125, symmetric, "direct", None, Timers())
+    solver = ReusingSolver(Rows(COMM, 3 * 125), symmetric, "direct", None, Timers())
     right, out, rest = (system.new_vector() for _ in range(3))
     right.set(1.0)
     for _ in range(2):
@@ -80,7 +81,7 @@ def test_a_matrix_of_another_pattern_is_factorised_anew(symmetric):
     one, other = system.matrix.copy(), system.matrix.copy()
     one.shift(1.0), other.shift(100.0)
     assert one.stateGet() == other.stateGet()
-    solver = ReusingSolver(COMM, 3 * 27, symmetric, "direct", None, Timers())
+    solver = ReusingSolver(Rows(COMM, 3 * 27), symmetric, "direct", None, Timers())
     right, out, rest = (system.new_vector() for _ in range(3))
     right.set(1.0)
     for pattern, matrix in enumerate([one, other]):
@@ -100,7 +101,7 @@ def test_rows_that_supports_hold_are_not_factorised(symmetric, above, monkeypatc
     system.assemble_tangent()
     held, rest = system.supports.owned, system.new_vector()
     matrix = system.supports.eliminated(system.matrix, 2.0)
-    solver = ReusingSolver(COMM, 3 * 64, symmetric, "direct", None, Timers(), held=held)
+    solver = ReusingSolver(Rows(COMM, 3 * 64, held), symmetric, "direct", None, Timers())
     right, out = system.new_vector(), system.new_vector()
     right.array_w[:] = np.cos(np.arange(*right.getOwnershipRange()))
     for _ in range(2):

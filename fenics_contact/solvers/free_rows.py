@@ -1,5 +1,6 @@
 """A preconditioner that knows only the rows of a tangent that no support holds."""
 
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,26 @@ from fenics_contact.assembly.petsc_memory import HANDLE, called
 from fenics_contact.types import Ints, Mat
 
 
+@dataclass(frozen=True)
+class Rows:
+    """Of matrices: the processes that share them, their number in all, and those owned ones, by local number, that supports
+    hold: they have their diagonal alone."""
+
+    comm: MPI.Comm
+    size: int
+    held: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+
+
 class FreeRows:
     """A PC of type shell, `pc`, that leaves all rows but the held ones to another one, `inner`, with options of this prefix.
 
     A held row has its diagonal and nothing else, but in the matrix's pattern it stays what it was: a factorisation of a
-    plane scene, all of whose nodes are held along z, takes half of the time without. held: owned dofs, by local number. Must
-    live as long as `pc`. Collective.
+    plane scene, all of whose nodes are held along z, takes half of the time without. Must live as long as `pc`. Collective.
     """
 
-    def __init__(self, comm: MPI.Comm, held: Ints, prefix: str) -> None:
-        self._held, self._free, self._diagonal = held, np.empty(0, dtype=PETSc.IntType), np.empty(0)
+    def __init__(self, rows: Rows, prefix: str) -> None:
+        comm, self._held = rows.comm, rows.held
+        self._free, self._diagonal = np.empty(0, dtype=PETSc.IntType), np.empty(0)
         self._scalars: Mat = None
         self._part: Mat = None  # of these, the free rows and columns
         self._ends: tuple[Any, ...] = ()

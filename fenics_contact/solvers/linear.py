@@ -9,6 +9,7 @@ from fenics_contact.assembly.finding import MEMORY, MOVES, RIGID_MOTION
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
+from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
 from fenics_contact.solvers.softest import Softest
 from fenics_contact.types import Array, Floats, Mat, Vec
@@ -66,8 +67,8 @@ class LinearSolver:
         modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = None if afresh or size <= REUSE_ABOVE else choice
-        held = system.supports.owned
-        self._solver = ReusingSolver(system.comm, size, system.symmetric, method, modes, system.timers, afresh, trials, held)
+        rows = Rows(system.comm, size, system.supports.owned)
+        self._solver = ReusingSolver(rows, system.symmetric, method, modes, system.timers, afresh, trials)
 
     @property
     def method(self) -> str:

@@ -5,16 +5,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, raise_stopped
 from fenics_contact.solvers.choice import Choice
-from fenics_contact.solvers.free_rows import FreeRows
+from fenics_contact.solvers.free_rows import FreeRows, Rows
 from fenics_contact.solvers.multigrid import multigrid
 from fenics_contact.solvers.softest import Softest
 from fenics_contact.timing import Timers
-from fenics_contact.types import Ints, Mat, Solver, Vec
+from fenics_contact.types import Mat, Solver, Vec
 
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
@@ -35,7 +34,6 @@ AGGREGATION = {
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_pc_type": "jacobi",
 }
-NONE_HELD = np.empty(0, dtype=np.int32)
 LONGEST = 400  # iterations of a solve with a new preconditioner
 LONGEST_IF_SMALL = 100  # the same up to SMALL unknowns, where a factorisation costs no more than that
 SMALL = 30_000
@@ -79,24 +77,21 @@ class ReusingSolver:
     latter. The matrix is one of blocks; what is factorised or coarsened is a copy by scalars, made when it is due;
     multigrid's finest level smooths with the matrix itself, which may have changed since. builds,
     iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing; choice: the
-    Choice that is asked for the method of each new preconditioner, None: it stays; held: owned dofs, by local number, of
-    which a matrix has the diagonal alone.
+    Choice that is asked for the method of each new preconditioner, None: it stays.
     """
 
     def __init__(
         self,
-        comm: MPI.Comm,
-        size: int,
+        rows: Rows,
         symmetric: bool,
         method: str,
         near_null_space: Callable[[Mat, Mat], Any] | None,
         timers: Timers,
         afresh: bool = False,
         choice: Choice | None = None,
-        held: Ints = NONE_HELD,
     ) -> None:
-        self.comm, self.symmetric, self.timers, self.choice = comm, symmetric, timers, choice
-        self._near_null_space, self._held = near_null_space, held
+        self.comm, self.symmetric, self.timers, self.choice = rows.comm, symmetric, timers, choice
+        self._all, self._near_null_space, size = rows, near_null_space, rows.size
         self.builds = self.iterations = self._cause = self._space = 0
         self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
         self._copy: Mat = None  # what is coarsened
@@ -139,7 +134,7 @@ class ReusingSolver:
         return ksp
 
     def _factors(self) -> None:
-        rows = self._rows = FreeRows(self.comm, self._held, PREFIX)
+        rows = self._rows = FreeRows(self._all, PREFIX)
         pc = rows.inner
         pc.setType("cholesky" if self.symmetric else "lu")
         pc.setFactorSolverType("mumps")
