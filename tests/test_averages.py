@@ -193,6 +193,20 @@ def test_solves_do_not_grow_with_the_penalty():
     assert counts[1].cuts == 0 and counts[1].iterations <= 2 * counts[0].iterations
 
 
+@pytest.mark.parallel
+def test_a_steady_step_begins_on_the_curve_through_the_last():
+    """Blocks pressed at a steady pace, sticking and slipping: from the third step on one tangent is enough."""
+    size = {"lower": (9, 9, 1), "lower_origin": (-4.5, -4.5, -1), "upper": (2, 2, 1), "upper_origin": (-1, -1, 0)}
+    _, scene = blocks(**size, lower_cells=(5, 5, 1), upper_cells=(2, 2, 1))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -0.1)
+    scene.contact("upper_bottom", "lower_top", friction=0.05, name="c")
+    result = solve(scene, steps=5, progress=False).require()
+    assert 0 < result.history[-1]["c_sticking_points"] < result.history[-1]["c_active_points"]
+    assert (result.column("iterations")[2:] == 1).all()
+
+
 # ---- the slave beyond the master's end
 @pytest.mark.parallel
 def test_a_slave_is_pushed_over_the_end_of_its_master():

@@ -247,12 +247,13 @@ def test_a_resumed_run_equals_a_continuous_one(name, folder):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("stop", [1, 2, 4])
-def test_a_resumed_run_takes_the_same_iterations(tmp_path, stop):
+@pytest.mark.parametrize("name", ["blocks by Gauss points", "blocks by averages, two directions"])
+def test_a_resumed_run_takes_the_same_iterations(tmp_path, name, stop):
     """Its next steps start from the same extrapolation: without it they take more, and are cut where others are not."""
     times = [i / 8 for i in range(1, 9)]
 
     def go(out, times, resume=False):
-        scene, drive = SCENES["blocks by Gauss points"]()
+        scene, drive = SCENES[name]()
         return solve(scene, **drive, steps=times, out=out, checkpoint=True, resume=resume, progress=False).require()
 
     whole = go(tmp_path / "whole", times)

@@ -16,6 +16,7 @@ from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
 from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
 from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
+from fenics_contact.kernels.status import SLIP
 from fenics_contact.types import Bools, Floats, Ints64
 
 
@@ -114,6 +115,14 @@ class MortarPartner(OnFacets):
         turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0  # it has slid against what rubs it:
         share[turned, 1:] = 0.0  # it sticks before it slides that way
         return (foreseen + share * (found - foreseen)).ravel()
+
+    def carried_on(self, trial: Trial, share: float) -> Floats:
+        """Gaps, shifts added, carried on from those of the last accepted step by a share of the change in it, and ways
+        (4 ns,) that decide at the start of the next."""
+        averaged, status, *_ = self._laws.tractions(trial.history.feet, trial)
+        # a node that slipped has been left on its cone, whose ellipse turns with the master: its way goes on, beyond it
+        further = np.where(status == SLIP, 2.0, 1.0)[:, None]
+        return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
 
     def lean(self, feet: MortarFeet, trial: Trial, held: Bools) -> Floats:
         """Sums over this rank's samples: beside the slave's ends and creases of pressure times the difference of their

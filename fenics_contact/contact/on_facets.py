@@ -108,6 +108,10 @@ class OnFacets:
         largest = np.max(self.places.comm.allgather(np.abs(self.places.looks(state)).max(axis=(0, 1), initial=0.0)), axis=0)
         return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
+    def carried_on(self, trial: Trial, share: float) -> Floats:
+        """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
+        return trial.history.carried_on(share)
+
     def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
         """Nothing: it is asked of averages alone."""
         return np.zeros(4)

@@ -88,10 +88,9 @@ class Partner(Protocol):
     """What the points meet, and the forces there, which depend on feet and a Trial alone.
 
     grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
-    pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no
-    increment need be shortened and no step starts on a curve through the last states; softens: may penalties be softer on
-    the way to a solution; smooth: have forces without friction a potential; edge: what the output says of its edges;
-    slid_off: what to do where the slave has left the master.
+    pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no increment need be
+    shortened; softens: may penalties be softer on the way to a solution; smooth: have forces without friction a potential;
+    edge: what the output says of its edges; slid_off: what to do where the slave has left the master.
     """
 
     name: str
@@ -126,6 +125,8 @@ class Partner(Protocol):
     def couplings(self, feet: Any, trial: Trial) -> Ints64 | None: ...
 
     def foreseen(self, feet: Any, before: Any, trial: Trial) -> Floats: ...
+
+    def carried_on(self, trial: Trial, share: float) -> Floats: ...
 
     def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats: ...
 

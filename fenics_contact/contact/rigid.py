@@ -88,6 +88,10 @@ class RigidPartner:
         """Gaps (ne nq,) at these places, shifts added: on a tool the tangent foresees no others."""
         return (self.response(feet, trial).gap + trial.history.shift).ravel()
 
+    def carried_on(self, trial: Trial, share: float) -> Floats:
+        """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
+        return trial.history.carried_on(share)
+
     def lean(self, feet: object, trial: Trial, held: Bools) -> Floats:
         """Nothing: pressure acts along the tool's normals."""
         return np.zeros(4)

@@ -52,6 +52,12 @@ class History:
     feet: Any
     faced: float = 0.0
 
+    def carried_on(self, share: float) -> Floats:
+        """Gaps, shifts added, carried on from those of the last accepted step by a share of the change in it."""
+        now, before = self.gaps
+        # a pressure doubles or halves at most: it stays one, and what was open before gives no slope
+        return np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.5 * now), now)
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:

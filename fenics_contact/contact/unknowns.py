@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.trial import PRESENT
 
@@ -36,10 +34,8 @@ class Unknowns:
 
     def hold(self, share: float) -> None:
         """Take the pressures of the last accepted step, carried on by `share` of the change in it, as unknowns."""
-        now, before = self._contact.trial.history.gaps
-        # a pressure doubles or halves at most: it stays one, and what was open before gives no slope
-        gaps = np.where(now < 0.0, np.clip(now + share * (now - before), 2.0 * now, 0.5 * now), now)
-        self._contact.take(self._contact.trial.judging(gaps))
+        trial = self._contact.trial
+        self._contact.take(trial.judging(self._contact.partner.carried_on(trial, share)))
 
     def release(self) -> None:
         """Judge by the present gaps again."""

@@ -154,13 +154,13 @@ def _extrapolate(system: System, owed: Floats) -> bool:
     """Put the state, of parameter t, on the parabola or line through the last accepted ones, supports in their places.
 
     owed: supports' displacements still missing. False, and nothing moved, where the supports leave both curves, where an
-    element would turn inside out, or where no term foresees the kinks of a contact, or one settles them by itself.
-    Collective.
+    element would turn inside out, where no term foresees the kinks of a contact, or where one that settles them by itself
+    would be out of balance by all the force there is. Collective.
     """
     foresight, accepted, state = system.foresight, system.trail.accepted, system.state
-    settled = not foresight.contacts or any(contact.unknowns.settles for contact in foresight.contacts)
-    if settled or system.condensed or len(system.tools):
+    if not foresight.contacts or system.condensed or len(system.tools):
         return False
+    settles = any(contact.unknowns.settles for contact in foresight.contacts)
     u, _, t = system.trail.last
     for count in (3, 2):
         step = _onwards(accepted[-count:], state.t) if len(accepted) >= count else None
@@ -169,7 +169,8 @@ def _extrapolate(system: System, owed: Floats) -> bool:
         system.supports.put(step, owed)
         state.u.x.array[:] = u + step
         foresight.hold((state.t - t) / (t - accepted[-2].t))
-        if np.isfinite(system.assemble_residual()):
+        size = system.assemble_residual()
+        if np.isfinite(size) and (not settles or size < system.scales.balance):
             return True
         foresight.release()
         state.u.x.array[:] = u
