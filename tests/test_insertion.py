@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from test_block_operator import tangent
 
-from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh
+from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, insert
-from fenics_contact.meshes import two_blocks
 
 COMM = MPI.COMM_WORLD
 pytestmark = pytest.mark.parallel
@@ -16,16 +16,7 @@ pytestmark = pytest.mark.parallel
 @pytest.fixture(scope="module")
 def system():
     """Of two blocks whose contact couples them."""
-    mesh = read_gmsh(two_blocks.build, lower_cells=(3, 3, 2), upper_cells=(2, 2, 1))
-    scene = Scene(*(Body(mesh, name, mooney_rivlin(0.2, 0.01, 5.0)) for name in ("lower", "upper")))
-    scene.fix("lower_bottom")
-    scene.prescribe("upper_top", "z", -0.1)
-    scene.contact("upper_bottom", "lower_top", 0.3, name="c")
-    system = scene.system()
-    system.begin_step(1.0)
-    system.state.u.x.array[:] = 0.01 * np.sin(system.space.tabulate_dof_coordinates()).ravel()
-    system.assemble_residual()
-    system.assemble_tangent()
+    system = tangent(2)
     assert system.couplings.patterns == 2  # the second one holds the contact's
     return system
 

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.cell_forms import CellForm
-from fenics_contact.assembly.petsc_memory import HANDLE, block_rows, own_part
+from fenics_contact.assembly.petsc_memory import HANDLE, block_rows, other_columns, own_part
 from fenics_contact.assembly.pose import Pose, skew
 from fenics_contact.kernels.scatter import add_blocks, find_blocks, scatter_border
 from fenics_contact.types import Array, Floats, Ints64, Mat
@@ -74,10 +74,25 @@ def _add(rows: Ints64, columns: Ints64, blocks: Floats, whole: bool, matrix: Mat
     if not left.any():
         return
     heads, tails = (np.broadcast_to(part, left.shape)[left] for part in (rows[:, :, None], columns[:, None]))
+    _check(heads, tails, whole, matrix)
     starts = np.flatnonzero(np.diff(heads, prepend=-1))
     offsets, tails, heads = (part.astype(PETSc.IntType) for part in (np.append(starts, len(heads)), tails, heads[starts]))
     add = matrix.setValuesBlockedIJV if whole else matrix.setValuesBlockedLocalIJV
     add(offsets, tails, blocks[left], addv=True, rowmap=heads)
+
+
+def _check(rows: Ints64, columns: Ints64, whole: bool, matrix: Mat) -> None:
+    """PETSc puts a block of a process's own row that has no place into that row's first column of another process, if the
+    process knows no such column: PETSc.Error in the place of that."""
+    if matrix.comm.size == 1:
+        return
+    if not whole:
+        numbers = matrix.getLGMap()[0].block_indices
+        rows, columns = numbers[rows], numbers[columns]
+    first, end = (n // 3 for n in matrix.getOwnershipRange())
+    outside = columns[(first <= rows) & (rows < end) & ((columns < first) | (columns >= end))]
+    if not np.isin(outside, other_columns(matrix)).all():
+        raise PETSc.Error(63)  # argument out of range, as PETSc says of other blocks without a place
 
 
 def _insert_tool(tool: ToolBlocks, border: Border) -> None:

@@ -29,6 +29,14 @@ def block_rows(matrix: ctypes.c_void_p) -> Rows:
     return starts, array_at(columns, INT, starts[-1]), array_at(blocks, ctypes.c_double, 9 * starts[-1])
 
 
+def other_columns(matrix: Mat) -> Array:
+    """Numbers of the block columns of other processes that a process's own rows have, rising; a matrix of several ranks."""
+    own, others, numbers, rows, columns = HANDLE(), HANDLE(), HANDLE(), INT(), INT()
+    called("MatMPIBAIJGetSeqBAIJ", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, numbers)))
+    called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
+    return array_at(numbers, INT, columns.value // 3)
+
+
 def array_at(address: ctypes.c_void_p, kind: Any, size: int) -> Array:
     """PETSc's memory as an array: numpy's own way leaves a cycle of objects behind each time."""
     return np.frombuffer((kind * size).from_address(address.value), dtype=kind) if size else np.empty(0, dtype=kind)
