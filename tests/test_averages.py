@@ -300,17 +300,19 @@ def square_blade(master):
     ]
     result = solve(scene, stages=stages, progress=False).require()
     ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
-    return ratio[-1], [note for note in result.verdict.notes if "lean" in note]
+    edge = result.system.contacts[0].findings.edge(result.system.state)  # what a verdict would name
+    return ratio[-1], [note for note in result.verdict.notes if "lean" in note], edge
 
 
 @pytest.mark.parallel
 def test_an_edge_of_the_slave_that_presses_aside_is_named():
     """Its facet leans by some 18 degrees: with its normals friction is far below mu N; the tool's normals are right."""
-    ratio, notes = square_blade("sheet_ymax")
+    ratio, notes, edge = square_blade("sheet_ymax")
     assert ratio < 0.3 and len(notes) == 1 and "round the edge" in notes[0] and "contact 'c'" in notes[0]
-    ratio, notes = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
+    assert edge.place == "contact 'c'" and "finer cells along it" in edge.remedy
+    ratio, notes, edge = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
     np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
-    assert not notes
+    assert not notes and edge is None
 
 
 @pytest.mark.serial

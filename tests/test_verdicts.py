@@ -326,7 +326,7 @@ CATALOGUE = {
     ),
     "soft by thirty": (lambda: ball_through(penalty=2.0), "penalty too soft", "contact 'ball' at (", "raise penalty="),
     "soft under a block": (block_through, "penalty too soft", "contact 'joint' at (", "raise penalty="),
-    "long steps": (tall_block, "no convergence", "", "take more steps, or allow shorter ones (smallest_step=)"),
+    "long steps": (tall_block, "no convergence", "most at (", "take more steps, or allow shorter ones (smallest_step=)"),
     "too great a push": (
         dragged_by_force,
         "friction used up",

@@ -30,6 +30,7 @@ LED = 0.01  # of a contact's force: what more of it acts on prescribed points is
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
+ROUND = "round the edge, with cells of a quarter of its radius"
 SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
 
 
@@ -81,17 +82,23 @@ def _led_note(contact: Contact, state: State) -> str | None:
     )
 
 
-def _lean_note(contact: Contact, state: State) -> str | None:
-    """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
+def _lean(contact: Contact, state: State) -> float | None:
+    """Angle [degrees] between the slave's normals, along which pressure acts, and the master's; None: none to speak of.
+    Collective."""
     *apart, total = state.u.function_space.mesh.comm.allreduce(contact.led.lean(state))
     lean = np.linalg.norm(apart)
-    if not (total > 0.0 and lean > LEANS * total):
+    return float(np.degrees(2.0 * np.arcsin(min(0.5 * lean / total, 1.0)))) if total > 0.0 and lean > LEANS * total else None
+
+
+def _lean_note(contact: Contact, state: State) -> str | None:
+    """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
+    angle = _lean(contact, state)
+    if angle is None:
         return None
-    angle = np.degrees(2.0 * np.arcsin(min(0.5 * lean / total, 1.0)))
     return (
         f"contact '{contact.name}': its pressure acts along normals of the slave that lean by {angle:.2g} degrees from "
         f"those of '{contact.master_name}': an edge of the slave is what touches, and pressure and friction are off by that "
-        "angle; round the edge, with cells of a quarter of its radius, or let it meet an analytic tool"
+        f"angle; {ROUND}, or let it meet an analytic tool"
     )
 
 
@@ -279,6 +286,14 @@ class Findings:
             {"out of its cell": _cell_note} if contact.paired else {}
         )
         return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
+
+    def edge(self, state: State) -> Finding | None:
+        """An edge of the slave is what touches."""
+        contact, angle = self._contact, _lean(self._contact, state)
+        if angle is None:
+            return None
+        text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {angle:.2g} degrees"
+        return Finding(UNKNOWN, text, f"contact '{contact.name}'", f"{ROUND}, or finer cells along it")
 
     def never_met(self, state: State) -> str | None:
         """How far away the master is after a run in which no point has touched it."""

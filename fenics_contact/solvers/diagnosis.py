@@ -13,6 +13,8 @@ from fenics_contact.assembly.finding import (
     TOO_STIFF,
     UNKNOWN,
     Finding,
+    foremost,
+    spot,
 )
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
@@ -34,7 +36,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
 
     goal: t at which the step was to end; None on an arc.
     """
-    known = failure.finding
+    known, unbalanced = failure.finding, _unbalanced(system)
     inverted = system.check()
     system.trail.rollback()
     if known.kind in CERTAIN:
@@ -61,7 +63,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return inverted
     if found is None and known.kind == UNKNOWN:
         found = _restless(system, goal) or _letting_go(system) or sliding(system, MOSTLY)
-        return found or _unexplained(system, known, inverted, goal)
+        return found or _unexplained(system, known._replace(place=known.place or unbalanced), inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
         if goal is None or goal - system.trail.last.t > LONG:
             return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
@@ -79,16 +81,25 @@ def _moved_instead(system: System) -> list[str]:
     return [f"move {' and '.join(names)} instead of pushing"] if names else []
 
 
+def _unbalanced(system: System) -> str:
+    """Where most of the residual assembled last is out of balance. Collective."""
+    forces = system.residual_vector.array_r.reshape(-1, 3)
+    found = foremost(system.comm, np.linalg.norm(forces, axis=1), system.space.tabulate_dof_coordinates()[: len(forces)])
+    return f"most at {spot(found.place)}" if found else ""
+
+
 def _unexplained(system: System, known: Finding, inverted: Finding | None, goal: float | None) -> Finding:
     """What is left to try where nothing but the failure itself is known."""
-    reason = known.reason
+    reason, place, ways = known.reason, inverted.place if inverted else known.place, [known.remedy] if known.remedy else []
     if inverted:
         reason = f"on its way to balance {inverted.reason}, which the path itself does not ask for"
-    if goal is not None and goal - system.trail.last.t > LONG:
-        remedy = "take more steps, or allow shorter ones (smallest_step=)"
-    else:
-        remedy = "".join(damping(system))
-    return Finding(UNKNOWN, reason, inverted.place if inverted else known.place, known.remedy or remedy)
+    if edge := next((found for contact in system.contacts if (found := contact.findings.edge(system.state))), None):
+        reason, place, ways = f"{reason}; {edge.reason}", f"{edge.place}, {place}", [edge.remedy, *ways]
+    if not ways and goal is not None and goal - system.trail.last.t > LONG:
+        ways = ["take more steps, or allow shorter ones (smallest_step=)"]
+    elif not ways:
+        ways = [*damping(system), "take finer cells there, and round edges that press or slide there"]
+    return Finding(UNKNOWN, reason, place, " or ".join(ways))
 
 
 def _restless(system: System, goal: float | None) -> Finding | None:
