@@ -73,7 +73,7 @@ TABLE = {
 # narrower than the room: what an outer room may use of another one
 ONLY = {
     ("studies", "assembly"): {"system", "term", "pattern", "cell_forms"},  # their names; what a tangent is assembled into
-    ("studies", "output"): {"curves", "units"},  # names and units of columns
+    ("studies", "output"): {"curves", "late", "units"},  # names and units of columns; what draws
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {"entries", "exchange", "facet_points", "numbering", "pose", "section", "system", "term"},
     ("output", "contact"): {"tools"},  # their shapes, to draw them

@@ -4,15 +4,16 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
+from fenics_contact.output.late import figures, tickers
 from fenics_contact.studies.runner import Panels, Row, Run, Values, of_curve
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Okabe & Ito's colours, told apart with any colour vision and in grey with the markers
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C00")
@@ -151,7 +152,7 @@ def work_precision(
         raise StudyError("the rows have neither errors nor values: give metrics(result, value=...)")
     front = pareto([(_seconds(r) / unit, r["error"]) for r in good]) if key == "error" else []
     parts = _short_panels(panels)
-    figure = Figure(figsize=(WIDTH, 0.6 + 2.6 * len(parts)), layout="constrained")
+    figure = figures.Figure(figsize=(WIDTH, 0.6 + 2.6 * len(parts)), layout="constrained")
     axes = figure.subplots(len(parts), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for axis, (name, curves) in zip(axes, parts.items(), strict=True):
         if front:
@@ -180,7 +181,7 @@ def _short_panels(panels: Panels) -> Panels:
     return found
 
 
-def _curves(axis: Axes, good: list[Row], base: Run, curves: Mapping[str, Values], unit: float, key: str) -> None:
+def _curves(axis: "Axes", good: list[Row], base: Run, curves: Mapping[str, Values], unit: float, key: str) -> None:
     """key: what is drawn over time, "error", or "value" on an even scale."""
     ends: list[End] = []
     axis.set_xscale("log"), axis.set_yscale("log" if key == "error" else "linear")
@@ -203,13 +204,13 @@ def _curves(axis: Axes, good: list[Row], base: Run, curves: Mapping[str, Values]
         axis.axhline(aim, color="grey", linewidth=0.6, linestyle=":")
     axis.margins(0.08)
     axis.grid(which="major", linewidth=0.3)
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.xaxis.set_major_locator(tickers.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_minor_formatter(tickers.NullFormatter())
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     _label_ends(axis, ends)
 
 
-def _label_ends(axis: Axes, ends: list[End]) -> None:
+def _label_ends(axis: "Axes", ends: list[End]) -> None:
     """Names of the curves in a column at the right, in the order of their ends and apart from one another."""
     scale = np.log if axis.get_yscale() == "log" else np.asarray
     low, high = scale(axis.get_ylim())
@@ -236,7 +237,7 @@ def savings(
     pairs: {words: (parameters of the full run, parameters of the frugal one)}. Returns a sentence for each.
     """
     rows = medians(rows, parameters)
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.75 * len(pairs)), layout="constrained")
+    figure = figures.Figure(figsize=(WIDTH, 0.9 + 0.75 * len(pairs)), layout="constrained")
     axis, sentences = figure.add_subplot(), []
     for place, (words, runs) in enumerate(reversed(list(pairs.items()))):
         full, frugal = (of_curve(rows, run, {})[0] for run in runs)

@@ -3,19 +3,21 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from fenics_contact.output.late import figures
 from fenics_contact.packages import require
 from fenics_contact.solid.materials import Isotropic, isochoric_energy
 from fenics_contact.studies.charts import COLOURS, MARKERS, StudyError
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH
 from fenics_contact.types import Floats
 
-require("scipy")
-from scipy.optimize import least_squares  # noqa: E402 - after its package has been asked for
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # of each test: the three stretches at one of them, and how many of these do the same work
 TESTS: dict[str, tuple[Callable[[float], tuple[float, float, float]], int]] = {
@@ -54,10 +56,10 @@ class Fit:
             "modes, take a law with fewer parameters, or keep the scene away from there"
         )
 
-    def plot(self, path: str | Path, pressure: str = "MPa") -> Figure:
+    def plot(self, path: str | Path, pressure: str = "MPa") -> "Figure":
         """The tests' points and the law's curves, as a picture; dashed: beyond the tests, and in modes without one;
         pressure: the unit's name."""
-        figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+        figure = figures.Figure(figsize=(WIDTH, 3.6), layout="constrained")
         axes = figure.subplots()
         for i, (name, table) in enumerate(self.tests.items()):
             at = np.linspace(table[:, 0].min(), table[:, 0].max(), 200)
@@ -107,7 +109,10 @@ def fit(law: Callable[..., Isotropic], tests: Mapping[str, object], K: float, **
             return np.full(sum(map(len, tables.values())), REFUSED)
 
     first = np.array(list(start.values()), dtype=float)
-    found = least_squares(residuals, first, x_scale=np.maximum(np.abs(first), 1e-3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    require("scipy")
+    found = import_module("scipy.optimize").least_squares(
+        residuals, first, x_scale=np.maximum(np.abs(first), 1e-3), xtol=1e-12, ftol=1e-12, gtol=1e-12
+    )
     if not found.success or not np.isfinite(found.cost) or found.cost > REFUSED:
         raise StudyError(f"fit: no parameters found from {start} ({found.message}); begin elsewhere, or take another law")
     parameters = dict(zip(names, found.x.tolist(), strict=True))

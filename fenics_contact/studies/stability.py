@@ -3,15 +3,17 @@
 import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
+from fenics_contact.output.late import colors, figures, patches
 from fenics_contact.studies.runner import Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Rectangle
 
 # What a failed run's field says, by a part of its verdict; the first that fits
 FAILURES = {
@@ -67,11 +69,11 @@ def stability_map(
     names = names or {}
     panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
     columns, lines = (list(dict.fromkeys(row[name] for row in rows)) for name in (x, y))
-    figure = Figure(figsize=(WIDTH, 0.9 + (0.75 + 0.42 * len(lines)) * len(panels)), layout="constrained")
+    figure = figures.Figure(figsize=(WIDTH, 0.9 + (0.75 + 0.42 * len(lines)) * len(panels)), layout="constrained")
     counts = [row.get("iterations", "") for row in rows if row["converged"] is True]
     if not all(isinstance(count, int | float) for count in counts):
         raise ValueError("the rows do not know their iterations: let the case return its Result, or metrics(result, ...)")
-    norm = LogNorm(min(counts, default=1), max([*counts, 2]))
+    norm = colors.LogNorm(min(counts, default=1), max([*counts, 2]))
     for value, axes in zip(panels, figure.subplots(len(panels), 1, squeeze=False)[:, 0], strict=True):
         mine = [row for row in rows if panel is None or row[panel] == value]
         values = np.full((len(lines), len(columns)), np.nan)
@@ -98,7 +100,7 @@ def stability_map(
 
 
 def _field(
-    axes: Axes, i: int, j: int, row: Row, norm: LogNorm, text: Callable[[Row], str], wrong: Callable[[Row], bool]
+    axes: "Axes", i: int, j: int, row: Row, norm: "LogNorm", text: Callable[[Row], str], wrong: Callable[[Row], bool]
 ) -> None:
     if row["converged"] is True:
         words, colour = text(row), "white" if norm(row["iterations"]) > 0.5 else "black"
@@ -108,13 +110,13 @@ def _field(
         reached = f"t={row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else ""
         words, colour = f"{reached}\n{failure(row)}", "black"
         hatched = {"facecolor": "white", "edgecolor": "0.7", "hatch": "////", "linewidth": 0.0, "zorder": 1}
-        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, **hatched))
+        axes.add_patch(patches.Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, **hatched))
     behind = {} if row["converged"] is True else {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 0.5}}
     axes.text(j, i, words, ha="center", va="center", fontsize=8, linespacing=0.95, color=colour, **behind)
 
 
-def _frame(i: int, j: int) -> Rectangle:
-    return Rectangle((j - 0.45, i - 0.42), 0.9, 0.84, fill=False, edgecolor=WRONG, linewidth=2)
+def _frame(i: int, j: int) -> "Rectangle":
+    return patches.Rectangle((j - 0.45, i - 0.42), 0.9, 0.84, fill=False, edgecolor=WRONG, linewidth=2)
 
 
 def short(value: Any) -> str:

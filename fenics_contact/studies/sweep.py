@@ -3,20 +3,19 @@
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from fenics_contact.output.curves import labelled, words
+from fenics_contact.output.late import cm, colors, figures, patches
 from fenics_contact.output.units import Units
 from fenics_contact.studies.charts import COLOURS, MARKERS, MOST, StudyError
 from fenics_contact.studies.runner import Row
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LISTED = 8  # failed runs named in a picture
 BAND = 0.012  # of the axis: half the width of the hatched band where a run failed
@@ -40,12 +39,14 @@ def curves(
     units, values = units or Units(), _values(rows, by)
     _refuse_mixed(rows, x, by, outputs)
     numbers = all(isinstance(value, float | int) and not isinstance(value, bool) for value in values)
-    scale = ScalarMappable(Normalize(min(values), max(values)), "viridis") if numbers and len(values) > MOST else None
+    scale = (
+        cm.ScalarMappable(colors.Normalize(min(values), max(values)), "viridis") if numbers and len(values) > MOST else None
+    )
     groups = [values] if scale else [values[i : i + MOST] for i in range(0, len(values), MOST)]
     said = failures(rows, [name for name in (x, by) if name])
     foot = [line for text in _listed(said) for line in textwrap.wrap(text, 92, subsequent_indent="    ")]
     panels = [(output, group) for output in outputs for group in groups]
-    figure = Figure(figsize=(WIDTH, 0.5 + 2.3 * len(panels) + 0.17 * len(foot)), layout="constrained")
+    figure = figures.Figure(figsize=(WIDTH, 0.5 + 2.3 * len(panels) + 0.17 * len(foot)), layout="constrained")
     found = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (output, group) in zip(found, panels, strict=True):
         for i, value in enumerate(group):
@@ -106,7 +107,7 @@ def _refuse_mixed(rows: list[Row], x: str, by: str | None, outputs: Sequence[str
             )
 
 
-def _curve(axes: Axes, rows: list[Row], x: str, output: str, **line: Any) -> None:
+def _curve(axes: "Axes", rows: list[Row], x: str, output: str, **line: Any) -> None:
     """An output over x, interrupted where a run failed."""
     places = sorted(dict.fromkeys(row[x] for row in rows))
     good = {row[x]: row[output] for row in rows if row["converged"] is True}
@@ -114,13 +115,13 @@ def _curve(axes: Axes, rows: list[Row], x: str, output: str, **line: Any) -> Non
     axes.plot(places, heights, markersize=4, linewidth=1.2, **line)
 
 
-def _names(axes: Axes) -> list[str]:
+def _names(axes: "Axes") -> list[str]:
     """What the legend of a panel says."""
     legend = axes.get_legend()
     return [text.get_text() for text in legend.get_texts()] if legend else []
 
 
-def _explain(axes: Axes, rows: list[Row], x: str) -> None:
+def _explain(axes: "Axes", rows: list[Row], x: str) -> None:
     """Names of the curves, and bands where runs failed."""
     axes.tick_params(labelsize=LETTERS, labelbottom=True)
     axes.grid(linewidth=0.3)
@@ -131,7 +132,7 @@ def _explain(axes: Axes, rows: list[Row], x: str) -> None:
     for place in dict.fromkeys(places):
         axes.axvspan(place - half, place + half, facecolor="white", edgecolor="0.6", hatch="////", linewidth=0.0, zorder=0)
     if places:
-        handles.append(Patch(facecolor="white", edgecolor="0.6", hatch="////"))
+        handles.append(patches.Patch(facecolor="white", edgecolor="0.6", hatch="////"))
         labels.append("failed")
     if handles:
         axes.legend(handles, labels, fontsize=LETTERS, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

@@ -1,4 +1,4 @@
-"""What a process takes to load compiled kernels."""
+"""What a process imports, and what it loads with compiled kernels."""
 
 import subprocess
 import sys
@@ -35,3 +35,8 @@ def test_kernels_that_the_cache_lacks_are_compiled(tmp_path):
         "print(total(np.array([3.0, 4.0])))\n"
     )
     assert subprocess.run([sys.executable, module], capture_output=True, text=True, check=True).stdout == "12.0\n"
+
+
+def test_a_run_and_a_study_s_case_import_nothing_that_draws_or_fits():
+    code = "import sys, fenics_contact.studies; print({'matplotlib', 'scipy.optimize'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
