@@ -30,7 +30,9 @@ class FreeRows:
     """
 
     def __init__(self, rows: Rows, prefix: str) -> None:
-        comm, self._held = rows.comm, rows.held
+        comm = rows.comm
+        some_free = comm.allreduce(len(rows.held)) < rows.size
+        self._held = rows.held if some_free else rows.held[:0]  # a matrix of no rows is singular to MUMPS
         self._free, self._diagonal = np.empty(0, dtype=PETSc.IntType), np.empty(0)
         self._scalars: Mat = None
         self._part: Mat = None  # of these, the free rows and columns
