@@ -34,12 +34,6 @@ class Foresight:
         for contact in self._all:
             contact.unknowns.release()
 
-    def resample(self, state: State) -> None:
-        """Let averages take their samples where the surfaces lie at a state, until a rollback; the residual changes.
-        Collective."""
-        for contact in self._all:
-            contact.resample(state)
-
     def hold_sights(self, state: State) -> bool:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
         return max((contact.hold_sights(state) for contact in self._all), default=False)

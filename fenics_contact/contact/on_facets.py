@@ -108,20 +108,6 @@ class OnFacets:
         largest = np.max(self.places.comm.allgather(np.abs(self.places.looks(state)).max(axis=(0, 1), initial=0.0)), axis=0)
         return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
 
-    def resampled(self, trial: Trial, feet: Any) -> Trial:
-        """The same: points stay where they are on the slave."""
-        return trial
-
-    def return_to(self, trial: Trial) -> None:
-        """Nothing to do: they have stayed."""
-
-    def sites(self, feet: Any) -> dict[str, Array]:
-        """Nothing to keep."""
-        return {}
-
-    def put_sites(self, values: dict[str, Array]) -> None:
-        """Nothing to take up."""
-
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
         return trial.history.carried_on(share)

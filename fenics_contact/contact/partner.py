@@ -109,20 +109,6 @@ class Partner(Protocol):
     @property
     def anchors(self) -> Anchoring: ...
 
-    def resampled(self, trial: Trial, feet: Any) -> Trial:
-        """The trial with points chosen anew where the surfaces lie at feet, for the rest of a step. Collective."""
-        ...
-
-    def return_to(self, trial: Trial) -> None:
-        """To the points of a trial that was the present one before."""
-
-    def sites(self, feet: Any) -> dict[str, Array]:
-        """Arrays (ne, ...), which no partition changes, that tell where points chosen so are. Collective."""
-        ...
-
-    def put_sites(self, values: dict[str, Array]) -> None:
-        """Choose the points that `sites` told of."""
-
     def response(self, feet: Any, trial: Trial) -> Response: ...
 
     def add_forces(self, feet: Any, response: Response, residual: Floats, tool_residual: Floats) -> None: ...

@@ -88,20 +88,6 @@ class RigidPartner:
         """Gaps (ne nq,) at these places, shifts added: on a tool the tangent foresees no others."""
         return (self.response(feet, trial).gap + trial.history.shift).ravel()
 
-    def resampled(self, trial: Trial, feet: RigidFeet) -> Trial:
-        """The same: points stay where they are on the slave."""
-        return trial
-
-    def return_to(self, trial: Trial) -> None:
-        """Nothing to do: they have stayed."""
-
-    def sites(self, feet: RigidFeet) -> dict[str, Array]:
-        """Nothing to keep."""
-        return {}
-
-    def put_sites(self, values: dict[str, Array]) -> None:
-        """Nothing to take up."""
-
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
         return trial.history.carried_on(share)

@@ -19,8 +19,7 @@ FARTHEST = (
     10.0  # sizes of the bodies; a solve that moves a node or tool by more than that and what is driven has met no resistance
 )
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
-# Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway, and samples
-# of averages lie where they will at last.
+# Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
 HELD = 1e-3
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
@@ -53,18 +52,18 @@ class Newton:
         du, dq = system.begin_step(t)
         if _extrapolate(system, du):
             try:
-                return self._iterate(system, np.zeros_like(du), dq, report, resample=True)
+                return self._iterate(system, np.zeros_like(du), dq, report)
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report, resample=True)
+        return self._iterate(system, du, dq, report)
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after its multipliers have changed."""
         du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, StepReport())
 
-    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, resample: bool = False) -> StepReport:
+    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         foresight, foresees = system.foresight, bool(system.foresight.contacts)
@@ -100,12 +99,8 @@ class Newton:
             if left == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
-            foreseen = size > HELD and not shorten
-            if foreseen:
+            if size > HELD and not shorten:
                 foresight.foresee(system.state)
-            if resample and (foreseen and solve <= SETTLING or solve == 1):  # then they are held
-                foresight.resample(system.state)
-            if foreseen or solve == 1:
                 system.assemble_residual()
             owed = left * owed[0], left * owed[1]
             du, dq = owed
@@ -228,7 +223,6 @@ class Incremental:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         solve_once(system, self.linear, du, dq)
-        system.foresight.resample(system.state)
         return StepReport(1, [relative_residual(system)])
 
     settle = step
