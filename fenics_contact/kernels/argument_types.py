@@ -33,11 +33,11 @@ def _form(value: Any) -> object:
 @typeof_impl.register(tuple)
 def typeof_tuple(value: tuple[Any, ...], context: Any) -> Any:
     """The type of a tuple that is an argument, by its form."""
-    if context.purpose is not Purpose.argument:
-        return _worked_out(value, context)
     try:
         form = _form(value)
     except _Unknown:
+        return _worked_out(value, context)
+    if context.purpose is not Purpose.argument:
         return _worked_out(value, context)
     if form not in _known:
         _known[form] = _worked_out(value, context)

@@ -137,9 +137,7 @@ def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: f
     low, high, origin = np.empty((n, 3)), np.empty((n, 3)), np.empty(3)
     facet_boxes(x, nodes, size, margin, low, high)
     for p in range(3):
-        origin[p] = low[0, p]
-        for f in range(1, n):
-            origin[p] = min(origin[p], low[f, p])
+        origin[p] = low[:, p].min()
     h = cell_size(low, high, origin)
 
     buckets = 1

@@ -7,7 +7,6 @@ where its row begins and ends in columns (nb,), rising global numbers).
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.reductions import greatest
 from fenics_contact.types import Bools, Ints64
 
 Pattern = tuple[Ints64, Ints64, Ints64, Ints64]  # blocks, first, end, columns
@@ -92,7 +91,7 @@ def coupled_pairs(
     Called twice: with no place in rows (n,), columns (n,) it only counts.
     """
     points = len(slave_nodes)
-    count = 1 + max(greatest(slave_nodes), greatest(corners))
+    count = 1 + max(slave_nodes.max(), corners.max())
     number, known, local, at = np.empty(count, np.int64), np.full(count, -1), np.empty(count, np.int64), 0
     here, seen = np.empty(count, np.int64), np.full(count, -1)
     lists, first = (offsets, listed), 0

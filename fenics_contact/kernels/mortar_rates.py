@@ -12,7 +12,6 @@ from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, Patches, join, no_list
-from fenics_contact.kernels.reductions import greatest
 from fenics_contact.kernels.vectors import (
     ZERO,
     Four,
@@ -84,7 +83,7 @@ def node_products(
     feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
     anchor_nodes, anchor_weights, rates = anchors[0], anchors[1], sample_rates(met)
     count, m, k, l, groups = len(shapes), shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
-    known, sums, led = np.empty(greatest(blocks.reshape(-1, 1)) + 1, np.int64), *_room(starts)
+    known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
     listed, leaned = no_list(groups), np.zeros((groups, 5, 4))
     at_group = listed[PLACE]
     for A in range(len(heights)):

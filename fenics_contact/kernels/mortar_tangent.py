@@ -13,7 +13,6 @@ from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.mortar import Met, Slaves
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
 from fenics_contact.kernels.mortar_rates import Products, Turned
-from fenics_contact.kernels.reductions import any_true
 from fenics_contact.kernels.vectors import (
     ZERO,
     Four,
@@ -89,7 +88,7 @@ def tangent_rows(
     k, l, (samples, m), groups = slaves[0].shape[1], corners.shape[1], shapes.shape, len(slot_starts) - 1
     (patch_rows, spans), members = _patch_rows(products, count), products[1][2]
     (slave_rows, ours), leans = _slave_rows(slaves, held, blocks, count), _slave_leans(slaves, held)
-    (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), _bare(held[0], met[6])
+    (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), (held[0] & (met[6] < 1.0)).any()
     listed, sums, end = no_list(count), np.zeros((count, 3, 4)), 0
     normals, leaned = no_list(groups), np.zeros((groups, 3, 4))
     for i in range(count):
@@ -160,22 +159,13 @@ def _slave_leans(slaves: Slaves, held: Held) -> Floats:
 
 
 @njit(cache=True)
-def _bare(presses: Bools, covers: Floats) -> bool:
-    """Whether a sample that presses (np,) is not all covered."""
-    q = 0
-    while q < len(presses) and not (presses[q] and covers[q] < 1.0):
-        q += 1
-    return q < len(presses)
-
-
-@njit(cache=True)
 def _slave_rows(slaves: Slaves, held: Held, blocks: Ints64, count: int) -> Gathered:
     """Nodes of the slave's facets that a sample presses on, gathered by blocks: numbers k facet + place there."""
     nodes, samples = slaves[0], len(slaves[3])
     k = nodes.shape[1]
     numbers = np.full(k * len(nodes), -1)
     for f in range(len(nodes)):
-        for i in range(k if any_true(held[0], f * samples, (f + 1) * samples) else 0):
+        for i in range(k if held[0][f * samples : (f + 1) * samples].any() else 0):
             numbers[k * f + i] = blocks[nodes[f, i]]
     return gathered(numbers, count)
 

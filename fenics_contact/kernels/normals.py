@@ -16,7 +16,6 @@ import math
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.reductions import greatest, same
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, got, less, minus, norm, plus, put, row, times
 from fenics_contact.types import Bools, Floats, Ints64
 
@@ -44,13 +43,13 @@ def grouped_corners(
     between facets beyond which they do not share a normal.
     """
     m = gradients.shape[0]
-    count, most = greatest(nodes) + 1, 0
+    count = nodes.max() + 1 if len(nodes) else 0
     first = np.zeros(count + 1, np.int64)
     for f in range(len(nodes)):
         for c in range(m):
             first[nodes[f, c] + 1] += 1
+    most = (first**2).sum()
     for node in range(count):
-        most += first[node + 1] ** 2
         first[node + 1] += first[node]
     own, normals, at = np.empty((len(nodes) * m, 2), np.int64), np.empty((len(nodes), m, 3)), first.copy()
     for f in range(len(nodes)):
@@ -75,7 +74,7 @@ def grouped_corners(
                     facets[end], places[end] = own[b]
                     end += 1
             for g in range(old, n):
-                if same(facets[starts[g] : starts[g + 1]], facets[starts[n] : end]):
+                if np.array_equal(facets[starts[g] : starts[g + 1]], facets[starts[n] : end]):
                     group[f, c] = g
             if group[f, c] < 0:
                 group[f, c] = n
