@@ -8,7 +8,7 @@ from weakref import WeakMethod
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.petsc_memory import HANDLE, INT, Rows, array_at, block_rows, called
+from fenics_contact.assembly.petsc_memory import HANDLE, Rows, array_at, block_rows, called, other_columns, row_parts
 from fenics_contact.kernels.block_products import add_product, diagonal_product, inverses
 from fenics_contact.types import Floats, Mat, Vec
 
@@ -50,12 +50,11 @@ class Blocks:
         if matrix.comm.size == 1:
             self._own = block_rows(HANDLE(matrix.handle))
         else:
-            own, others, ghosts = HANDLE(), HANDLE(), HANDLE()
-            called("MatMPIBAIJGetSeqBAIJ", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, ghosts)))
+            own, others, ghosts = row_parts(matrix)
             self._own, self._others = block_rows(own), block_rows(others)
             known = None if pattern is None else (matrix.handle, pattern, others.value, ghosts.value)
             if matrix.comm.tompi4py().allreduce(known is None or known != self._known):
-                self._reach(matrix, others, ghosts)
+                self._reach(matrix)
                 self._known = known
         self._matrix = matrix
         for place, rows in enumerate((self._own, self._others)):
@@ -64,17 +63,15 @@ class Blocks:
             if rows is not None:
                 self._singles[place][:] = rows[2]
 
-    def _reach(self, matrix: Mat, others: ctypes.c_void_p, ghosts: ctypes.c_void_p) -> None:
+    def _reach(self, matrix: Mat) -> None:
         """Make the exchange of the entries that other processes own."""
         for thing in (self._scatter, self._ghosts):
             if thing is not None:
                 thing.destroy()
-        rows, columns = INT(), INT()
-        called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
-        count = columns.value // 3
-        places = PETSc.IS().createBlock(3, array_at(ghosts, INT, count), comm=matrix.comm)
+        columns = other_columns(matrix)
+        places = PETSc.IS().createBlock(3, columns, comm=matrix.comm)
         x = matrix.createVecRight()
-        self._ghosts = PETSc.Vec().createSeq(3 * count)
+        self._ghosts = PETSc.Vec().createSeq(3 * len(columns))
         self._scatter = PETSc.Scatter().create(x, places, self._ghosts, None)
         x.destroy(), places.destroy()
 

@@ -29,10 +29,16 @@ def block_rows(matrix: ctypes.c_void_p) -> Rows:
     return starts, array_at(columns, INT, starts[-1]), array_at(blocks, ctypes.c_double, 9 * starts[-1])
 
 
+def row_parts(matrix: Mat) -> tuple[ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]:
+    """Of a matrix of several ranks a process's own rows: those of its own columns, those of others', and these' numbers."""
+    own, others, numbers = HANDLE(), HANDLE(), HANDLE()
+    called("MatMPIBAIJGetSeqBAIJ", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, numbers)))
+    return own, others, numbers
+
+
 def other_columns(matrix: Mat) -> Array:
     """Numbers of the block columns of other processes that a process's own rows have, rising; a matrix of several ranks."""
-    own, others, numbers, rows, columns = HANDLE(), HANDLE(), HANDLE(), INT(), INT()
-    called("MatMPIBAIJGetSeqBAIJ", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, numbers)))
+    (_, others, numbers), rows, columns = row_parts(matrix), INT(), INT()
     called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
     return array_at(numbers, INT, columns.value // 3)
 

@@ -36,7 +36,8 @@ class FreeRows:
         self._free, self._diagonal = np.empty(0, dtype=PETSc.IntType), np.empty(0)
         self._scalars: Mat = None
         self._part: Mat = None  # of these, the free rows and columns
-        self._ends: tuple[Any, ...] = ()
+        self._rows: Any = None  # the numbers of these
+        self._ends: tuple[Any, ...] = ()  # vectors of them
         self._solver, self.pc = PETSc.KSP().create(comm), PETSc.PC().create(comm)
         self._solver.setType("preonly")
         self._solver.setOptionsPrefix(prefix)
@@ -51,12 +52,12 @@ class FreeRows:
         if not same_pattern:
             self._forget()
         self._scalars = matrix.convert("aij", out=self._scalars or PETSc.Mat())
-        start, end = matrix.getOwnershipRange()
         self._diagonal = matrix.getDiagonal().array_r[self._held]
-        self._free = np.setdiff1d(np.arange(end - start, dtype=PETSc.IntType), self._held)
-        rows = PETSc.IS().createGeneral(self._free + start, comm=matrix.comm)
-        self._part = self._scalars.createSubMatrix(rows, rows, self._part)
-        rows.destroy()
+        if self._rows is None:
+            start, end = matrix.getOwnershipRange()
+            self._free = np.setdiff1d(np.arange(end - start, dtype=PETSc.IntType), self._held)
+            self._rows = PETSc.IS().createGeneral(self._free + start, comm=matrix.comm)
+        self._part = self._scalars.createSubMatrix(self._rows, self._rows, self._part)
         self._part.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         if not self._ends:
             self._ends = self._part.createVecs()
@@ -73,10 +74,10 @@ class FreeRows:
         self.pc.destroy(), self._solver.destroy()
 
     def _forget(self) -> None:
-        for thing in (self._scalars, self._part, *self._ends):
+        for thing in (self._scalars, self._part, self._rows, *self._ends):
             if thing is not None:
                 thing.destroy()
-        self._scalars, self._part, self._ends = None, None, ()
+        self._scalars, self._part, self._rows, self._ends = None, None, None, ()
 
     def _apply(self, x: int, y: int) -> None:
         size, (right, solution) = len(self._free) + len(self._held), self._ends

@@ -3,13 +3,12 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_contact.output.late import figures
+from fenics_contact.output.late import Late, figures
 from fenics_contact.packages import require
 from fenics_contact.solid.materials import Isotropic, isochoric_energy
 from fenics_contact.studies.charts import COLOURS, MARKERS, StudyError
@@ -18,6 +17,8 @@ from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+optimize: Any = Late("scipy.optimize")
 
 # of each test: the three stretches at one of them, and how many of these do the same work
 TESTS: dict[str, tuple[Callable[[float], tuple[float, float, float]], int]] = {
@@ -110,7 +111,7 @@ def fit(law: Callable[..., Isotropic], tests: Mapping[str, object], K: float, **
 
     first = np.array(list(start.values()), dtype=float)
     require("scipy")
-    found = import_module("scipy.optimize").least_squares(
+    found = optimize.least_squares(
         residuals, first, x_scale=np.maximum(np.abs(first), 1e-3), xtol=1e-12, ftol=1e-12, gtol=1e-12
     )
     if not found.success or not np.isfinite(found.cost) or found.cost > REFUSED:
