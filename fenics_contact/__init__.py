@@ -1,5 +1,7 @@
 """Large-deformation frictional contact of rubber-like bodies on FEniCSx."""
 
+import gc
+
 from fenics_contact import packages  # noqa: F401 - first, so that a missing module is named with its package
 from fenics_contact.contact.friction import coulomb
 from fenics_contact.contact.penalties import Penalty
@@ -39,6 +41,7 @@ from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.uncaught import install as _install
 from fenics_contact.values import SceneError
 
+gc.freeze()  # as in `packages`: in a small run the collector would look through all of it once, for 45 ms
 _install()  # of wrong statements that end a script only the message and the script's own lines are printed
 
 __version__ = "0.1.0"

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import _cffi_backend
 import basix
 import cffi
 import dolfinx
@@ -37,7 +38,7 @@ Constant: TypeAlias = fem.Constant
 
 # A NaN must survive as NaN: solvers recognise an inverted element by it.
 _C_FLAGS = ["-O3", "-march=native", "-ffast-math", "-fno-finite-math-only"]
-_FFI = cffi.FFI()
+_FFI = _cffi_backend.FFI()  # as those of compiled modules: one of `cffi.FFI` loads a parser of C for its first cast
 _JIT_NAME = "jit_options" if "jit_options" in inspect.signature(fem.form).parameters else "jit_params"
 _HAS_FUNCTIONSPACE = hasattr(fem, "functionspace")
 _HAS_PETSC_VEC = not hasattr(fem.Function, "vector")

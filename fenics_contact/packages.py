@@ -1,5 +1,6 @@
 """The modules that the package needs and the Debian packages that bring them: a missing one is named with its package."""
 
+import gc
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -47,6 +48,13 @@ def module(name: str) -> ModuleType:
 # something is drawn it is enough that it is there
 LATER = ("scipy", "meshio", "matplotlib")
 blas.prepare()  # the first of them, NumPy, may load it
-require(*(name for name in PACKAGES if name not in LATER))
+collects = gc.isenabled()
+gc.disable()  # of hundreds of modules nothing becomes garbage, and the collector need not look through them later either
+try:
+    require(*(name for name in PACKAGES if name not in LATER))
+finally:
+    gc.freeze()
+    if collects:
+        gc.enable()
 if find_spec("matplotlib") is None:
     require("matplotlib")

@@ -6,8 +6,8 @@ import sys
 import xml.etree.ElementTree as ET
 import zlib
 from collections.abc import Mapping
+from html import escape  # of XML too; xml.sax would bring the protocols of the web along
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -73,8 +73,12 @@ def _array(name: str, values: Array, counted: bool) -> str:
     parts = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
     if values.ndim == 2 and values.shape[1] == len(TENSOR):
         parts += "".join(f' ComponentName{i}="{axes}"' for i, axes in enumerate(TENSOR))
-    name = quoteattr(UNPRINTED.sub(" ", name))
+    name = _quoted(UNPRINTED.sub(" ", name))
     return f'<DataArray type="{TYPES[values.dtype.str[1:]]}" Name={name}{parts}{tuples} format="binary">{text}</DataArray>\n'
+
+
+def _quoted(text: str) -> str:
+    return f'"{escape(text)}"'
 
 
 def write_collection(path: Path, files: Mapping[float, str]) -> None:
@@ -82,7 +86,7 @@ def write_collection(path: Path, files: Mapping[float, str]) -> None:
     with open(path, "w", encoding="utf-8") as file:
         file.write(f'{HEAD}<VTKFile type="Collection" version="1.0" byte_order="{ORDER}">\n<Collection>\n')
         for t, name in files.items():
-            file.write(f'<DataSet timestep="{float(t)!r}" group="" part="0" file={quoteattr(name)}/>\n')
+            file.write(f'<DataSet timestep="{float(t)!r}" group="" part="0" file={_quoted(name)}/>\n')
         file.write("</Collection>\n</VTKFile>\n")
 
 
