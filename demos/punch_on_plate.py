@@ -52,7 +52,7 @@ def press(mesh, case, out, force=None, share=None, steps=10):
         "curve": (-result.column("punch_travel_z_mm"), -result.column("top_force_z_N")),
         "plate": result.drawing("contact_pressure", view=(30, -60)),
         "iterations": [row["iterations"] for row in result.history],
-        "edge": punch.edge,
+        "edge": punch.edge_kind,
     }
 
 

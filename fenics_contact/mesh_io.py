@@ -146,7 +146,7 @@ def read_gmsh(
 
 def read_mesh(
     path: str | Path,
-    size: float | None = None,
+    mesh_size: float | None = None,
     bodies: str | Sequence[str] | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
     ranks: dict[str, int] | None = None,
@@ -154,14 +154,15 @@ def read_mesh(
     """Mesh from a file by its ending, the same on any number of ranks; `docs/meshes.md` says what becomes of its sets.
 
     .msh; .inp (Abaqus, CalculiX); .bdf, .nas (Nastran); .vtu, with meshio; .step, .stp, .brep, .iges, .igs, .geo, meshed
-    with tetrahedra of `size` [length]. bodies: the element sets (.inp) that are bodies, the cell data (.vtu) that say which.
+    with tetrahedra of `mesh_size` [length]. bodies: the element sets (.inp) that are bodies, the cell data (.vtu) that
+    say which.
     Raises SceneError, on all ranks, as read_gmsh does, and for another ending and what is not understood.
     """
     if Path(path).suffix.lower() == ".stl":
         raise SceneError(
             f"the mesh '{path}' cannot be made: an .stl file has no volume; read it as a tool, rigid_surface(path)"
         )
-    asked = {name: value for name, value in (("size", size), ("bodies", bodies)) if value is not None}
+    asked = {name: value for name, value in (("mesh_size", mesh_size), ("bodies", bodies)) if value is not None}
     return read_gmsh(path, comm, ranks, **asked)
 
 

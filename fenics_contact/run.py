@@ -282,7 +282,7 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
     return {
         "name": contact.name,
         "master": contact.master_name,
-        "tool_edge": contact.partner.edge,
+        "tool_edge": contact.partner.edge_kind,
         "moment_about": "the slave surface's present centroid"
         if contact.places.point(system.state) is None
         else "the tool's reference point",

@@ -5,15 +5,15 @@ import math
 import gmsh
 
 
-def build(radius: float = 50.0, size: float = 0.1, growth: float = 1.1, name: str = "roller") -> None:
-    """Half disc about (0, radius); size: of the cells at the origin [lengths]; growth: size of each cell along the rim, and
-    its square through the thickness, over that of its neighbour.
+def build(radius: float = 50.0, mesh_size: float = 0.1, growth: float = 1.1, name: str = "roller") -> None:
+    """Half disc about (0, radius); mesh_size: of the cells at the origin [lengths]; growth: size of each cell along the rim,
+    and its square through the thickness, over that of its neighbour.
 
     Curves: NAME_rim, an eighth of the circle from the origin on, NAME_crown, its upper quarter, and NAME_axis (x = 0).
     """
     geo, half, inner = gmsh.model.geo, radius * math.sqrt(0.5), 0.42 * radius
     steep, line = growth**2, geo.addLine
-    around, inwards = (_count(way, size, q) for way, q in ((radius * math.pi / 4, growth), (0.5 * radius, steep)))
+    around, inwards = (_count(way, mesh_size, q) for way, q in ((radius * math.pi / 4, growth), (0.5 * radius, steep)))
     middle, a, e = (geo.addPoint(x, radius, 0) for x in (0.0, 0.5 * radius, radius))
     base, low = line(middle, a), line(a, e)
     cuts = [(base, around, growth), (low, inwards, 1 / steep)]  # curves, their cells, and the ratio of these
@@ -41,6 +41,6 @@ def build(radius: float = 50.0, size: float = 0.1, growth: float = 1.1, name: st
     gmsh.model.mesh.generate(2)
 
 
-def _count(way: float, size: float, ratio: float) -> int:
-    """Cells along a way [length] that begin with `size` and grow by a ratio."""
-    return math.ceil(math.log(1 + way * (ratio - 1) / size) / math.log(ratio))
+def _count(way: float, mesh_size: float, ratio: float) -> int:
+    """Cells along a way [length] that begin with `mesh_size` and grow by a ratio."""
+    return math.ceil(math.log(1 + way * (ratio - 1) / mesh_size) / math.log(ratio))

@@ -323,9 +323,9 @@ def make_tool(s):
     if s.tool == "meshed ball":
         centre = (x, y, z + L * s.radius)
         return rigid_surface(
-            tool_surfaces.ball, group="ball", radius=L * s.radius, centre=centre, size=facets, reach=0.8, name="tool"
+            tool_surfaces.ball, group="ball", radius=L * s.radius, centre=centre, mesh_size=facets, reach=0.8, name="tool"
         )
-    sizes = {"half_width": L * s.half, "height": L * 2.0 * s.half, "fillet": L * 0.8 * s.half, "size": L * 0.3 * s.half}
+    sizes = {"half_width": L * s.half, "height": L * 2.0 * s.half, "fillet": L * 0.8 * s.half, "mesh_size": L * 0.3 * s.half}
     return rigid_surface(tool_surfaces.punch, group="punch", face=(x, y, z), **sizes, name="tool")
 
 

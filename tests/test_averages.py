@@ -300,7 +300,7 @@ def square_blade(master):
     ]
     result = solve(scene, stages=stages, progress=False).require()
     ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
-    edge = result.system.contacts[0].findings.edge(result.system.state)  # what a verdict would name
+    edge = result.system.contacts[0].findings.pressing_edge(result.system.state)  # what a verdict would name
     return ratio[-1], [note for note in result.verdict.notes if "lean" in note], edge
 
 

@@ -283,7 +283,7 @@ WRONG_VALUES = {
     "hollow text": (lambda s: rigid_sphere(1.0, (0, 0, 0), hollow="yes"), "sphere", "hollow = 'yes'", "within"),
     "tube number": (lambda s: fc.rigid_torus(2.0, 0.0, (0, 0, 0)), "torus", "tube", "positive"),
     "tube wide": (lambda s: fc.rigid_torus(2.0, 2.5, (0, 0, 0)), "torus", "2.5", "smaller"),
-    "profile number": (lambda s: fc.rigid_extrusion(3.0), "profile", "points", "corners (p, z)"),
+    "profile number": (lambda s: fc.rigid_extrusion(3.0), "profile", "profile = 3", "corners (p, z)"),
     "profile one": (lambda s: fc.rigid_extrusion([(0, 0)]), "profile", "at least 2"),
     "profile closed two": (lambda s: fc.rigid_extrusion([(0, 0), (1, 0)], closed=True), "profile", "at least 3"),
     "profile in space": (lambda s: fc.rigid_extrusion([(0, 0), (1, 0, 0, 0)]), "profile: point 2", "(p, z, fillet)"),

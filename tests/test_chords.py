@@ -39,7 +39,7 @@ def test_sides_of_a_polygon_lie_within_its_circle(outwards):
 def test_facets_of_a_ball_leave_out_what_its_volume_lacks(quadrilaterals):
     """Over half a ball area times distance is the volume between it and the polyhedron, to first order in that."""
     half = {"radius": 3.0, "centre": (0, 0, 0), "reach": 1.0}
-    tool = rigid_surface(tool_surfaces.ball, "ball", size=0.3, quadrilaterals=quadrilaterals, **half)
+    tool = rigid_surface(tool_surfaces.ball, "ball", mesh_size=0.3, quadrilaterals=quadrilaterals, **half)
     X = tool.X[tool.nodes]
     first, second, third = (X[:, i] - X[:, 0] for i in (1, 2, 3))
     halves = 0.5 * np.stack([np.cross(first, second), np.cross(second, third)])

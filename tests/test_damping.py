@@ -46,7 +46,7 @@ def past_the_end(way=-6.0):
     """A meshed ball moved down at the end of a cantilever, which bends, lets the ball past its end and springs back."""
     scene = Scene(Body(read_gmsh(box.build, size=(8.0, 2.0, 1.0), cells=(8, 2, 2), origin=(0.0, -1.0, -1.0)), "box", RUBBER))
     scene.fix("xmin")
-    ball = rigid_surface(tool_surfaces.ball, "ball", size=0.6, radius=1.5, centre=(7.5, 0.0, 1.5), name="ball")
+    ball = rigid_surface(tool_surfaces.ball, "ball", mesh_size=0.6, radius=1.5, centre=(7.5, 0.0, 1.5), name="ball")
     scene.contact("zmax", ball, 0.3, name="c")
     return scene, {ball: (0, 0, way)}
 

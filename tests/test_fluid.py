@@ -68,7 +68,7 @@ def on_a_tool(points, friction=0.0, **pressure):
     mesh = read_gmsh(box.build, size=(12.0, 12.0, 6.0), cells=(5, 5, 2), origin=(-6.0, -6.0, -6.0))
     scene = Scene(Body(mesh, "box", RUBBER))
     scene.fix("zmin")
-    ball = rigid_surface(tool_surfaces.ball, "ball", radius=10.0, centre=(0, 0, 10.0), size=1.5)
+    ball = rigid_surface(tool_surfaces.ball, "ball", radius=10.0, centre=(0, 0, 10.0), mesh_size=1.5)
     tool = ball if points == "averages" else rigid_plane((0, 0, 0), (0, 0, -1))
     scene.contact("zmax", tool, friction, points=points, name="c")
     scene.pressure(("zmax", "xmax"), 0.1, where="open", **pressure)

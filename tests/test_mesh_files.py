@@ -287,15 +287,15 @@ def solid():
 def test_a_geometry_is_meshed_with_a_size(folder, suffix):
     path = folder / f"solid{suffix}"
     drawn(path, solid)
-    coarse, fine = (read_mesh(str(path), size=size) for size in (1.0, 0.5))
+    coarse, fine = (read_mesh(str(path), mesh_size=size) for size in (1.0, 0.5))
     assert set(fine.volumes) == {"volume_1"} and set(fine.surfaces) == {f"surface_{i}" for i in range(1, 7)}
     counts = [mesh.domain.topology.index_map(3).size_global for mesh in (coarse, fine)]
     assert 24 <= counts[0] < counts[1]
     assert volume_of(fine) == pytest.approx(np.prod(SIZE), rel=1e-12)
     low = next(name for name in fine.surfaces if at(fine, name, 0.0))
     assert area(fine, "volume_1", low) == pytest.approx(SIZE[0] * SIZE[1], rel=1e-12)
-    refused(lambda: read_mesh(str(path)), "size=", "geometry")
-    tool = rigid_surface(str(path), size=1.0)  # facets look out of the solid: its volume by the divergence theorem
+    refused(lambda: read_mesh(str(path)), "mesh_size=", "geometry")
+    tool = rigid_surface(str(path), mesh_size=1.0)  # facets look out of the solid: its volume by the divergence theorem
     corners = tool.X[tool.nodes[:, :3]]
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(np.prod(SIZE), rel=1e-12)
 
@@ -305,7 +305,7 @@ def test_a_geo_script_with_names_and_sizes_of_its_own(folder):
     text = 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 1, 1.5}; MeshSize {:} = 0.75;\n'
     text += 'Physical Volume("rubber") = {1}; Physical Surface("ends") = {1, 2};\n'
     path = written(folder / "solid.geo", text)
-    own, fine = read_mesh(path), read_mesh(path, size=0.4)
+    own, fine = read_mesh(path), read_mesh(path, mesh_size=0.4)
     assert set(own.volumes) == {"rubber"} and set(own.surfaces) == {"ends"}
     assert own.domain.topology.index_map(3).size_global < fine.domain.topology.index_map(3).size_global
     assert area(own, "rubber", "ends") == pytest.approx(3.0, rel=1e-12)
@@ -376,13 +376,13 @@ def hull():
 def test_what_a_file_without_cells_holds_is_said(folder):
     drawn(folder / "hull.step", hull)
     surfaces = "6 surfaces", "no cells of a volume", "export a solid", "rigid_surface(path)", "a node of this has z = 1.5"
-    refused(lambda: read_mesh(folder / "hull.step", size=1.0), "hull.step", *surfaces)
-    assert len(rigid_surface(folder / "hull.step", size=1.0).nodes) > 6
+    refused(lambda: read_mesh(folder / "hull.step", mesh_size=1.0), "hull.step", *surfaces)
+    assert len(rigid_surface(folder / "hull.step", mesh_size=1.0).nodes) > 6
     junk = written(folder / "junk.iges", "no geometry\n")
-    refused(lambda: read_mesh(junk, size=1.0), "junk.iges", "nothing that gmsh can read", "export a solid")
+    refused(lambda: read_mesh(junk, mesh_size=1.0), "junk.iges", "nothing that gmsh can read", "export a solid")
     curve = written(folder / "curve.geo", "Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Line(1) = {1, 2};\n")
-    refused(lambda: read_mesh(curve, size=1.0), "curve.geo", "1 curves, 2 points", "no cells")
-    refused(lambda: read_mesh(written(folder / "wrong.geo", "Box(1 = {\n"), size=1.0), "line 1: syntax error")
+    refused(lambda: read_mesh(curve, mesh_size=1.0), "curve.geo", "1 curves, 2 points", "no cells")
+    refused(lambda: read_mesh(written(folder / "wrong.geo", "Box(1 = {\n"), mesh_size=1.0), "line 1: syntax error")
     shells = written(folder / "shells.bdf", NASTRAN + "CTRIA3,1,7,1,2,4\nENDDATA\n")
     refused(
         lambda: read_mesh(shells), "shells.bdf", "1 elements of type 'Triangle 3'", "CHEXA or CTETRA", "rigid_surface(path)"
@@ -524,7 +524,7 @@ def test_one_part_and_one_instance_are_the_part(folder):
 def test_other_files_that_are_refused(folder):
     refused(lambda: read_mesh(written(folder / "mesh.xyz", "")), "mesh.xyz", "'.xyz'", ".inp", ".step", ".stl for a tool")
     refused(lambda: read_mesh(str(folder / "none.inp")), "none.inp", "does not exist")
-    refused(lambda: read_mesh(written(folder / "cube.inp", CUBE), size=1.0), "size=", ".step", "leave it out")
+    refused(lambda: read_mesh(written(folder / "cube.inp", CUBE), mesh_size=1.0), "mesh_size=", ".step", "leave it out")
     tetrahedron = NASTRAN + "CTETRA,1,7,1,2,3,4\nENDDATA\n"
     assert set(read_mesh(written(folder / "one.bdf", tetrahedron)).volumes) == {"pid_7"}
     refused(lambda: read_mesh(str(folder / "one.bdf"), bodies="pid_7"), "bodies=", ".inp, .vtu")

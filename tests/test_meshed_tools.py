@@ -45,7 +45,7 @@ def block(tool, friction=0.0, cells=(8, 8, 4), degree=1, **contact):
 
 def ball(size, sink=0.0, **parameters):
     centre = (0, 0, RADIUS - sink)
-    return rigid_surface(tool_surfaces.ball, "ball", radius=RADIUS, centre=centre, size=size, **parameters)
+    return rigid_surface(tool_surfaces.ball, "ball", radius=RADIUS, centre=centre, mesh_size=size, **parameters)
 
 
 def down_and_along(down, along):
@@ -90,7 +90,7 @@ def test_punch_converges_to_the_filleted_punch():
     """With slave nodes, which seek the closest point on either; Gauss points seek along the body's own normal on one."""
     shape, sizes = {"half_width": 3.0, "height": 4.0, "fillet": 1.5}, np.array([1.5, 0.75, 0.25])
     exact = force(rigid_punch(**shape), points="nodes")
-    meshed = [force(rigid_surface(tool_surfaces.punch, "punch", **shape, size=h), points="nodes") for h in sizes]
+    meshed = [force(rigid_surface(tool_surfaces.punch, "punch", **shape, mesh_size=h), points="nodes") for h in sizes]
     errors = [np.linalg.norm(f - exact) / np.linalg.norm(exact) for f in meshed]
     assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] > 1.5  # 2 less what coarse meshes scatter
     assert errors[-1] < 0.01  # mean sagitta h^2/16r of the rounding: 0.26 % of the travel, and its edges carry most
@@ -304,7 +304,7 @@ def refused(match, action):
 
 @pytest.mark.parallel
 def test_bad_surfaces_are_refused():
-    refused("no surface group 'bowl'.*ball", lambda: rigid_surface(tool_surfaces.ball, "bowl", size=3.0))
+    refused("no surface group 'bowl'.*ball", lambda: rigid_surface(tool_surfaces.ball, "bowl", mesh_size=3.0))
     refused("has no facets", lambda: rigid_surface(lambda: gmsh.model.occ.addPoint(0, 0, 0)))
     refused("cannot be made", lambda: rigid_surface("no_such_file.msh"))
     refused("order 1", lambda: rigid_surface(quadratic))

@@ -311,7 +311,7 @@ def test_hertz(plane):
     greatest pressure to 0.1 % with 16 cells over the radius of contact."""
     E, nu, a, R = 1000.0, 0.3, 1.0, 1000.0
     star = E / (1 - nu**2)
-    mesh = read_gmsh(graded_rectangle.build, width=6.0, height=6.0, size=a / 16, fine=1.5 * a, growth=1.15)
+    mesh = read_gmsh(graded_rectangle.build, width=6.0, height=6.0, mesh_size=a / 16, fine=1.5 * a, growth=1.15)
     scene = Scene(Body(mesh, "block", from_elastic(E, nu)), plane=plane, degree=2)
     if plane == "axisymmetric":
         force, depth, peak = 4 / 3 * star * np.sqrt(R) * (a**2 / R) ** 1.5, a**2 / R, 2 * star * a / (np.pi * R)
@@ -346,8 +346,8 @@ def test_a_roller_on_a_block():
     a = 6.2146 / 10
 
     def draw():
-        graded_rectangle.build(width=100.0, height=200.0, size=a / 16, fine=1.3 * a)
-        roller.build(radius=50.0, size=a / 16)
+        graded_rectangle.build(width=100.0, height=200.0, mesh_size=a / 16, fine=1.3 * a)
+        roller.build(radius=50.0, mesh_size=a / 16)
 
     mesh = read_gmsh(draw)
     bodies = Body(mesh, "roller", from_elastic(210e3, 0.3)), Body(mesh, "block", from_elastic(70e3, 0.3))
@@ -418,7 +418,7 @@ def rounded_punch(size, coarse):
 def test_a_flat_punch_on_a_bonded_layer(height, kappa):
     """Incompressible, of infinite width: F = 2 E* a d kappa, right to a cell at the sharp edge (first order)."""
     depth, size = 1e-5, 1 / 512  # of the punch's radius 1: small strains
-    mesh = read_gmsh(graded_rectangle.build, width=1 + 6 * height, height=height, size=size, at=1.0, growth=1.6)
+    mesh = read_gmsh(graded_rectangle.build, width=1 + 6 * height, height=height, mesh_size=size, at=1.0, growth=1.6)
     scene = Scene(Body(mesh, "block", neo_hooke(1.0, 1e5)), plane="axisymmetric", degree=2, element="mixed")
     scene.fix("block_ymin")
     punch = rigid_punch(1.0, 1.0, (0.0, 0.0, 0.0), direction=(0.0, -1.0, 0.0))
@@ -643,7 +643,7 @@ def on_a_curve(flip=False, **options):
 
 def plate_in_the_plane():
     scene = block(plane="strain")
-    scene.contact("box_ymax", rigid_surface(tool_surfaces.ball, "ball", radius=1.0, centre=(0.5, 2.0, 0.0), size=0.3))
+    scene.contact("box_ymax", rigid_surface(tool_surfaces.ball, "ball", radius=1.0, centre=(0.5, 2.0, 0.0), mesh_size=0.3))
 
 
 def soft_triangles():
@@ -831,7 +831,7 @@ def test_the_ring_that_a_ball_beside_the_axis_makes_is_the_torus_that_is_named()
 @pytest.mark.parametrize("plane, degree", [("strain", 1), ("strain", 2), ("axisymmetric", 1), ("axisymmetric", 2)])
 def test_the_displacement_that_ends_a_path_is_a_mean_over_area(plane, degree):
     """Of a side whose nodes lie close together at one end, and which a load bends: not the mean of its nodes."""
-    mesh = read_gmsh(graded_rectangle.build, width=4.0, height=1.0, size=0.1, at=0.5, growth=1.5)
+    mesh = read_gmsh(graded_rectangle.build, width=4.0, height=1.0, mesh_size=0.1, at=0.5, growth=1.5)
     scene = Scene(Body(mesh, "block", RUBBER), plane=plane, degree=degree)
     scene.fix("block_ymin")
     scene.traction("block_ymax", lambda X, t: np.column_stack([0 * X[:, 0], 0.2 * t * X[:, 0] ** 2, 0 * X[:, 0]]))

@@ -103,7 +103,7 @@ def dragged(kind):
         ball = {"radius": 10.0, "centre": (2.0, 2.0, 10.0)}
         master = rigid_sphere(**ball, name="ball")
         if kind == "meshed":
-            master = rigid_surface(tool_surfaces.ball, "ball", size=1.5, **ball)
+            master = rigid_surface(tool_surfaces.ball, "ball", mesh_size=1.5, **ball)
     scene.prescribe(led, "z", lambda X, t: np.full(len(X), way * min(2.0 * t, 1.0)))
     scene.prescribe(led, "x", lambda X, t: np.full(len(X), 0.3 * max(2.0 * t - 1.0, 0.0)))
     scene.fix(led, "y")

@@ -128,7 +128,9 @@ def joint(partner, points):
     if partner == "roll":
         tool = rigid_cylinder(3.0, (0.2, 0.0, 3.0), (0, 1, 0), name="tool")
     else:
-        tool = rigid_surface(tool_surfaces.punch, half_width=1.2, face=(0.2, 0.1, 0.0), fillet=0.4, size=0.5, name="tool")
+        tool = rigid_surface(
+            tool_surfaces.punch, half_width=1.2, face=(0.2, 0.1, 0.0), fillet=0.4, mesh_size=0.5, name="tool"
+        )
     scene.contact("zmax", tool, 0.5, points=points, name="j")
     return scene, {"move": {tool: lambda t: (0.1 * t, 0.03 * t, -0.08 * min(2 * t, 1))}}, "zmin"
 
@@ -639,7 +641,7 @@ def test_moments_are_about_the_tool():
     mesh = read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(4, 4, 2))
     scene = Scene(Body(mesh, "box", neo_hooke(0.5, 3.0)))
     scene.fix("zmin")
-    ball = rigid_surface(tool_surfaces.ball, radius=2.0, centre=(2.0, 2.0, 4.0), size=0.5, name="ball")
+    ball = rigid_surface(tool_surfaces.ball, radius=2.0, centre=(2.0, 2.0, 4.0), mesh_size=0.5, name="ball")
     np.testing.assert_allclose(ball.point[:2], 2.0, atol=0.02)
     scene.contact("zmax", ball, name="top")
     row = solve(scene, move={ball: (0, 0, -0.3)}, steps=2, progress=False).require().history[-1]

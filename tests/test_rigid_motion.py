@@ -98,7 +98,9 @@ def placed(name, points, friction, shift, spin):
     """A System whose tool, all of whose components are free, is pressed 0.4 mm into a roughened block and turned,
     committed, then moved on by `shift` [mm] and `spin` [rad]."""
     tool = (
-        TOOLS[name] if name in TOOLS else rigid_surface(tool_surfaces.ball, "ball", radius=5.0, centre=(0, 0, 5.0), size=0.8)
+        TOOLS[name]
+        if name in TOOLS
+        else rigid_surface(tool_surfaces.ball, "ball", radius=5.0, centre=(0, 0, 5.0), mesh_size=0.8)
     )
     motion = Motion(about=(0.5, -0.3, 1.0), force=(1.0, 1.0, -1.0), moment=(1.0, 1.0, 1.0))
     system = rubber(tool, friction, points=points).system(move={tool: motion})
@@ -306,7 +308,7 @@ def test_arc_length_turns_a_shaft():
 @pytest.mark.parametrize("points", ["averages", 2])
 def test_a_meshed_ball_is_twisted(points):
     """By a moment: the contact's is its opposite, and forces, torques and rates are right on any number of ranks."""
-    ball = rigid_surface(tool_surfaces.ball, "ball", radius=8.0, centre=(0, 0, 8.0), size=1.0, name="ball")
+    ball = rigid_surface(tool_surfaces.ball, "ball", radius=8.0, centre=(0, 0, 8.0), mesh_size=1.0, name="ball")
     motion = Motion(z=lambda t: -0.4 * min(2 * t, 1.0), moment=lambda t: (0, 0, 0.1 * max(2 * t - 1, 0.0)))
     scene = rubber(ball, 0.5, points=points)
     result = solve(scene, move={ball: motion}, steps=2, stabilise=True, progress=False)

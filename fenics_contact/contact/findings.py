@@ -287,7 +287,7 @@ class Findings:
         )
         return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
-    def edge(self, state: State) -> Finding | None:
+    def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""
         contact, angle = self._contact, _lean(self._contact, state)
         if angle is None:

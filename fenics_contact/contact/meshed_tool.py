@@ -35,7 +35,7 @@ class MeshedToolPartner(FacetPartner):
 
     def __init__(self, tool: MeshedTool, index: int, places: PointPlaces) -> None:
         super().__init__(tool.name, places)
-        self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
+        self.index, self.edge_kind = index, f"meshed, {len(tool.nodes)} facets"
 
     def _new_pattern(self) -> PairPattern:
         # what the tool's nodes are coupled by follows from the slave's: behind this rank's slave nodes they are one node
@@ -67,7 +67,7 @@ class MeshedToolAverages(MortarPartner):
 
     def __init__(self, tool: MeshedTool, index: int, places: NodePlaces) -> None:
         super().__init__(tool.name, places)
-        self.index, self.edge = index, f"meshed, {len(tool.nodes)} facets"
+        self.index, self.edge_kind = index, f"meshed, {len(tool.nodes)} facets"
 
     def _new_pattern(self) -> NodePattern:
         # what the tool's nodes are coupled by follows from the slave's: behind all blocks of the System they are one more

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Multipliers:
-    """Those of a contact with a tolerance [length]: the penalty carries only what they do not yet carry.
+    """Those of a contact with a largest penetration [length]: the penalty carries only what they do not yet carry.
 
     Between accepted steps they grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <-
     min(lambda + eps_N g, 0) and, where a point sticks, lambda_T <- lambda_T + eps_T times its slip since it came to rest,
@@ -27,7 +27,7 @@ class Multipliers:
         self._contact = contact
 
     def misfit(self, state: State) -> float:
-        """Largest error of this rank's points over the tolerance: penetration, pressure across a gap, slip in stick."""
+        """Largest error of this rank's points over what is allowed: penetration, pressure across a gap, slip in stick."""
         contact, trial = self._contact, self._contact.trial
         feet, status = contact.places.feet(state), contact.response(state).status
         slips = contact.partner.anchors.slips(feet, trial, status).max(initial=0.0)

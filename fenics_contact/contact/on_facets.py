@@ -10,8 +10,8 @@ from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.joints import Directions
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import Sights
+from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints64
 
@@ -85,14 +85,13 @@ class PlacesOnFacets:
         raise NotImplementedError
 
 
-class OnFacets:
+class OnFacets(PointPressures):
     """What contacts with facets have in common besides `places`."""
 
-    edge = "none"
+    edge_kind = "none"
     foresees = True
     grounded = False
     softens = False
-    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
     places: PlacesOnFacets
 
     def touches(self, blocks: Array) -> int:
@@ -107,14 +106,6 @@ class OnFacets:
         """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""
         largest = np.max(self.places.comm.allgather(np.abs(self.places.looks(state)).max(axis=(0, 1), initial=0.0)), axis=0)
         return set("xyz") if rough else {"xyz"[axis] for axis in range(3) if largest[axis] > 1e-6}
-
-    def carried_on(self, trial: Trial, share: float) -> Floats:
-        """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
-        return trial.history.carried_on(share)
-
-    def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
-        """Nothing: it is asked of averages alone."""
-        return np.zeros(4)
 
 
 def own(anchors: Anchors) -> tuple[Ints64, Floats]:

@@ -2,6 +2,8 @@
 
 from typing import Any, Protocol
 
+import numpy as np
+
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction
@@ -90,12 +92,12 @@ class Partner(Protocol):
     grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
     pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no increment need be
     shortened; softens: may penalties be softer on the way to a solution; smooth: have forces without friction a potential;
-    edge: what the output says of its edges; slid_off: what to do where the slave has left the master.
+    edge_kind: what the output says of its edges; slid_off: what to do where the slave has left the master.
     """
 
     name: str
     surface: SlaveSurface
-    edge: str
+    edge_kind: str
     grounded: bool
     foresees: bool
     settles: bool
@@ -135,3 +137,17 @@ class Partner(Protocol):
     def gives(self, held: Array) -> bool: ...
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
+
+
+class PointPressures:
+    """What partners have in common whose slave points press each by itself; averages say otherwise."""
+
+    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+
+    def carried_on(self, trial: Trial, share: float) -> Floats:
+        """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
+        return trial.history.carried_on(share)
+
+    def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
+        """Nothing: it is asked of averages alone."""
+        return np.zeros(4)

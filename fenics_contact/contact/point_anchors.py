@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.trial import Trial
-from fenics_contact.kernels.contact_pairs import augmented_anchors, committed_anchors, stiffened_anchors
+from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 if TYPE_CHECKING:
@@ -43,20 +43,23 @@ class PointAnchors:
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
         """What the penalty gave way in stick (ne, nq) [length]."""
-        return self._augmented(feet, trial)[1]
+        return self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1].reshape(self._shape)
 
     def augmented(self, feet: FacetFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
-        return self._augmented(feet, trial, share)[0]
-
-    def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
-        pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
-        *new, slips = augmented_anchors(*pairs, own(trial.history.rests), laws, share)
-        return tuple(new), slips.reshape(self._shape)
+        return self._since(trial.history.rests, feet, trial, (share, 1.0))[0]
 
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
-        return stiffened_anchors(*self._partner.pairs(feet, trial), own(rests), self._partner.laws(feet, trial), factor)
+        return self._since(rests, feet, trial, (factor - 1.0, factor))[0]
+
+    def _since(
+        self, rests: Anchors, feet: FacetFeet, trial: Trial, grown: tuple[float, float]
+    ) -> tuple[tuple[Ints64, Floats], Floats]:
+        """Anchors and slips (np,) since points came to rest, see `anchors_since_rest`."""
+        pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
+        nodes, weights, slips = anchors_since_rest(*pairs, own(rests), laws, grown)
+        return (nodes, weights), slips
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
         """Our anchors at some points (ne, nq), the others elsewhere."""

@@ -16,7 +16,7 @@ ENDLESS = 1e6  # sizes of a profile: where lines without end are looked at last
 
 
 def rigid_extrusion(
-    points: Sequence[Corner],
+    profile: Sequence[Corner],
     origin: Sequence[float] | Floats = (0.0, 0.0, 0.0),
     along: Sequence[float] | Floats = (0.0, 1.0, 0.0),
     up: Sequence[float] | Floats = (0.0, 0.0, 1.0),
@@ -25,22 +25,22 @@ def rigid_extrusion(
 ) -> RigidTool:
     """A profile drawn along an axis without end: the tool is on the right as one goes from point to point.
 
-    points: corners (p, z) or (p, z, fillet) of straight lines [length], z from the origin in the direction `up`, p in that
+    profile: corners (p, z) or (p, z, fillet) of straight lines [length], z from the origin in the direction `up`, p in that
     of along x up; fillet: radius of the arc in the place of the corner, 0 where none is given. A corner that points into
     the tool needs one. The first and the last line have no end unless the profile is closed.
     """
     third, second = axes_along(up, f"{name}: up")[:, 2], axes_along(along, f"{name}: along")[:, 2]
     if abs(second @ third) > ROUNDED:
         raise SceneError(f"{name}: along and up must be perpendicular, not {shown(along)} and {shown(up)}")
-    corners, fillets = _corners(points, closed, name)
+    corners, fillets = _corners(profile, closed, name)
     _refuse_crossing(corners, closed, (False, False), name)
-    pieces, edge = _pieces(corners, fillets, closed, name)
+    pieces, edge_kind = _pieces(corners, fillets, closed, name)
     axes, place = np.column_stack([np.cross(second, third), second, third]), finite(origin, f"{name}: origin", (3,))
-    return RigidTool(name, rigid_shapes.EXTRUSION, pieces, axes, place, float(np.abs(corners).max()), edge)
+    return RigidTool(name, rigid_shapes.EXTRUSION, pieces, axes, place, float(np.abs(corners).max()), edge_kind)
 
 
 def rigid_revolution(
-    points: Sequence[Corner],
+    profile: Sequence[Corner],
     origin: Sequence[float] | Floats = (0.0, 0.0, 0.0),
     axis: Sequence[float] | Floats = (0.0, 0.0, 1.0),
     closed: bool = False,
@@ -48,10 +48,10 @@ def rigid_revolution(
 ) -> RigidTool:
     """A profile turned about the axis through the origin: the tool is on the right as one goes from point to point.
 
-    points: corners (r, z) or (r, z, fillet) as of `rigid_extrusion`, r from the axis and z along it [length]. A profile may
+    profile: corners (r, z) or (r, z, fillet) as of `rigid_extrusion`, r from the axis and z along it [length]. A profile may
     start and end on the axis; a tip there needs a fillet. Other open ends go on without end, and not to the axis.
     """
-    corners, fillets = _corners(points, closed, name)
+    corners, fillets = _corners(profile, closed, name)
     on_axis, size = corners[:, 0] == 0.0, float(np.abs(corners).max())
     if corners[:, 0].min() < 0.0:
         raise SceneError(f"{name}: r = {corners[:, 0].min():g} lies beyond the axis; give distances from it, r >= 0")
@@ -65,18 +65,18 @@ def rigid_revolution(
     first, last = (corners[i : i + 1] * [-1.0, 1.0] for i in (1, len(corners) - 2))
     before, behind = int(on_axis[0]), int(on_axis[-1])
     whole = np.concatenate([first[:before], corners, last[:behind]])
-    pieces, edge = _pieces(whole, np.pad(fillets, (before, behind)), closed, name, turned=True)
+    pieces, edge_kind = _pieces(whole, np.pad(fillets, (before, behind)), closed, name, turned=True)
     axes, place = axes_along(axis, f"{name}: axis"), finite(origin, f"{name}: origin", (3,))
-    return RigidTool(name, rigid_shapes.REVOLUTION, pieces, axes, place, size, edge)
+    return RigidTool(name, rigid_shapes.REVOLUTION, pieces, axes, place, size, edge_kind)
 
 
-def _corners(points: Sequence[Corner], closed: bool, name: str) -> tuple[Floats, Floats]:
+def _corners(profile: Sequence[Corner], closed: bool, name: str) -> tuple[Floats, Floats]:
     """Corners (n, 2) and fillets (n,) of a profile as stated [length]."""
     least = 3 if closed else 2
-    if not isinstance(points, list | tuple | np.ndarray) or len(points) < least:
-        raise SceneError(f"{name}: points = {shown(points)} must be at least {least} corners (p, z) or (p, z, fillet)")
+    if not isinstance(profile, list | tuple | np.ndarray) or len(profile) < least:
+        raise SceneError(f"{name}: profile = {shown(profile)} must be at least {least} corners (p, z) or (p, z, fillet)")
     rows = []
-    for i, point in enumerate(points):
+    for i, point in enumerate(profile):
         what = f"{name}: point {i + 1}"
         if not isinstance(point, list | tuple | np.ndarray) or len(point) not in (2, 3):
             raise SceneError(f"{what} = {shown(point)} must be (p, z) or (p, z, fillet)")

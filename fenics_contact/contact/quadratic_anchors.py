@@ -25,7 +25,7 @@ class QuadraticAnchors(PointAnchors):
 
     _partner: QuadraticPartner
 
-    def _kept(self, touching: Touching, old: Anchors, new: Anchors) -> Anchors:
+    def _kept(self, touching: Touching, old: Anchors, new: Anchors) -> tuple[Ints64, Floats]:
         """Anchors of all points: of the pairs those on the corners of the facets that touch theirs, unless these are the
         old ones; of others the old."""
         (nodes, weights), k, at = (part.copy() for part in old), self._places.nodes.shape[1], touching.at
@@ -58,16 +58,12 @@ class QuadraticAnchors(PointAnchors):
         rested = images(nodes[at], len(coords) + np.arange(len(at)))
         return touching, (np.concatenate([coords, places]), *others), rested
 
-    def _augmented(self, feet: FacetFeet, trial: Trial, share: float = 1.0) -> tuple[Anchors, Floats]:
-        touching, pairs, rested = self._from_rest(feet, trial, trial.history.rests)
+    def _since(
+        self, rests: Anchors, feet: FacetFeet, trial: Trial, grown: tuple[float, float]
+    ) -> tuple[tuple[Ints64, Floats], Floats]:
+        touching, pairs, rested = self._from_rest(feet, trial, rests)
         laws = self._partner.laws_at(feet, trial, touching.at)
-        nodes, weights, slipped = flat.augmented_anchors(*pairs, rested, laws, share)
+        nodes, weights, slipped = flat.anchors_since_rest(*pairs, rested, laws, grown)
         slips = np.zeros(np.prod(self._shape))
         slips[touching.at] = slipped
-        return self._kept(touching, own(trial.history.anchors), (nodes, weights)), slips.reshape(self._shape)
-
-    def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
-        """Anchors that greater penalties need for points that slip on from rest as they do."""
-        touching, pairs, rested = self._from_rest(feet, trial, rests)
-        new = flat.stiffened_anchors(*pairs, rested, self._partner.laws_at(feet, trial, touching.at), factor)
-        return self._kept(touching, own(trial.history.anchors), new)
+        return self._kept(touching, own(trial.history.anchors), (nodes, weights)), slips

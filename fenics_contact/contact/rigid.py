@@ -5,6 +5,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks, tool_blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, turned
+from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.rigid_anchors import RigidAnchors
 from fenics_contact.contact.rigid_places import RigidFeet, RigidPlaces
 from fenics_contact.contact.surface import SlaveSurface
@@ -13,10 +14,10 @@ from fenics_contact.contact.trial import Law, Response, Trial
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.types import Array, Bools, Floats
+from fenics_contact.types import Array, Floats
 
 
-class RigidPartner:
+class RigidPartner(PointPressures):
     """Slave points against an analytic tool, whose signed distance holds them.
 
     surface: SlaveSurface; tool: RigidTool; index: its row in the state's q.
@@ -25,13 +26,12 @@ class RigidPartner:
     grounded = True
     foresees = False
     settles = False
-    slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
 
     def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int) -> None:
         self.surface, self.tool, self.index = surface, tool, index
-        self.name, self.edge = tool.name, tool.edge
-        self.softens = tool.edge != "sharp"
-        self.smooth = tool.edge != "sharp"  # have frictionless forces a potential?
+        self.name, self.edge_kind = tool.name, tool.edge_kind
+        self.softens = tool.edge_kind != "sharp"
+        self.smooth = tool.edge_kind != "sharp"  # have frictionless forces a potential?
         self.places, self.anchors = RigidPlaces(surface, tool, index), RigidAnchors(self)
 
     def laws(self, law: Law, touch: float | None = None) -> ElementLaws:
@@ -87,14 +87,6 @@ class RigidPartner:
     def foreseen(self, feet: RigidFeet, before: RigidFeet, trial: Trial) -> Floats:
         """Gaps (ne nq,) at these places, shifts added: on a tool the tangent foresees no others."""
         return (self.response(feet, trial).gap + trial.history.shift).ravel()
-
-    def carried_on(self, trial: Trial, share: float) -> Floats:
-        """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
-        return trial.history.carried_on(share)
-
-    def lean(self, feet: object, trial: Trial, held: Bools) -> Floats:
-        """Nothing: pressure acts along the tool's normals."""
-        return np.zeros(4)
 
     def touches(self, blocks: Array) -> int:
         """Number of this rank's slave nodes among the local nodes `blocks`."""

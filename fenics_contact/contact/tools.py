@@ -75,8 +75,8 @@ class RigidTool(Tool):
     """An analytic rigid tool.
 
     kind, shape: the kernel's code and numbers of the shape, as many as the kind takes; axes (3, 3): columns are the tool's
-    axes; origin (3,): its frame's place at the start [length]; extent: largest length of its shape; edge: what the output
-    says of its edges.
+    axes; origin (3,): its frame's place at the start [length]; extent: largest length of its shape; edge_kind: what the
+    output says of its edges.
     """
 
     kind: int
@@ -84,7 +84,7 @@ class RigidTool(Tool):
     axes: Floats
     origin: Floats
     extent: float = 0.0
-    edge: str = "none"
+    edge_kind: str = "none"
 
     @property
     def profiled(self) -> bool:
@@ -178,9 +178,9 @@ def rigid_punch(
         raise SceneError(f"{name}: a fillet of {fillet} does not fit half sizes {half}, {depth}, {tall}; make it smaller")
     axes = axes_along(direction, f"{name}: direction")
     origin = finite(face, f"{name}: face", (3,)) - tall * axes[:, 2]
-    edge = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
+    edge_kind = f"filleted, radius {fillet:g}" if fillet > 0 else "sharp"
     shape = np.array([half, depth, tall, fillet])
-    return RigidTool(name, rigid_shapes.BOX, shape, axes, origin, max(half, depth, tall), edge)
+    return RigidTool(name, rigid_shapes.BOX, shape, axes, origin, max(half, depth, tall), edge_kind)
 
 
 def _round(radius: float, hollow: bool, name: str) -> tuple[Floats, float]:
@@ -246,8 +246,11 @@ def rigid_cone(
     half_angle = float(positive(half_angle, f"{name}: half_angle", most=np.pi / 2, more=", in radians"))
     tip = _length(tip, f"{name}: tip", zero=True)
     shape = np.array([tip, np.cos(half_angle), np.sin(half_angle), 0.0])
-    axes, edge = axes_along(direction, f"{name}: direction"), f"rounded tip, radius {tip:g}" if tip > 0 else "sharp apex"
-    return RigidTool(name, rigid_shapes.CONE, shape, axes, finite(apex, f"{name}: apex", (3,)), tip, edge)
+    axes, edge_kind = (
+        axes_along(direction, f"{name}: direction"),
+        f"rounded tip, radius {tip:g}" if tip > 0 else "sharp apex",
+    )
+    return RigidTool(name, rigid_shapes.CONE, shape, axes, finite(apex, f"{name}: apex", (3,)), tip, edge_kind)
 
 
 def rigid_union(*tools: RigidTool, name: str = "union") -> RigidTool:
@@ -259,7 +262,7 @@ def rigid_union(*tools: RigidTool, name: str = "union") -> RigidTool:
     if len(tools) < 2 or not all(isinstance(tool, RigidTool) for tool in tools):
         raise SceneError(f"{name}: a union is made of two or more analytic tools, rigid_union(rigid_plane(...), ...)")
     for tool in tools:
-        if tool.edge == "sharp":
+        if tool.edge_kind == "sharp":
             raise SceneError(f"{name}: the sharp edges of '{tool.name}' cannot be in a union; give it a fillet")
         if tool.kind == rigid_shapes.UNION:
             raise SceneError(f"{name}: '{tool.name}' is a union itself; name its parts instead")
@@ -267,7 +270,7 @@ def rigid_union(*tools: RigidTool, name: str = "union") -> RigidTool:
     parts = [
         np.concatenate([[tool.kind, len(tool.shape)], tool.origin - origin, tool.axes.ravel(), tool.shape]) for tool in tools
     ]
-    edges = dict.fromkeys(tool.edge for tool in tools if tool.edge != "none")
+    edges = dict.fromkeys(tool.edge_kind for tool in tools if tool.edge_kind != "none")
     reach = max(tool.reach for tool in tools)
     return RigidTool(name, rigid_shapes.UNION, np.concatenate(parts), np.eye(3), origin, reach, ", ".join(edges) or "none")
 

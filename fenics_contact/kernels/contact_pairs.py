@@ -170,7 +170,7 @@ def committed_anchors(
 
 
 @njit(cache=True, error_model="numpy")
-def augmented_anchors(
+def anchors_since_rest(
     coords: Floats,
     slaves: Slaves,
     surface: Surface,
@@ -178,58 +178,27 @@ def augmented_anchors(
     anchors: Anchors,
     rests: Anchors,
     law: PointLaws,
-    share: float,
+    grown: tuple[float, float],
 ) -> tuple[Ints64, Floats, Floats]:
-    """Uzawa's update of friction: the anchors that give sticking points a traction greater by a share of eps_T times slip.
+    """Anchors that give points T_T^tr + share eps_T s under a tangential penalty factor eps_T; grown = (share, factor).
 
-    rests: like anchors, where the points last came to rest.  Returns nodes and weights of new anchors, and slips (np,) =
-    |P(n) (x_M - x_rest)| of sticking points, what the penalty gave way [length], else 0.  They lie on the points'
-    present facets; those of other points stay.
+    s = P(n) (x_M - x_rest) is the slip since a point came to rest; rests: like anchors, places x_rest.  (share, 1) is
+    Uzawa's update of friction, for points that stick.  (factor - 1, factor) lets points that stick or slip go on as they
+    do where the penalty grows: their traction is the same at rest.  Returns nodes and weights, on the points' present
+    facets, and |s| (np,) [length]; anchors of other points stay, and their slips are 0.
     """
     nodes, weights, slips = anchors[0].copy(), anchors[1].copy(), np.zeros(len(anchors[0]))
-    eps_t = law[1]
+    eps_t, (share, factor) = law[1], grown
     for q in range(len(slips)):
-        if projection[1][q] == NONE or anchors[0][q, 0] < 0:
+        if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
             continue
         pair = place_apart(q, coords, slaves, surface, projection, anchors)
         found = _present_traction(q, pair, law, anchors)
-        if found.status != STICK:
+        if found.status != STICK and (found.status != SLIP or factor == 1.0):
             continue
         rested = place_apart(q, coords, slaves, surface, projection, rests)
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
-        slide_anchor(q, pair, plus(found.trial, times(share * eps_t[q], slip)), eps_t[q], weights)
+        slide_anchor(q, pair, plus(found.trial, times(share * eps_t[q], slip)), factor * eps_t[q], weights)
     return nodes, weights, slips
-
-
-@njit(cache=True, error_model="numpy")
-def stiffened_anchors(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    rests: Anchors,
-    law: PointLaws,
-    factor: float,
-) -> Anchors:
-    """Anchors that tangential penalties greater by `factor` need for points that slip on from rest as they do.
-
-    rests: like anchors, places x_rest of the same traction under either penalty.  They lie on the points' present
-    facets and give T_T^tr + (factor - 1) eps_T P(n) (x_M - x_rest); those of points without friction stay.
-    """
-    nodes, weights = anchors[0].copy(), anchors[1].copy()
-    eps_t = law[1]
-    for q in range(len(nodes)):
-        if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
-            continue
-        pair = place_apart(q, coords, slaves, surface, projection, anchors)
-        found = _present_traction(q, pair, law, anchors)
-        if found.status != STICK and found.status != SLIP:
-            continue
-        rested = place_apart(q, coords, slaves, surface, projection, rests)
-        slip = less(rested.w, dot(pair.n, rested.w), pair.n)
-        _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
-        slide_anchor(q, pair, plus(found.trial, times((factor - 1.0) * eps_t[q], slip)), factor * eps_t[q], weights)
-    return nodes, weights

@@ -32,16 +32,16 @@ _REMEDY = {
     **dict.fromkeys((*GEOMETRIES, ".stl"), _SOLID),
 }
 _FLAT = 1e-9  # of a model's size: what is in the plane z = 0
-TAKES = {"size": GEOMETRIES, "bodies": (".inp", ".vtu")}
+TAKES = {"mesh_size": GEOMETRIES, "bodies": (".inp", ".vtu")}
 
 
-def load(path: str, size: float | None = None, bodies: str | Sequence[str] | None = None, tool: bool = False) -> None:
-    """A mesh file, or a geometry meshed with cells of `size` [length]; bodies: as read_inp and read_vtu take it; tool:
+def load(path: str, mesh_size: float | None = None, bodies: str | Sequence[str] | None = None, tool: bool = False) -> None:
+    """A mesh file, or a geometry meshed with cells of `mesh_size` [length]; bodies: as read_inp and read_vtu take it; tool:
     facets or lines are enough.
 
     Raises ValueError for an ending that is not known, for what the file lacks, and for what its kind does not take.
     """
-    suffix, stated = Path(path).suffix.lower(), {"size": size, "bodies": bodies}
+    suffix, stated = Path(path).suffix.lower(), {"mesh_size": mesh_size, "bodies": bodies}
     stated = {name: value for name, value in stated.items() if value is not None}
     if not Path(path).is_file():
         raise ValueError("the file does not exist")
@@ -51,8 +51,8 @@ def load(path: str, size: float | None = None, bodies: str | Sequence[str] | Non
     for name in stated:
         if suffix not in TAKES[name]:
             raise ValueError(f"{name}= is for files that end with {', '.join(TAKES[name])}; leave it out")
-    if size is not None and not size > 0.0:
-        raise ValueError(f"size = {size} is no length of a cell's edges")
+    if mesh_size is not None and not mesh_size > 0.0:
+        raise ValueError(f"mesh_size = {mesh_size} is no length of a cell's edges")
     if not Path(path).stat().st_size:
         raise ValueError("the file is empty; write it again")
     if suffix == ".inp":

@@ -93,7 +93,7 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
     reason, place, ways = known.reason, inverted.place if inverted else known.place, [known.remedy] if known.remedy else []
     if inverted:
         reason = f"on its way to balance {inverted.reason}, which the path itself does not ask for"
-    if edge := next((found for contact in system.contacts if (found := contact.findings.edge(system.state))), None):
+    if edge := next((found for contact in system.contacts if (found := contact.findings.pressing_edge(system.state))), None):
         reason, place, ways = f"{reason}; {edge.reason}", f"{edge.place}, {place}", [edge.remedy, *ways]
     if not ways and goal is not None and goal - system.trail.last.t > LONG:
         ways = ["take more steps, or allow shorter ones (smallest_step=)"]

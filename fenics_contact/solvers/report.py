@@ -10,8 +10,8 @@ from fenics_contact.assembly.system import System
 class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
-    augmented contacts the number of augmentations, and before each and at the end the error over the tolerance; raises: how
-    often the step was solved again with other penalties; work: taken by damping in a jump [force length]; unkept: what
+    augmented contacts the number of augmentations, and before each and at the end the error over what is allowed; raises:
+    how often the step was solved again with other penalties; work: taken by damping in a jump [force length]; unkept: what
     is left of augmented contacts' errors, by name, "" where nothing is that matters."""
 
     iterations: int = 0

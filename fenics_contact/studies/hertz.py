@@ -117,7 +117,7 @@ def indented_plane(
     """The same of the cylinder in plane strain on a mesh of the plane z = 0, whose cells are a cut through the slice's."""
     P, depth, field = _line_contact()
     growth = 1.2 ** (12 / cells)
-    mesh = read_gmsh(graded_rectangle.build, width=FAR, height=FAR, size=1.5 * A / cells, fine=1.5 * A, growth=growth)
+    mesh = read_gmsh(graded_rectangle.build, width=FAR, height=FAR, mesh_size=1.5 * A / cells, fine=1.5 * A, growth=growth)
     scene = Scene(Body(mesh, "block", from_elastic(E, NU)), degree=degree, plane="strain", thickness=DEPTH)
     scene.fix("block_xmin", "x")
     for side in ("block_xmax", "block_ymin"):

@@ -90,7 +90,7 @@ def blocks(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
 def plane(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
     """A strip of the plane under a rough punch."""
     mesh = read_gmsh(
-        graded_rectangle.build, width=40.0, height=20.0, size=40.0 / (2 * cells), at=20.0, fine=40.0, growth=1.0
+        graded_rectangle.build, width=40.0, height=20.0, mesh_size=40.0 / (2 * cells), at=20.0, fine=40.0, growth=1.0
     )
     scene = Scene(Body(mesh, "block", rubber), plane="strain", **cell)
     scene.fix("block_ymin")
