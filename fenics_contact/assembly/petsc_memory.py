@@ -21,12 +21,28 @@ def own_part(matrix: Mat) -> Mat:
 
 def block_rows(matrix: ctypes.c_void_p) -> Rows:
     """The block rows of a process's own matrix, where PETSc holds them."""
+    return _rows(matrix, "BAIJ", 9)
+
+
+def values_of(matrix: Mat) -> list[Array]:
+    """What a process's rows hold of a matrix of 3x3 blocks or of scalars, where PETSc holds it: in its own columns, and on
+    several ranks in those of others."""
+    kind = matrix.getType()[3:].upper()
+    parts = [HANDLE(matrix.handle)]
+    if matrix.comm.size > 1:
+        parts = [HANDLE(), HANDLE()]
+        called(f"MatMPI{kind}GetSeq{kind}", HANDLE(matrix.handle), *map(ctypes.byref, parts), None)
+    return [_rows(part, kind, 9 if kind == "BAIJ" else 1)[2] for part in parts]
+
+
+def _rows(matrix: ctypes.c_void_p, kind: str, size: int) -> Rows:
+    """Of a process's own matrix by blocks of so many entries, or by scalars."""
     count, done = INT(), ctypes.c_int()
-    offsets, columns, blocks = HANDLE(), HANDLE(), HANDLE()
-    called("MatGetRowIJ", matrix, INT(0), 0, 1, *map(ctypes.byref, (count, offsets, columns, done)))
-    called("MatSeqBAIJGetArray", matrix, ctypes.byref(blocks))
+    offsets, columns, values = HANDLE(), HANDLE(), HANDLE()
+    called("MatGetRowIJ", matrix, INT(0), 0, 1 if size > 1 else 0, *map(ctypes.byref, (count, offsets, columns, done)))
+    called(f"MatSeq{kind}GetArray", matrix, ctypes.byref(values))
     starts = array_at(offsets, INT, count.value + 1)
-    return starts, array_at(columns, INT, starts[-1]), array_at(blocks, ctypes.c_double, 9 * starts[-1])
+    return starts, array_at(columns, INT, starts[-1]), array_at(values, ctypes.c_double, size * starts[-1])
 
 
 def row_parts(matrix: Mat) -> tuple[ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]:

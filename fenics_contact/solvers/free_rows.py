@@ -8,8 +8,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.assembly.block_operator import called_back, entries
-from fenics_contact.assembly.petsc_memory import HANDLE, called
-from fenics_contact.types import Ints, Mat
+from fenics_contact.assembly.petsc_memory import HANDLE, called, values_of
+from fenics_contact.types import Ints, Ints64, Mat
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,8 @@ class FreeRows:
         some_free = comm.allreduce(len(rows.held)) < rows.size
         self._held = rows.held if some_free else rows.held[:0]  # a matrix of no rows is singular to MUMPS
         self._free, self._diagonal = np.empty(0, dtype=PETSc.IntType), np.empty(0)
-        self._scalars: Mat = None
-        self._part: Mat = None  # of these, the free rows and columns
-        self._rows: Any = None  # the numbers of these
+        self._part: Mat = None  # the free rows and columns by scalars
+        self._sources: list[Ints64] = []  # the places of its entries among those of the whole matrix
         self._ends: tuple[Any, ...] = ()  # vectors of them
         self._solver, self.pc = PETSc.KSP().create(comm), PETSc.PC().create(comm)
         self._solver.setType("preonly")
@@ -49,19 +48,32 @@ class FreeRows:
 
     def use(self, matrix: Mat, same_pattern: bool, symmetric: bool) -> None:
         """Precondition a matrix from now on, whose pattern is that of the one before or not; `set_up` is due then."""
-        if not same_pattern:
-            self._forget()
-        self._scalars = matrix.convert("aij", out=self._scalars or PETSc.Mat())
+        if not same_pattern or self._part is None:
+            self._cut(matrix)
         self._diagonal = matrix.getDiagonal().array_r[self._held]
-        if self._rows is None:
-            start, end = matrix.getOwnershipRange()
-            self._free = np.setdiff1d(np.arange(end - start, dtype=PETSc.IntType), self._held)
-            self._rows = PETSc.IS().createGeneral(self._free + start, comm=matrix.comm)
-        self._part = self._scalars.createSubMatrix(self._rows, self._rows, self._part)
+        given = np.concatenate(values_of(matrix))
+        for values, sources in zip(values_of(self._part), self._sources, strict=True):
+            np.take(given, sources, out=values)
+        self._part.stateIncrease()
         self._part.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
-        if not self._ends:
-            self._ends = self._part.createVecs()
         self._solver.setOperators(self._part)
+
+    def _cut(self, matrix: Mat) -> None:
+        """Make the part, and find where its entries come from: it is cut once from a matrix whose entries are numbers."""
+        self._forget()
+        start, end = matrix.getOwnershipRange()
+        self._free = np.setdiff1d(np.arange(end - start, dtype=PETSc.IntType), self._held)
+        numbers, first = matrix.duplicate(), 0
+        for values in values_of(numbers):
+            values[:] = first + np.arange(len(values))
+            first += len(values)
+        scalars = numbers.convert("aij", out=PETSc.Mat())
+        rows = PETSc.IS().createGeneral(self._free + start, comm=matrix.comm)
+        self._part = scalars.createSubMatrix(rows, rows)
+        self._sources = [values.astype(np.int64) for values in values_of(self._part)]
+        self._ends = self._part.createVecs()
+        for thing in (numbers, scalars, rows):
+            thing.destroy()
 
     def set_up(self) -> int:
         """Factorise. Returns 0, or PETSc's negative reason where that fails."""
@@ -74,10 +86,10 @@ class FreeRows:
         self.pc.destroy(), self._solver.destroy()
 
     def _forget(self) -> None:
-        for thing in (self._scalars, self._part, self._rows, *self._ends):
+        for thing in (self._part, *self._ends):
             if thing is not None:
                 thing.destroy()
-        self._scalars, self._part, self._rows, self._ends = None, None, None, ()
+        self._part, self._sources, self._ends = None, [], ()
 
     def _apply(self, x: int, y: int) -> None:
         size, (right, solution) = len(self._free) + len(self._held), self._ends
