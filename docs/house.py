@@ -33,6 +33,7 @@ KNOWS = {
     "assembly": "terms, System, supports",
     "meetings": "what lies on what",
     "kernels": "Numba: law, feet",
+    "form_files": "what FFCx compiled",
     "compat": "dolfinx' versions",
     "values": "checked input",
     "agreement": "errors on all ranks",

@@ -23,7 +23,7 @@ from mpi4py import MPI
 from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.corealg.multifunction import MultiFunction
 
-from fenics_contact import blas
+from fenics_contact import blas, form_files
 from fenics_contact.types import Array, Expr, Floats, Form, Ints, Ints64, Mat, Mesh, Space, Tags, Vec
 
 try:
@@ -45,6 +45,8 @@ _HAS_PETSC_VEC = not hasattr(fem.Function, "vector")
 _ADD = (dolfinx.la.InsertMode if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode).add
 _HAS_INTERPROCESS = hasattr(getattr(dolfinx_mesh, "Topology", None), "interprocess_facets")
 _HAS_DOFMAPS = hasattr(getattr(dolfinx_mesh, "Geometry", None), "dofmaps")
+
+form_files.by_name()
 
 
 def lagrange_space(mesh: Mesh, degree: int, shape: tuple[int, ...] = ()) -> Space:
