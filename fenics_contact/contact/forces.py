@@ -56,6 +56,10 @@ class Forces:
         self._contact.add_residual(state, residual, tool_residual, alone)
         return stored_energy(self._contact, state, alone)
 
+    def stored(self, state: State) -> float:
+        """Energy [force x length] in the penalties at this rank's points."""
+        return stored_energy(self._contact, state, self._contact.trial)
+
     def grip(self, state: State) -> tuple[float, float]:
         """(friction, what its law allows): sums of their sizes over this rank's points at a state [force]."""
         along, area = self.split_traction(state)[1], self._contact.surface.area

@@ -1,4 +1,4 @@
-"""What a contact's slave points add up to at a state, over all ranks: forces, slips, energy, counts."""
+"""What a contact's slave points add up to at a state, over all ranks: forces, slips, counts; and the energy in its penalties."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
 
     force (3,), moment (3,): of the forces that act at the slave body's nodes, about point (3,), the tool's own or the slave
     surface's centroid [force, force x length]; friction (3,): the part of the force that friction gives; load: the pressure
-    integrated over the surface [force]; slip: (greatest, mean over what has been in contact) way slid [length]; stored:
-    energy in the penalties [force x length]; penetration [length]; active, sticking, points: counts.
+    integrated over the surface [force]; slip: (greatest, mean over what has been in contact) way slid [length];
+    penetration [length]; active, sticking, points: counts.
     """
     s, comm, response = contact.surface, state.u.function_space.mesh.comm, contact.response(state, trial)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
@@ -37,7 +37,7 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
             (friction * s.area[..., None]).sum(axis=(0, 1)),
             (x * s.area[..., None]).sum(axis=(0, 1)),
             [s.area.sum(), (pressure * s.area).sum(), met.sum(), (met * h.slip_path).sum()],
-            [closed.sum(), (response.status == STICK).sum(), s.area.size, stored_energy(contact, state, trial)],
+            [closed.sum(), (response.status == STICK).sum(), s.area.size],
         ])
     )  # fmt: skip
     resultant, whole, met_area = sums[:3], max(sums[12], 1e-300), max(sums[14], 1e-300)
@@ -54,7 +54,6 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
         "active": int(sums[16]),
         "sticking": int(sums[17]),
         "points": int(sums[18]),
-        "stored": sums[19],
         "penetration": _penetration(contact, state, response, h.shift),
     }
 

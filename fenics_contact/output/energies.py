@@ -79,8 +79,8 @@ class _Pressing:
 @dataclass(frozen=True)
 class _Forces:
     """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
-    and wrenches on the tools; ratios by which bodies swell and the rates of this rank's energy with them; by contact its
-    Rubbing and Pressing."""
+    and wrenches on the tools; ratios by which bodies swell and the rates of this rank's energy with them; energy stored in
+    this rank's penalties; by contact its Rubbing and Pressing."""
 
     u: Floats
     q: Floats
@@ -88,6 +88,7 @@ class _Forces:
     wrenches: Floats
     ratios: Floats
     on_ratios: Floats
+    stored: float
     rubbing: dict[str, _Rubbing]
     pressing: dict[str, _Pressing]
 
@@ -108,12 +109,13 @@ class EnergyBalance:
     def _at_start(self) -> Energies:
         """What bodies and penalties hold already counts as work done on them."""
         rough = [contact.name for contact in self._system.contacts if contact.rough]
-        strain, stored = self._system.strain_energy(), self._stored()
+        strain, stored = self._system.strain_energy(), self._system.comm.allreduce(self._stored())
         pressures = {contact.name: 0.0 for contact in self._system.contacts}
         return Energies(strain + stored, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures)
 
     def _stored(self) -> float:
-        return float(sum(contact.forces.measures(self._system.state)["stored"] for contact in self._system.contacts))
+        """Energy in this rank's penalties."""
+        return float(sum(contact.forces.stored(self._system.state) for contact in self._system.contacts))
 
     def advance(self, damping: float) -> Energies:
         """The Energies at the state just accepted; damping: the work that it took in this step. Collective."""
@@ -123,14 +125,15 @@ class EnergyBalance:
         work += 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
         rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
         pressed = [self._left_by_pressures(name, here) for name in here.pressing]
-        sums = system.comm.allreduce(np.array([work, *rubbed.values(), *pressed, *here.on_dofs.reshape(-1, 3).sum(axis=0)]))
+        outer = here.on_dofs.reshape(-1, 3).sum(axis=0)
+        sums = system.comm.allreduce(np.array([work, *rubbed.values(), *pressed, here.stored, *outer]))
         work = sums[0] + self._work_on_tools(last.wrenches, here.wrenches, here)
         friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:], strict=False)}
-        left = sums[1 + len(rubbed) : -3]
+        left = sums[1 + len(rubbed) : -4]
         pressures = {name: self.now.pressures[name] + more for name, more in zip(here.pressing, left, strict=True)}
         balance = float(np.linalg.norm((sums[-3:] + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
         self._last, self.now = here, Energies(
-            self.now.external_work + work, system.strain_energy(), self._stored(), friction,
+            self.now.external_work + work, system.strain_energy(), float(sums[-4]), friction,
             self.now.damping + damping, balance, pressures,
         )  # fmt: skip
         return self.now
@@ -176,6 +179,7 @@ class EnergyBalance:
             forces,
             wrenches,
             *system.terms[0].swelling(),
+            self._stored(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
             {contact.name: _Pressing.of(contact, system) for contact in system.contacts},
         )
