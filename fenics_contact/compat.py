@@ -219,14 +219,19 @@ def assemble_scalar(compiled_form: Form) -> float:
     return float(fem.assemble_scalar(compiled_form))
 
 
-def sum_to_owners(function: Function) -> None:
-    """Add what ranks wrote into a Function's ghosts to the owners' values. Collective."""
-    function.x.scatter_reverse(_ADD)
+def node_values(space: Space, size: int = 1) -> Any:
+    """So many numbers at each local node of a space, zero, flat in `array`, for `sum_to_owners` and `copy_to_ghosts`."""
+    return dolfinx.la.vector(space.dofmap.index_map, size)
 
 
-def copy_to_ghosts(function: Function) -> None:
-    """Give every ghost of a Function its owner's value. Collective."""
-    function.x.scatter_forward()
+def sum_to_owners(values: Any) -> None:
+    """Add what ranks wrote into the ghosts of a Function, or of node_values, to the owners' values. Collective."""
+    getattr(values, "x", values).scatter_reverse(_ADD)
+
+
+def copy_to_ghosts(values: Any) -> None:
+    """Give every ghost of a Function, or of node_values, its owner's value. Collective."""
+    getattr(values, "x", values).scatter_forward()
 
 
 def petsc_vector(function: Function) -> Vec:

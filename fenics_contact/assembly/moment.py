@@ -26,10 +26,10 @@ class Moment(FormTerm):
         self._comm, index_map = lasting(space.mesh.comm), space.dofmap.index_map
         self._owned = nodes[nodes < index_map.size_local].astype(np.int64)
         self._X = space.tabulate_dof_coordinates()[self._owned]
-        skin, areas = skin_of(space, facets), compat.Function(compat.lagrange_space(space.mesh, compat.degree(space)))
-        np.add.at(areas.x.array, skin.nodes, np.einsum("eq,eqk->ek", skin.area, skin.N))
+        skin, areas = skin_of(space, facets), compat.node_values(space)
+        np.add.at(areas.array, skin.nodes, np.einsum("eq,eqk->ek", skin.area, skin.N))
         compat.sum_to_owners(areas)
-        self._weights = self._all(areas.x.array[self._owned])
+        self._weights = self._all(areas.array[self._owned])
         self._blocks: Ints64 = self._all(self._owned + index_map.local_range[0])  # rising: ranks have theirs in a row
         first = int(np.searchsorted(self._blocks, index_map.local_range[0]))
         self._mine, self._total, self._told = slice(first, first + len(self._owned)), index_map.size_global, False

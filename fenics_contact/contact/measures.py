@@ -1,4 +1,4 @@
-"""What a contact's slave points add up to at a state, over all ranks: forces, slips, counts; and the energy in its penalties."""
+"""What a contact's slave points add up to at a state: forces, slips, counts over all ranks, and what penalties store."""
 
 from __future__ import annotations
 

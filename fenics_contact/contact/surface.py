@@ -178,7 +178,7 @@ def _gather_to_nodes(
 
 def _sum_at_nodes(space: Space, nodes: Ints, values: Floats) -> Floats:
     """Sum of values (ne, k) at the owned nodes over the elements of all ranks."""
-    sums = compat.Function(space)
-    np.add.at(sums.x.array, 3 * nodes, values)
+    sums = compat.node_values(space)
+    np.add.at(sums.array, nodes, values)
     compat.sum_to_owners(sums)
-    return sums.x.array[: 3 * space.dofmap.index_map.size_local : 3].copy()
+    return sums.array[: space.dofmap.index_map.size_local].copy()

@@ -48,10 +48,10 @@ class Reactions:
         owned = space.dofmap.index_map.size_local
         nodes = scene.mesh.nodes(space, *name).astype(np.int64)
         nodes = nodes[nodes < owned]
-        skin, areas = skin_of(space, facets, scene.section), compat.Function(compat.lagrange_space(space.mesh, scene.degree))
-        np.add.at(areas.x.array, skin.nodes, np.einsum("eq,eqk->ek", skin.area, np.abs(skin.N)))
+        skin, areas = skin_of(space, facets, scene.section), compat.node_values(space)
+        np.add.at(areas.array, skin.nodes, np.einsum("eq,eqk->ek", skin.area, np.abs(skin.N)))
         compat.sum_to_owners(areas)
-        weights = areas.x.array[nodes]
+        weights = areas.array[nodes]
         total = self._system.comm.allreduce(float(weights.sum()))
         weights = weights if total > 0.0 else np.ones(len(nodes))  # a surface inside a body, edges
         carried = [(i, entry.carried) for i, entry in enumerate(self._system.supports.entries.all)

@@ -12,7 +12,7 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.types import Bools, Floats, Ints, Ints64, Space
+from fenics_contact.types import Bools, Floats, Ints, Ints64
 
 # How much a point is held, by its status code: the order in which a node's points of different status are averaged.
 RANK_OF_STATUS = np.empty(4)
@@ -62,7 +62,7 @@ class SlaveNodes:
     def __init__(self, system: System, contact: ContactTerm, facets: Ints, section: Section | None = None) -> None:
         self.contact, self._system, space = contact, system, system.space
         self.skin = skin_of(space, facets, section)
-        self._sums = compat.Function(_sums_space(space))
+        self._sums = compat.node_values(space, SUMS)
         s = contact.surface
         bare = section if compat.degree(space) == 2 and not s.linear else None
         self._share = (s.area * _over_depth(s.a, s.X, bare))[..., None] * _lumped(s.a, s.X)
@@ -81,7 +81,7 @@ class SlaveNodes:
         ones, rank = np.ones_like(pressure), RANK_OF_STATUS[response.status]
         values = np.stack([ones, pressure, response.gap, rank, closed, covered, h.slip_path], axis=-1)
         values = np.concatenate([values, friction], axis=-1)
-        sums = self._sums.x.array.reshape(-1, SUMS)
+        sums = self._sums.array.reshape(-1, SUMS)
         sums[:] = 0.0
         np.add.at(sums[:, 2:], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
         areas = self._areas()
@@ -177,10 +177,6 @@ class SlaveNodes:
         extents = np.concatenate([places.max(axis=0, initial=-np.inf), -places.min(axis=0, initial=np.inf)])
         self.comm.Allreduce(MPI.IN_PLACE, extents, op=MPI.MAX)
         return np.maximum(extents[:3] + extents[3:], 0.0)
-
-
-def _sums_space(space: Space) -> Space:
-    return compat.lagrange_space(space.mesh, compat.degree(space), (SUMS,))
 
 
 def _over_depth(N: Floats, X: Floats, section: Section | None) -> Floats | float:
