@@ -5,6 +5,7 @@ import logging
 import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -292,16 +293,15 @@ def facet_closure_dofs(space: Space, facet: int) -> Ints:
 
 def cell_name(mesh: Mesh) -> str:
     """'hexahedron', 'tetrahedron', ..."""
-    return str(mesh.topology.cell_type if hasattr(mesh.topology, "cell_type") else mesh.topology.cell_types[0]).split(".")[
-        -1
-    ]
+    topology = mesh.topology
+    return str(topology.cell_type if hasattr(topology, "cell_type") else topology.cell_types[0]).split(".")[-1]
 
 
+@cache
 def basix_element(cell: str, degree: int) -> Any:
     """The scalar Lagrange element whose dofs dolfinx numbers."""
-    return basix.create_element(
-        basix.ElementFamily.P, getattr(basix.CellType, cell), degree, basix.LagrangeVariant.gll_warped
-    )
+    kind = getattr(basix.CellType, cell)
+    return basix.create_element(basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.gll_warped)
 
 
 def tabulate(element: Any, derivatives: int, points: Floats) -> Floats:
