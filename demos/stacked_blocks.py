@@ -43,7 +43,7 @@ def exact_force():
 
 
 def squeeze(mesh, points, penalty):
-    """Force [N], half of what the pressure at the points scatters [MPa, per reference area], and a drawing of the blocks."""
+    """Force [N], half of what the pressure at the points scatters [MPa, per reference area], and the result."""
     rubber = mooney_rivlin(a1=A1, a2=A2, K=K)
     scene = Scene(Body(mesh, "lower", rubber), Body(mesh, "upper", rubber))
     for body in ("lower", "upper"):
@@ -56,7 +56,7 @@ def squeeze(mesh, points, penalty):
     pressure, _ = result.system.contacts[0].forces.split_traction(result.system.state)
     lowest = mesh.comm.allreduce(pressure.min(initial=np.inf), op=MPI.MIN)
     highest = mesh.comm.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
-    return result.history[-1]["interface_force_z_N"], (highest - lowest) / 2, result.drawing("contact_pressure", mirror="xy")
+    return result.history[-1]["interface_force_z_N"], (highest - lowest) / 2, result
 
 
 def main():
@@ -68,18 +68,19 @@ def main():
     figure = Figure(figsize=(6.3, 7), layout="constrained")
     bodies, axes = figure.subplots(2, 1)
     for points, label in POINTS.items():
-        forces, scatter, drawings = zip(*(squeeze(mesh, points, penalty) for penalty in PENALTIES), strict=True)
+        forces, scatter, results = zip(*(squeeze(mesh, points, penalty) for penalty in PENALTIES), strict=True)
         errors = np.abs(np.array(forces) / exact - 1)
         axes.loglog(PENALTIES, errors, marker="o", label=label)
         if root:
             shares = ", ".join(f"{e:.1e}" for e in errors)
             share = scatter[-1] * SIDE**2 / exact
             print(f"{label:20} force errors {shares} at {PENALTIES} MPa/mm; scatter of pressure {share:.1%}")
+    drawing = results[-1].drawing("contact_pressure", mirror="xy")
     if root:
         axes.set_xlabel("penalty [MPa/mm]")
         axes.set_ylabel("relative error of the force")
         axes.legend()
-        drawings[-1].draw(bodies).explain(bodies, 9, shrink=0.8)
+        drawing.draw(bodies).explain(bodies, 9, shrink=0.8)
         bodies.set_title(f"{label}, {PENALTIES[-1]:g} MPa/mm, seen from below", fontsize=10)
         OUT.mkdir(parents=True, exist_ok=True)
         figure.savefig(OUT / "stacked_blocks.png", dpi=150)

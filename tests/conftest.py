@@ -24,6 +24,14 @@ if SEVERAL:
     gc.disable()
 
 
+# Takes longest of all, for it compiles kernels anew: begun last, one of two processes would wait for it with nothing to do
+LONGEST = "test_wheel.py"
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: item.path.name != LONGEST)
+
+
 def pytest_collection_finish():
     """What all tests have imported by now stays: no collection need look through it again."""
     if SEVERAL:
