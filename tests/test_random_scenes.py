@@ -8,11 +8,13 @@ from scene_judge import CONE, Run, beyond_coulomb, judge, lifted, with_options, 
 
 SEEDS = (10, 23, 25, 27, 33, 36, 40, 43, 48, 57, 64, 67, 106, 111, 118, 140)
 QUICK = (33, 36, 43, 57)  # on 2 ranks, too; `make nightly` takes all there
+LONG = (23,)  # takes longer than the other fifteen together
 LIMIT = 120.0  # seconds
 
 
 def marked(seed):
-    return pytest.param(seed, marks=pytest.mark.parallel if seed in QUICK else pytest.mark.serial)
+    marks = [pytest.mark.parallel if seed in QUICK else pytest.mark.serial]
+    return pytest.param(seed, marks=[*marks, pytest.mark.slow] if seed in LONG else marks)
 
 
 @pytest.mark.parametrize("seed", map(marked, SEEDS))
