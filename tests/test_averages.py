@@ -21,6 +21,7 @@ from fenics_contact import (
     rigid_plane,
     solve,
 )
+from fenics_contact.compat import geometry_dofmap
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.meshes import ironing as mesh_script
@@ -35,17 +36,107 @@ COMM = MPI.COMM_WORLD
 def test_blocks_that_do_not_match(lower, upper):
     """The force, and a pressure that Gauss points scatter by a fifth of the mean and more."""
     force, spread = stacked("averages", 500.0, lower, upper)
-    assert abs(force / EXACT - 1.0) < 2e-4  # the compliance of the penalty costs 1.5e-4, samples across edges the rest
-    assert spread < 0.03  # their integration error with 3 x 3 samples
+    assert abs(force / EXACT - 1.0) < 2e-4  # the compliance of the penalty costs 1.5e-4
+    assert spread < 1e-8  # parts of rectangles are integrated exactly
     assert stacked(3, 500.0, lower, upper)[1] > 0.2
 
 
 @pytest.mark.serial
 def test_a_slave_much_coarser_than_its_master():
-    """More samples see what the master does between the slave's nodes; 3 x 3 Gauss points lose 1.8 % of the force."""
+    """Samples see all that the master does between the slave's nodes; 3 x 3 Gauss points lose 1.8 % of the force."""
     force, spread = stacked("averages", 500.0, (12, 12, 2), (3, 3, 2))
-    assert abs(force / EXACT - 1.0) < 5e-4 and spread < 0.01
+    assert abs(force / EXACT - 1.0) < 2e-4 and spread < 1e-8
     assert samples_for(4.0, 1.0) == 6 and samples_for(1.0, 1.0) == samples_for(1.0, 4.0) == 3
+
+
+SIDE, HIGH = 12.0, 6.0  # of the blocks [mm]
+STACK = {"lower": (SIDE, SIDE, HIGH), "lower_origin": (0, 0, -HIGH), "upper": (SIDE, SIDE, HIGH), "upper_origin": (0, 0, 0)}
+
+
+def uneven(lower, upper):
+    """Mesh of two blocks whose columns of nodes, but for those on their sides, are moved by up to a fifth of a cell."""
+    mesh = read_gmsh(two_blocks.build, **STACK, lower_cells=(*lower, 2), upper_cells=(*upper, 2))
+    x, rng = mesh.domain.geometry.x, np.random.default_rng(3)
+    cells_nodes = geometry_dofmap(mesh.domain)
+    above = np.isin(np.arange(len(x)), cells_nodes[x[cells_nodes, 2].mean(axis=1) > 0.0])
+    for body, cells in ((~above, lower), (above, upper)):
+        moves = np.zeros((cells[0] + 1, cells[1] + 1, 2))
+        moves[1:-1, 1:-1] = rng.uniform(-0.2, 0.2, (cells[0] - 1, cells[1] - 1, 2)) * SIDE / cells[0]
+        at = np.rint(x[body, :2] * cells / SIDE).astype(int)
+        x[body, :2] += moves[at[:, 0], at[:, 1]]
+    return mesh
+
+
+def squeezed(mesh, slave, master):
+    """Two frictionless blocks squeezed by 10 %: vertical force [N], half the range of the pressure over its mean."""
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    for body in ("lower", "upper"):
+        scene.fix(f"{body}_xmin", "x")
+        scene.fix(f"{body}_ymin", "y")
+    scene.fix("lower_bottom", "z")
+    scene.prescribe("upper_top", "z", -0.1 * 2 * HIGH)
+    scene.contact(slave, master, name="c", penalty=500.0)
+    result = solve(scene, steps=2, progress=False).require()
+    pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
+    return abs(result.history[-1]["c_force_z_N"]), 0.5 * np.ptp(pressure) / pressure.mean()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("lower, upper", [((5, 5), (3, 3)), ((3, 3), (5, 5)), ((8, 8), (3, 3))])
+def test_uneven_blocks_that_do_not_match_feel_one_pressure(lower, upper):
+    """Beside the penalty's compliance, as matching ones have it; of distorted cells the rule's error in parts is left."""
+    force, spread = squeezed(uneven(lower, upper), "upper_bottom", "lower_top")
+    matching = read_gmsh(two_blocks.build, **STACK, lower_cells=(3, 3, 2), upper_cells=(3, 3, 2))
+    exact, even = squeezed(matching, "upper_bottom", "lower_top")
+    assert even < 1e-9 and spread < 1e-3 and abs(force / exact - 1.0) < 1e-6
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("plane", ["strain", "axisymmetric"])
+@pytest.mark.parametrize("lower, upper", [(5, 3), (3, 5), (12, 3)])
+def test_sides_that_do_not_match_feel_one_pressure(plane, degree, lower, upper):
+    """In the plane parts are segments, on which all is polynomial: to the solver's tolerance."""
+    found = []
+    for cells in ((lower, upper), (4, 4)):
+        drawn = {"lower": ((0.0, 0.0), (10.0, 10.0), (cells[0], 3)), "upper": ((0.0, 10.0), (10.0, 10.0), (cells[1], 3))}
+        mesh = read_gmsh(rectangles.build, rectangles=drawn)
+        if cells != (4, 4):
+            x = mesh.domain.geometry.x
+            x[:, 0] += 0.1 * np.sin(0.7 * x[:, 0] * (10.0 - x[:, 0]))
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), plane=plane, degree=degree)
+        for body in ("lower", "upper"):
+            scene.fix(f"{body}_xmin", "x")
+        scene.fix("lower_ymin", "y")
+        scene.prescribe("upper_ymax", "y", -2.0)
+        scene.contact("upper_ymin", "lower_ymax", name="c", penalty=500.0)
+        result = solve(scene, steps=2, progress=False).require()
+        pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0].ravel()
+        pressure = np.concatenate(COMM.allgather(pressure))
+        found.append(result.history[-1]["c_force_y_N"])
+        assert np.ptp(pressure) < 1e-8 * pressure.mean()
+    np.testing.assert_allclose(*found, rtol=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "friction, shift, status",
+    [(0.0, (1.2, 0.4, -0.02), CLOSED), (0.02, (1.2, 0.4, -0.02), SLIP), (9.0, (0.03, 0.01, -0.02), STICK)],
+)
+@pytest.mark.parametrize("whole", [True, False])
+def test_tangent_with_samples_of_parts(friction, shift, status, whole):
+    """They are held, so it stays exact; what nodes have slid is not changed by taking them."""
+    system, contact = deformed("averages", friction, shift) if whole else overhanging("lower_top", friction, shift)
+    state, few = system.state, contact.places.samples
+    before = contact.response(state)
+    system.foresight.resample(state)
+    feet, after = contact.places.feet(state), contact.response(state)
+    assert (np.diff(feet.samples.slaves.first) != 9).sum() > 2 and (after.status == status).sum() > 6
+    size = np.abs(before.traction).max()
+    assert 0.0 < np.abs(after.traction - before.traction).max() < 0.2 * size  # the samples' errors
+    assert orders(remainders(system, contact, 2e-5)).min() > 1.98
+    system.trail.rollback()
+    assert contact.places.samples is few
 
 
 # ---- tangent where the slave has an edge, on tetrahedra
@@ -272,7 +363,9 @@ def test_multipliers_over_an_end_are_the_limit_of_the_penalty(steps):
         result = solve(scene, steps=steps, progress=False).require()
         assert 0.0 < result.history[-1]["c_penetration_mm"] < 1e-6
         force.append([result.history[-1][f"c_force_{axis}_N"] for axis in "xyz"])
-    np.testing.assert_allclose(*force, rtol=5e-4)
+    # of the whole: sideways there is a hundredth of it, and samples lie where the surfaces of the penalties' own balance do
+    penalty, limit = np.array(force)
+    assert np.linalg.norm(penalty - limit) < 5e-4 * np.linalg.norm(limit)
 
 
 def test_a_tool_has_no_averages():

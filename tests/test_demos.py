@@ -128,10 +128,10 @@ def partial_slip(results, said):
 
 
 def twisted_shell(results, said):
-    """All of the shell slides at the end: friction's moment stays, below mu times load times the shell's radius."""
+    """All of the shell slides at the end, but for the node on its axis, which has no way: friction's moment stays."""
     late = [row for row in rows(results / "history.csv") if float(row["hub_angle_z_rad"]) > 0.7 * np.pi]
     moments = np.array([float(row["hub_moment_z_Nmm"]) for row in late])
-    assert np.ptp(moments) < 0.01 * moments.mean() and int(late[-1]["interface_sticking_points"]) == 0
+    assert np.ptp(moments) < 0.01 * moments.mean() and int(late[-1]["interface_sticking_points"]) <= 1
     assert 0.0 < moments[-1] < 0.5 * float(late[-1]["interface_load_N"])
     # what turns the hub turns the block, but for friction that acts on either side of a gap, the penalty's
     lever, friction = float(late[-1]["interface_penetration_mm"]), 0.5 * float(late[-1]["interface_load_N"])

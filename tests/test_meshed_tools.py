@@ -243,17 +243,20 @@ def test_a_meshed_floor_holds_a_body_alone():
     np.testing.assert_allclose(*found, rtol=1e-3)
 
 
-def test_pushed_is_moved():
+@pytest.mark.parametrize("points", [3, "averages"])
+def test_pushed_is_moved(points):
     """Pushed with the forces of a moved tool, step by step, it makes the same travel. It starts 0.05 mm deep, so that a
     Gauss point touches it."""
     tool = ball(1.0, sink=0.05)
-    moved = solve(block(tool, FRICTION), move={tool: down_and_along(0.8, 0.4)}, steps=4, tolerance=1e-11, progress=False)
+    moved = solve(
+        block(tool, FRICTION, points=points), move={tool: down_and_along(0.8, 0.4)}, steps=4, tolerance=1e-11, progress=False
+    )
     assert moved.converged
     t, forces = moved.column("t"), np.column_stack([moved.column(name) for name in NAMES])
     drive = {
         tool: lambda time: np.array([np.interp(time, t, f) for f in forces.T])
     }  # the tool presses as the body is pressed
-    pushed = solve(block(tool, FRICTION), push=drive, steps=4, tolerance=1e-11, progress=False)
+    pushed = solve(block(tool, FRICTION, points=points), push=drive, steps=4, tolerance=1e-11, progress=False)
     assert pushed.converged and pushed.verdict.cuts == 0
     for axis in "xyz":
         name = f"tool_travel_{axis}_mm"

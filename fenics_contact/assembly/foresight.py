@@ -22,7 +22,8 @@ class Foresight:
     def foresee(self, state: State) -> None:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
         for contact in self.contacts:
-            contact.unknowns.foresee(state, self.linearised[contact])
+            if contact in self.linearised:
+                contact.unknowns.foresee(state, self.linearised[contact])
 
     def hold(self, share: float) -> None:
         """Let them take the pressures of the last accepted state, carried on by `share` of the last change, until then."""
@@ -33,6 +34,13 @@ class Foresight:
         """Let all contacts judge by their gaps again, those too that softer penalties have pressing as before."""
         for contact in self._all:
             contact.unknowns.release()
+
+    def resample(self, state: State) -> None:
+        """Let averages take their samples where the surfaces lie at a state, until a rollback; the residual changes, and
+        nothing is foreseen before the next tangent. Collective."""
+        for contact in self._all:
+            contact.resample(state)
+        self.linearised.clear()
 
     def hold_sights(self, state: State) -> bool:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""

@@ -222,6 +222,8 @@ class ContactTerm(Term, Protocol):
 
     def hold_sights(self, state: State) -> bool: ...
 
+    def resample(self, state: State) -> None: ...
+
 
 class Energy(NamedTuple):
     """Strain energy as a form, and its rates with the ratios by which bodies swell: with each that is one number, and, as

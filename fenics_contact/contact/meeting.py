@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.contact.pairing import Pairing, seek_along, seek_in_sight
+from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.coverage import Sight
@@ -15,6 +16,7 @@ class MortarFeet(NamedTuple):
     """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
     their mean normals and turns (ns, 3, 4) of kernels/normals.py; what these normals meet; pose: of a tool."""
 
+    samples: Samples
     coords: Floats
     points: Floats
     lengths: Floats

@@ -73,7 +73,7 @@ class MeshedToolAverages(MortarPartner):
         # what the tool's nodes are coupled by follows from the slave's: behind all blocks of the System they are one more
         tool = self.places.skin.size
         blocks = np.concatenate([self.places.skin.blocks, np.full(len(self.places.master.X), tool)]).astype(np.int64)
-        return NodePattern(self.places.samples, self.places.facets, blocks, tool + 1)
+        return NodePattern(self.places.around, self.places.facets, blocks, tool + 1)
 
     def couplings(self, feet: MortarFeet, trial: Trial) -> Ints64 | None:
         keys = super().couplings(feet, trial)

@@ -10,6 +10,7 @@ from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own, unit
+from fenics_contact.contact.samples import Samples
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE
@@ -17,7 +18,7 @@ from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
 from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
 from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
 from fenics_contact.kernels.status import SLIP
-from fenics_contact.types import Bools, Floats, Ints64
+from fenics_contact.types import Array, Bools, Floats, Ints64
 
 
 class MortarPartner(OnFacets):
@@ -38,7 +39,28 @@ class MortarPartner(OnFacets):
 
     def _new_pattern(self) -> NodePattern:
         blocks = np.concatenate([self.places.skin.blocks, self.places.master.blocks]).astype(np.int64)
-        return NodePattern(self.places.samples, self.places.facets, blocks, self.places.skin.size)
+        return NodePattern(self.places.around, self.places.facets, blocks, self.places.skin.size)
+
+    def resampled(self, trial: Trial, feet: MortarFeet) -> Trial:
+        """With samples where the surfaces lie at feet; nodes have the ways since anchors and rests that they had."""
+        h = trial.history
+        ways = [self._laws.averages(h.feet, anchors)[1] for anchors in (h.anchors, h.rests)] if trial.rough else []
+        then = self.places.resampled(h.feet, feet)
+        anchors, rests = [self.anchors.trailing(then, way) for way in ways] or [self.anchors.here(then, trial)] * 2
+        return trial.remembering(anchors=anchors, rests=rests, before=anchors, feet=then)
+
+    def return_to(self, trial: Trial) -> None:
+        """To the samples of a trial."""
+        if self.places.samples is not trial.history.feet.samples:
+            self.places.use(trial.history.feet.samples)
+
+    def sites(self, feet: MortarFeet) -> dict[str, Array]:
+        """Where the samples around each node are (ns, J, 4), see `Samples.packed`."""
+        return {"samples": feet.samples.packed()}
+
+    def put_sites(self, values: dict[str, Array]) -> None:
+        """Take samples where they were."""
+        self.places.use(Samples(self.places.around, self.places.around.unpacked(values["samples"])))
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there."""
@@ -46,8 +68,8 @@ class MortarPartner(OnFacets):
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _, excess = self._laws.tractions(feet, trial)
-        forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), self.places.samples, self.surface.area
-        kernel.add_node_forces(s.slaves, self.places.facets, feet.met, (N, T, s.number), forces, sums)
+        forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), feet.samples, self.surface.area
+        kernel.add_node_forces(s.slaves, self.places.facets, feet.met, (N, T, self.places.around.number), forces, sums)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:] / area)[:, None])
@@ -71,15 +93,15 @@ class MortarPartner(OnFacets):
         averaged, _, N, T, _, _ = self._laws.tractions(feet, trial)
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
-        s, turned, anchors, pattern = self.places.samples, self._laws.turned(feet), own(trial.history.anchors), self._pattern
+        s, turned, anchors, pattern = feet.samples, self._laws.turned(feet), own(trial.history.anchors), self._pattern
         directed, leading = self._laws.leading(feet, trial.law.friction)
         rough = NORMAL + (ROUGH - NORMAL) * rates[:, 1:, :4].any(axis=(1, 2))
         asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
-        patches = pattern.patches(asked, feet.met, anchors[0], leading if len(directed) else leading[:0])
+        patches = pattern.patches(asked, feet, anchors[0], leading if len(directed) else leading[:0])
         products: Products = pattern.blocks, patches, np.empty((len(patches[2]), 7, 4))
         changing = rates, *averaged, directed, leading
         node_products(feet.coords, s.slaves, self.places.facets, feet.met, anchors, turned, changing, products)
-        held = held_rates(s.slaves, feet.met, feet.lengths, (pressed, rubbed, s.number))
+        held = held_rates(s.slaves, feet.met, feet.lengths, (pressed, rubbed, self.places.around.number))
         where = s.slaves, self.places.facets, feet.met, turned, held, products, pattern.size
         rows, columns, blocks = pattern.filled(lambda out: tangent_rows(*where, out))
         return rows, columns, blocks, Linearised(feet, N, T, rates)
@@ -91,18 +113,18 @@ class MortarPartner(OnFacets):
         gaps = np.minimum(gaps, trial.judged.reshape(-1, 4)[:, 0]) if len(trial.judged) else gaps
         closed = np.isfinite(averaged[0]) & (gaps <= 2.0 * trial.law.touch)
         anchor_nodes = own(trial.history.anchors)[0]
-        if self._pattern.suffices(closed, feet.met, anchor_nodes):
+        if self._pattern.suffices(closed, feet, anchor_nodes):
             return None
         with self.timers("search"):
             near = self.places.sights.pairing.within(feet.points, feet.coords, MARGIN * self.places.master.edge)
-        self._pattern.provide(*near, closed, feet.met, anchor_nodes)
+        self._pattern.provide(near, closed, feet, anchor_nodes)
         return self._pattern.keys
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
         """Gaps, shifts added, and ways (4 ns,) that decide: of the tractions which the tangent `before` foresees at these
         places, with a share of what is found there."""
         then, law, anchors = before.feet, trial.law, trial.history.anchors
-        where = then.coords, self.places.samples.slaves, self.places.facets, then.met
+        where = then.coords, then.samples.slaves, self.places.facets, then.met
         means = self._laws.averages(then, anchors)
         motion = feet.coords - then.coords, *self._laws.leading(then, law.friction)
         change = foreseen_averages(*where, own(anchors), means, self._laws.turned(then), motion)
@@ -131,14 +153,14 @@ class MortarPartner(OnFacets):
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
         _, _, N, _, _, _ = self._laws.tractions(feet, trial)
-        none = np.concatenate(self.places.comm.allgather(self.places.samples.own[held]))
-        beside = np.isin(self.places.samples.corners, np.setdiff1d(self.places.samples.ends(), none)).any(axis=1)
-        s, x = self.places.samples, feet.coords[self.places.facets[0][feet.projection[0]]]
-        each = np.where(s.number < 0, 0.0, -N[s.number])
-        pressed = (np.einsum("sc,fc->fs", s.slaves[3], each) * s.slaves[1]).ravel() * feet.met[6]
+        around, slaves = self.places.around, feet.samples.slaves
+        none = np.concatenate(self.places.comm.allgather(around.own[held]))
+        beside = np.isin(around.corners, np.setdiff1d(around.ends(), none)).any(axis=1)
+        x, each = feet.coords[self.places.facets[0][feet.projection[0]]], np.where(around.number < 0, 0.0, -N[around.number])
+        pressed = np.einsum("qc,qc->q", slaves.N, each[slaves.facet]) * slaves.weights * feet.met[6]
         pressed = np.where(feet.projection[1] != NONE, pressed, 0.0)
         along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], x) for i in (1, 2))
         ours, theirs = feet.projection[5], unit(np.cross(along, across))
         theirs = theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
-        at_ends = np.where(np.repeat(beside, len(pressed) // max(len(beside), 1)), pressed, 0.0)
+        at_ends = np.where(beside[slaves.facet], pressed, 0.0)
         return np.append(at_ends @ np.where(at_ends[:, None] > 0.0, ours - theirs, 0.0), pressed.sum())

@@ -21,34 +21,36 @@ class NodeAnchors:
         self._places, self._laws = places, laws
 
     def none(self) -> tuple[Ints64, Floats]:
-        shape = self._places.samples.count * self._places.samples.corners.shape[1], self._places.facets[0].shape[1]
+        shape = self._places.samples.slaves.N.size, self._places.facets[0].shape[1]
         return np.full(shape, -1, dtype=np.int64), np.zeros(shape)
 
     def here(self, feet: MortarFeet, trial: Trial) -> Anchors:
         """The samples' places on the master."""
-        return self._trailing(feet, np.zeros((len(self._places.surface.area), 3)))
+        return self.trailing(feet, np.zeros((len(self._places.surface.area), 3)))
 
     def resting(self, feet: MortarFeet, trial: Trial) -> Anchors:
         """Where nodes that came to rest here slip from: their places, behind by what the body's spring of those that are
         covered in part gives way under their traction."""
         averaged, _, _, T, _, _ = self._laws.tractions(feet, trial)
         spring = 1.0 - self._laws.softened(averaged, trial)[:, None]
-        return self._trailing(feet, spring * T / self._laws.stick(averaged, trial))
+        return self.trailing(feet, spring * T / self._laws.stick(averaged, trial))
 
-    def _trailing(self, feet: MortarFeet, slips: Floats) -> Anchors:
+    def trailing(self, feet: MortarFeet, slips: Floats) -> Anchors:
         """Anchors that trail all feet by slips (ns, 3) [length]."""
         return self._behind(feet, self.none(), np.ones(len(slips), dtype=bool), slips)
 
     def _behind(self, feet: MortarFeet, anchors: Anchors, renewed: Bools, slips: Floats) -> Anchors:
         """Anchors of which those of renewed nodes trail their feet so that the node's way is its slip (ns, 3) [length]."""
-        s, n = self._places.samples, feet.projection[5]
-        share = np.where(self._places.seated(feet) & renewed[:, None], s.share * feet.met[6][s.table], 0.0)
+        s, slip = feet.samples, np.zeros_like(slips)
+        some = np.flatnonzero(renewed & slips.any(axis=1))
+        table = s.table[some]
+        share = np.where(self._places.seated(feet)[some], s.share[some] * feet.met[6][table], 0.0)
         # a mean of P(n_q) slip is shorter than the slip where normals differ
-        along = np.einsum("nj,njc,njd->ncd", share, n[s.table], n[s.table])
-        whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
+        n, whole = feet.projection[5][table], np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
+        along = np.einsum("nj,njc,njd->ncd", share, n, n)
         apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
-        slips = np.ascontiguousarray(np.einsum("ncd,nd->nc", apart, slips))
-        return kernel.anchors_behind(s.slaves, self._places.facets, feet.met, own(anchors), (renewed, slips))
+        slip[some] = np.einsum("ncd,nd->nc", apart, slips[some])
+        return kernel.anchors_behind(s.slaves, self._places.facets, feet.met, own(anchors), (renewed, slip))
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length].
@@ -60,7 +62,7 @@ class NodeAnchors:
         slips, stuck = T / self._laws.stick(averaged, trial), status == STICK
         slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
         anchors = trial.history.anchors
-        missing = self._places.seated(feet) & (own(anchors)[0][self._places.samples.anchor, 0] < 0)
+        missing = self._places.seated(feet) & (own(anchors)[0][feet.samples.anchor, 0] < 0)
         return self._behind(feet, anchors, ~stuck | missing.any(axis=1), slips), slid[:, None]
 
     def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
@@ -100,10 +102,10 @@ class NodeAnchors:
         at[table[table >= 0]] = True
         return tuple(np.where(at[:, None], one, two) for one, two in zip(ours, others, strict=True))
 
-    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+    def packed(self, anchors: Anchors, feet: MortarFeet, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ns, ...) that no partition changes."""
         nodes, weights = own(anchors)
-        table = self._places.samples.anchor
+        table = feet.samples.anchor
         at = np.where((table < 0)[..., None], -1, nodes[table])
         return {name: self._places.keys_of(at), f"{name}_weight": np.where(at < 0, 0.0, weights[table])}
 

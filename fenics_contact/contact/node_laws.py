@@ -27,7 +27,7 @@ class NodeLaws:
         return last[2]
 
     def averages(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
-        return kernel.averages(feet.coords, self._places.samples.slaves, feet.met, own(anchors))
+        return kernel.averages(feet.coords, feet.samples.slaves, feet.met, own(anchors))
 
     def numbers(self, trial: Trial, friction: Friction) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()
@@ -40,8 +40,8 @@ class NodeLaws:
         if not len(parts):
             return law
         at_samples = np.einsum("qi,qic->qc", parts[facet], feet.coords[self._places.facets[0][facet]])
-        share = np.where(self._places.seated(feet), self._places.samples.share, 0.0)
-        return law._replace(directions=np.einsum("nj,njc->nc", share, at_samples[self._places.samples.table]))
+        share = np.where(self._places.seated(feet), feet.samples.share, 0.0)
+        return law._replace(directions=np.einsum("nj,njc->nc", share, at_samples[feet.samples.table]))
 
     def leading(self, feet: MortarFeet, friction: Friction) -> tuple[Floats, Ints64]:
         """Parts (nf, m) of nodes in their facets' directions of friction, and the samples' facets (nq,) that hold there."""
@@ -54,7 +54,7 @@ class NodeLaws:
         return (trial.area / self._places.surface.area).ravel()
 
     def turned(self, feet: MortarFeet) -> tuple[Ints64, Ints64, Floats, Floats]:
-        return self._places.samples.groups[3], self._places.samples.groups[4], feet.turns, feet.lengths
+        return self._places.around.groups[3], self._places.around.groups[4], feet.turns, feet.lengths
 
     def tractions(self, feet: MortarFeet, trial: Trial) -> tuple[kernel.Averaged, Ints, Floats, Floats, Floats, Floats]:
         """Averages, and status, N, T_T, T_T^tr, excess of the slave nodes."""

@@ -4,25 +4,26 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fenics_contact.contact.samples import Samples
+from fenics_contact.contact.meeting import MortarFeet
+from fenics_contact.contact.samples import Samples, SlaveFacets
 from fenics_contact.kernels import mortar_patches as kernel
+from fenics_contact.kernels.closest_point import Lists
 from fenics_contact.kernels.couplings import coupled_pairs, unique_pairs
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Met
 from fenics_contact.types import Bools, Floats, Ints64
 
 
 class NodePattern:
     """Couplings between all nodes that the traction of a slave node depends on, with those that it acts on.
 
-    samples: of the slave's facets; facets: the master's, of l nodes; numbers (nx,): the block of each node, of `count`.
+    around: the slave's facets; facets: the master's, of l nodes; numbers (nx,): the block of each node, of `count`.
     keys: rising numbers row * count + column of their blocks.
     """
 
-    def __init__(self, samples: Samples, facets: Surface, numbers: Ints64, count: int) -> None:
-        self._samples, self._facets, self._count = samples, facets, count
+    def __init__(self, around: SlaveFacets, facets: Surface, numbers: Ints64, count: int) -> None:
+        self._groups, self._facets, self._count = around.groups, facets, count
         self._numbers, self.blocks = np.unique(numbers, return_inverse=True)  # few of all blocks, counted from zero here
-        self._ring = _rings(samples)
+        self._ring = _rings(around)
         self._members = np.empty(0, dtype=np.int64)
         self._out = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty((0, 3, 3))
         self._set(np.empty(0, dtype=np.int64))
@@ -31,20 +32,19 @@ class NodePattern:
         self.keys, n = keys, len(self._numbers)
         rows, columns = (np.searchsorted(self._numbers, part) for part in np.divmod(keys, self._count))
         self._rows = np.searchsorted(rows, np.arange(n + 1)), columns
-        # of nodes that the pattern is known to suffice for: which they are, and what they meet
-        self._met: tuple[Bools, tuple[Ints64, Ints64, Ints64]] | None = None
+        # of nodes that the pattern is known to suffice for: which they are, and what their samples meet
+        self._met: tuple[Samples, Bools, tuple[Ints64, Ints64, Ints64]] | None = None
 
     @property
     def size(self) -> int:
         """Number of blocks that can be coupled."""
         return len(self._numbers)
 
-    def patches(self, asked: Ints64, met: Met, anchor_nodes: Ints64, leading: Ints64) -> kernel.Patches:
+    def patches(self, asked: Ints64, feet: MortarFeet, anchor_nodes: Ints64, leading: Ints64) -> kernel.Patches:
         """Those of kernels/mortar_patches.py for which something is asked (ns,); leading: as there."""
-        s = self._samples
-        felt = anchor_nodes, leading, s.groups[3], s.groups[4]
+        felt = anchor_nodes, leading, self._groups[3], self._groups[4]
         starts, heights = np.empty(len(asked) + 1, dtype=np.int64), np.empty(len(asked), dtype=np.int64)
-        where = asked, s.slaves, self._facets, met, felt, self.blocks, self.size
+        where = asked, feet.samples.slaves, self._facets, feet.met, felt, self.blocks, self.size
         need = kernel.node_patches(*where, (starts, heights, self._members))
         if need > len(self._members):
             self._members = np.empty(need + need // 4, dtype=np.int64)
@@ -62,23 +62,23 @@ class NodePattern:
         rows, columns, blocks = self._out
         return self._numbers[rows[:need]], self._numbers[columns[:need]], blocks[:need]
 
-    def suffices(self, closed: Bools, met: Met, anchor_nodes: Ints64) -> bool:
+    def suffices(self, closed: Bools, feet: MortarFeet, anchor_nodes: Ints64) -> bool:
         """True while the pattern holds the couplings of all closed nodes (ns,)."""
-        now = met[0], anchor_nodes, met[7]
+        now, samples, last = (feet.met[0], anchor_nodes, feet.met[7]), feet.samples, self._met
         asked = closed
-        if self._met is not None:
-            known = self._met[0]
-            asked = closed & (~known | kernel.elsewhere(closed & known, self._samples.slaves, now, self._met[1]))
+        if last is not None and last[0] is samples:
+            asked = closed & (~last[1] | kernel.elsewhere(closed & last[1], samples.slaves, now, last[2]))
         if asked.any():
-            patches = self.patches(np.where(asked, kernel.ROUGH, 0), met, anchor_nodes, np.empty(0, dtype=np.int64))
+            patches = self.patches(np.where(asked, kernel.ROUGH, 0), feet, anchor_nodes, np.empty(0, dtype=np.int64))
             if kernel.patches_lack(patches, *self._rows):
                 return False
-        self._met = closed, now
+        self._met = samples, closed, now
         return True
 
-    def provide(self, offsets: Ints64, facets: Ints64, closed: Bools, met: Met, anchor_nodes: Ints64) -> None:
+    def provide(self, near: Lists, closed: Bools, feet: MortarFeet, anchor_nodes: Ints64) -> None:
         """Renew the pattern: slave nodes with the facets of the samples' CSR lists around them and those that they meet."""
-        s, n, facet, corners = self._samples, len(self._ring), met[0], self._facets[0]
+        (offsets, facets), s, n, met = near, feet.samples, len(self._ring), feet.met
+        facet, corners = met[0], self._facets[0]
         owner, place = np.nonzero(s.table >= 0)
         sample = s.table[owner, place]
         counts = np.diff(offsets)[sample]
@@ -103,19 +103,19 @@ class NodePattern:
             coupled_pairs(*lists, heads, tails)
         rows, columns = (self._numbers[self.blocks[part]] for part in unique_pairs(heads, tails, len(self.blocks)))
         self._set(np.unique(rows * self._count + columns))
-        self._met = closed, (facet, anchor_nodes, met[7])
+        self._met = s, closed, (facet, anchor_nodes, met[7])
 
 
-def _rings(samples: Samples) -> Ints64:
+def _rings(around: SlaveFacets) -> Ints64:
     """Nodes (ns, k) of the facets around each slave node and of those that their normals depend on, -1: no more."""
-    first, facets = samples.slaves[5], samples.slaves[6]
+    first, facets = around.starts, around.facets
     owner = np.repeat(np.arange(len(first) - 1), np.diff(first))
-    slot_starts, slot_nodes = samples.groups[3], samples.groups[4]
-    group = samples.slaves[4][facets].ravel()
-    owners = np.repeat(owner, samples.slaves[4].shape[1])
+    slot_starts, slot_nodes = around.groups[3], around.groups[4]
+    group = around.group[facets].ravel()
+    owners = np.repeat(owner, around.group.shape[1])
     counts = slot_starts[group + 1] - slot_starts[group]
     at = np.repeat(slot_starts[group] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-    nodes = samples.nodes[facets]
+    nodes = around.nodes[facets]
     pairs = np.concatenate([
         np.column_stack([np.repeat(owner, nodes.shape[1]), nodes.ravel()]),
         np.column_stack([np.repeat(owners, counts), slot_nodes[at]]),

@@ -4,22 +4,25 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Watch
-from fenics_contact.contact.samples import Samples, samples_for
+from fenics_contact.contact.samples import Samples, SlaveFacets, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
-from fenics_contact.kernels.coverage import Ends, coverage, surface_ends
+from fenics_contact.kernels.coverage import Ends, beyond_edges, coverage, surface_ends
 from fenics_contact.kernels.normals import CREASE
 from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Bools, Floats
+
+Project = Callable[[Floats, Floats, Floats], Projection]
 
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
@@ -39,15 +42,29 @@ class NodePlaces(PlacesOnFacets):
         search = SEARCH * max(surface.cell_height, master.longest)
         super().__init__(surface, master, skin.owned, len(skin.X), search, skin.comm)
         self.skin, self.timers = skin, timers
-        each = 2 if skin.whole else 1  # one facet of degree 2 is as two of degree 1
-        self.samples = Samples(skin, each * samples_for(skin.edge, master.edge))
+        each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
+        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge))
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals = unit(area_vectors(master.X[master.corners[0]]))
         starts, edges, sides, smooth = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
+        self._beyond = beyond_edges(master.corners)
         self._ends: Ends = starts, edges + self.first, sides, smooth
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
-        self.sights = Sights(self.facets, self._corners, search, MARGIN * master.edge)
         self._feet: MortarFeet | None = None
+        self.use(Samples(self.around, self.around.whole))
+
+    def resampled(self, then: MortarFeet, now: MortarFeet) -> MortarFeet:
+        """Take samples where the surfaces lie now; returns the feet that these had then. Collective."""
+        with self.timers("projection"):
+            normals, _ = self.around.normals(now.coords)
+            sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
+            self.use(Samples(self.around, sites))
+            return self._at(then.coords, then.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
+
+    def use(self, samples: Samples) -> None:
+        """Meet the master through these samples."""
+        self.samples, self._feet = samples, None
+        self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge)
 
     def feet(self, state: State) -> MortarFeet:
         """The places at a state; the same object while these do not change on any rank. Collective."""
@@ -64,15 +81,19 @@ class NodePlaces(PlacesOnFacets):
         search = FIRST_SEARCH * self.search
         return self._feet_at(state, lambda x, n, coords: self.sights.pairing.far(x, n, coords, search))
 
-    def _feet_at(self, state: State, project: Callable[[Floats, Floats, Floats], Projection]) -> MortarFeet:
+    def _feet_at(self, state: State, project: Project) -> MortarFeet:
         """Where the samples are and what project(points, normals, coords) gives for them. Collective."""
         coords = np.concatenate([self.skin.positions(state), self.master.positions(state)])
-        normals, turns = self.samples.normals(coords)
+        return self._at(coords, self.master.pose(state), project)
+
+    def _at(self, coords: Floats, pose: Pose | None, project: Project) -> MortarFeet:
+        """The same of positions coords (nx, 3) and a tool's pose."""
+        normals, turns = self.around.normals(coords)
         n = self.samples.count
         points, directions, lengths = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         kernel.sample_places(coords, self.samples.slaves, normals, points, directions, lengths)
         met = self._covered(points, coords, project(points, -directions, coords))
-        return MortarFeet(coords, points, lengths, turns, met, self.master.pose(state))
+        return MortarFeet(self.samples, coords, points, lengths, turns, met, pose)
 
     def _covered(self, points: Floats, coords: Floats, projection: Projection) -> kernel.Met:
         """The projection without what lies off the master, and how much of each sample lies over it."""
@@ -81,7 +102,7 @@ class NodePlaces(PlacesOnFacets):
         N = np.empty((n, 3, self.facets[0].shape[1]))
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, s.corners, s.rim, points, (self._corners, self._ends), sight, projection, cover)
+        coverage(coords, s.corners, s.rims, points, (self._corners, self._ends), sight, projection, cover)
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames
@@ -93,7 +114,8 @@ class NodePlaces(PlacesOnFacets):
 
     def seated(self, feet: MortarFeet) -> Bools:
         """Which of the samples around each slave node (ns, J) have a foot."""
-        return (self.samples.table >= 0) & (feet.projection[1] != NONE)[self.samples.table]
+        table = feet.samples.table
+        return (table >= 0) & (feet.projection[1] != NONE)[table]
 
     def normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (ns, 1, 3) along which pressure acts on this rank's slave nodes; zero without a partner."""
@@ -106,24 +128,25 @@ class NodePlaces(PlacesOnFacets):
 
     def _mean(self, feet: MortarFeet, of: Bools) -> Floats:
         """Unit means (ns, 1, 3) of the samples' normals; of (np,): those that count."""
-        s = self.samples
+        s = feet.samples
         share = np.where(s.table < 0, 0.0, s.share * of[s.table])
         return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
 
     def bare(self, feet: MortarFeet) -> Floats:
         """Shares (ns,) of the nodes' areas that do not lie over the master."""
-        s = self.samples
+        s = feet.samples
         return 1.0 - (s.share * feet.met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
 
     def features(self, feet: MortarFeet) -> Array:
         """Codes (ns, ...): where one changes the traction has a kink."""
-        s = self.samples
+        s = feet.samples
         codes = np.column_stack([feet.projection[0], feet.met[7]])[s.table]
         return np.where((s.table < 0)[..., None], -9, codes).reshape(len(codes), 5 * s.table.shape[1])
 
     def cut_off(self, state: State) -> Floats:
         """How much nearer (ns, 1) [length] the surfaces are than their facets, on average as gaps are. Collective."""
-        s, (facet, kind, *_), cover = self.samples, self.feet(state).projection, self.feet(state).met[6]
+        feet = self.feet(state)
+        s, (facet, kind, *_), cover = feet.samples, feet.projection, feet.met[6]
         there = np.where(kind != NONE, self.master.cut_off[facet], 0.0)[s.table]
         share = s.share * np.where(kind != NONE, cover, 0.0)[s.table]
         means = (share * there).sum(axis=1) / np.maximum(share.sum(axis=1), 1e-300)

@@ -81,7 +81,7 @@ class Anchoring(Protocol):
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors: ...
 
-    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]: ...
+    def packed(self, anchors: Anchors, feet: Any, name: str) -> dict[str, Array]: ...
 
     def unpacked(self, values: dict[str, Array], name: str) -> Anchors: ...
 
@@ -110,6 +110,20 @@ class Partner(Protocol):
 
     @property
     def anchors(self) -> Anchoring: ...
+
+    def resampled(self, trial: Trial, feet: Any) -> Trial:
+        """The trial with points chosen anew where the surfaces lie at feet, for the rest of a step. Collective."""
+        ...
+
+    def return_to(self, trial: Trial) -> None:
+        """To the points of a trial that was the present one before."""
+
+    def sites(self, feet: Any) -> dict[str, Array]:
+        """Arrays (ne, ...), which no partition changes, that tell where points chosen so are. Collective."""
+        ...
+
+    def put_sites(self, values: dict[str, Array]) -> None:
+        """Choose the points that `sites` told of."""
 
     def response(self, feet: Any, trial: Trial) -> Response: ...
 
@@ -143,6 +157,20 @@ class PointPressures:
     """What partners have in common whose slave points press each by itself; averages say otherwise."""
 
     slid_off = "make the master's surface larger where the slave leaves it, raise the penalty, or end the path before"
+
+    def resampled(self, trial: Trial, feet: Any) -> Trial:
+        """The same: points stay where they are on the slave."""
+        return trial
+
+    def return_to(self, trial: Trial) -> None:
+        """Nothing to do: they have stayed."""
+
+    def sites(self, feet: Any) -> dict[str, Array]:
+        """Nothing to keep."""
+        return {}
+
+    def put_sites(self, values: dict[str, Array]) -> None:
+        """Nothing to take up."""
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""

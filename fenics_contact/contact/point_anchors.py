@@ -67,7 +67,7 @@ class PointAnchors:
             np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
         )
 
-    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+    def packed(self, anchors: Anchors, feet: FacetFeet, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""
         (nodes, weights), shape = anchors, (*self._shape, anchors[0].shape[1])
         return {name: self._places.keys_of(nodes).reshape(shape), f"{name}_weight": weights.reshape(shape)}

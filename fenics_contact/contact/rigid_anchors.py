@@ -67,7 +67,7 @@ class RigidAnchors:
             np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
         )
 
-    def packed(self, anchors: Anchors, name: str) -> dict[str, Array]:
+    def packed(self, anchors: Anchors, feet: RigidFeet, name: str) -> dict[str, Array]:
         """Anchors as arrays (ne, ...) that no partition changes."""
         return {name: anchors[0]}
 

@@ -1,4 +1,4 @@
-"""Samples of a slave surface whose contact is averaged at its nodes: the facets around these, and their normals."""
+"""Facets of a slave surface whose contact is averaged at its nodes, their normals, and the samples on them."""
 
 import math
 
@@ -6,22 +6,32 @@ import basix
 import numpy as np
 
 from fenics_contact.contact.master import MasterSurface
+from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
+from fenics_contact.kernels.segments import Joined, Rule, Rules, Sites, facet_parts
 from fenics_contact.types import Floats, Ints
 
-FEWEST, MOST = 3, 6  # samples of a facet per direction
-PER_FACET = 2.0  # samples of a facet per direction, for each facet of a finer master that it covers
+FEWEST, MOST = 3, 6  # samples per direction of a facet that is not cut into parts
+PER_FACET = 2.0  # of them, for each facet of a finer master that it covers
+LINEAR, QUADRATIC = 2, 4  # samples per direction of parts: products of shape functions there are of that degree and one more
+RINGS = {
+    3: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+    4: np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
+}
+ROUNDED = 1e-13  # of an area: what sums leave
+NEAREST = 1.8  # of a sample's distance from the border of its facet: the way on which it leaves the master
 
 
-class Samples:
-    """Facets of a slave surface that this process evaluates, those around its own nodes, with their samples.
+class SlaveFacets:
+    """Facets of a slave surface that this process evaluates, those around its own nodes, and their normals.
 
-    slaves, groups: as the kernels take them; own (ns,): the nodes of this process that have pressures, those of corners;
-    number (nf, m): the own node at each corner, or -1; table, corner (ns, J): samples around each own node and its corner's
-    place among those of their facet, -1 where there are fewer; nodes (nf, k), corners (nf, m) of the facets; rim: the way on
-    which a sample leaves the master, over its facet's size along it.
+    own (ns,): the nodes of this process that have pressures, those of corners; nodes (nf, k), corners (nf, m) of the facets;
+    number (nf, m): the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
+    corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
+    crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
+    the reference; aside: the least one of samples in a unit facet that nothing crosses.
     """
 
     def __init__(self, skin: MasterSurface, count: int) -> None:
@@ -34,42 +44,75 @@ class Samples:
         own = np.isin(ends, self.own)
         mine = own.any(axis=1)
         self.nodes, self.corners = np.ascontiguousarray(every[mine]), np.ascontiguousarray(ends[mine])
-        # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
-        places, weights, N, gradients = sampled(m, count, across=count if skin.section is None else 1)
-        ring, _, _, at_corners = sampled(m, 0)
-        shapes = N
-        if skin.whole:
-            (shapes, gradients), (_, at_corners) = (_quadratic(int(size[0]), s) for s in (places, ring))
-        tangents = np.einsum("qti,fic->fqtc", gradients, skin.X[self.nodes])
-        area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2) * weights
-        if skin.section is not None:  # half a strip's area is that of its near nodes
-            at = np.einsum("qi,fic->fqc", shapes, skin.X[self.nodes])
-            area *= 2.0 * skin.section.depth(at) / np.linalg.norm(2.0 * tangents[:, :, 1], axis=2)
-        group = np.empty((len(every), m), dtype=np.int64)
-        cosine = np.cos(np.radians(CREASE))
-        starts, facets, corners = grouped_corners(skin.X, every, at_corners, mine, cosine, group)
-        angles = corner_angles(skin.X, every, m, facets, corners)
-        self.groups: Groups = starts, facets, corners, *group_slots(starts, facets, corners, every, at_corners), angles
-        self._every, self._at_corners = every, at_corners
         self.number = np.where(own[mine], np.searchsorted(self.own, self.corners), -1)
         f, c = np.nonzero(self.number >= 0)
         order = np.argsort(self.number[f, c], kind="stable")
-        f, c, owner = f[order], c[order], self.number[f, c][order]
-        n = len(self.own)
-        first = np.searchsorted(owner, np.arange(n + 1))
-        on = np.ascontiguousarray(area), shapes, N, np.ascontiguousarray(group[mine])
-        self.slaves: Slaves = self.nodes, *on, first, f, c
-        most = max(skin.comm.allgather(int(np.diff(first).max(initial=0))))
-        nq = len(N)
-        self.table, self.corner = np.full((n, most * nq), -1), np.full((n, most * nq), -1)
-        column = (np.arange(len(owner)) - first[owner])[:, None] * nq + np.arange(nq)
-        self.table[owner[:, None], column] = f[:, None] * nq + np.arange(nq)
-        self.corner[owner[:, None], column] = c[:, None]
-        self.share = np.where(self.table < 0, 0.0, area.ravel()[self.table] * N[self.table % nq, self.corner])
-        # samples of surfaces that end together are covered whole: those nearest to the border, and a little more
-        aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
-        self.rim = 1.8 * float(aside.min())
-        self.anchor = np.where(self.table < 0, -1, self.table * m + self.corner)
+        self.facets, self.places, owner = f[order], c[order], self.number[f, c][order]
+        self.starts = np.searchsorted(owner, np.arange(len(self.own) + 1))
+        self._size = int(size[0]) if len(size) else m
+        self._every, self._at_corners = every, self.shapes(RINGS[m])[1]
+        group = np.empty((len(every), m), dtype=np.int64)
+        cosine = np.cos(np.radians(CREASE))
+        where = grouped_corners(skin.X, every, self._at_corners, mine, cosine, group)
+        angles = corner_angles(skin.X, every, m, *where[1:])
+        self.groups: Groups = *where, *group_slots(*where, every, self._at_corners), angles
+        self.group = np.ascontiguousarray(group[mine])
+        part = QUADRATIC if skin.whole else LINEAR
+        # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
+        strip = skin.section is not None
+        self._rules: Rules = gauss(4, part, 1 if strip else part), gauss(3, part), not skin.whole
+        self._rule, nf = gauss(m, count, 1 if strip else count), len(self.nodes)
+        (places, weights), n = self._rule, len(self._rule[1])
+        self.whole: Sites = n * np.arange(nf + 1), np.tile(places, (nf, 1)), np.tile(weights, nf)
+        self._room = len(self.whole[2])  # for samples
+        N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
+        self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
+        self.aside = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], N).min()
+
+    def shapes(self, places: Floats) -> tuple[Floats, Floats]:
+        """Shape functions (nq, k) of the facets' nodes and their gradients (nq, 2, k) at places (nq, 2)."""
+        if not self._skin.whole:
+            return corner_shapes(self.corners.shape[1], places)
+        out = np.zeros((len(places), 3, self._size + 1 if self._size == STRIP else self._size))
+        for i, (s, t) in enumerate(places):
+            quadratic_shape(self._size, s, t, out[i])
+        return np.ascontiguousarray(out[:, 0]), np.ascontiguousarray(out[:, 1:])
+
+    def areas(self, facet: Ints, places: Floats, weights: Floats) -> Floats:
+        """Reference areas (np,) [length^2] of samples of facets at places, with weights there; half a strip's is that of its
+        near nodes."""
+        (shapes, gradients), X = self.shapes(places), self._skin.X[self.nodes[facet]]
+        tangents = np.einsum("qti,qic->qtc", gradients, X)
+        area = np.linalg.norm(np.cross(tangents[:, 0], tangents[:, 1]), axis=1) * weights
+        if (section := self._skin.section) is not None:
+            area *= 2.0 * section.depth(np.einsum("qi,qic->qc", shapes, X)) / np.linalg.norm(2.0 * tangents[:, 1], axis=1)
+        return area
+
+    def crossed(self, coords: Floats, normals: Floats, master: Joined, search: float) -> Sites:
+        """Samples where edges of facets of the master, no farther off than search [length], cross those of the slave at
+        positions coords (nx, 3); normals (ng, 3) of the groups."""
+        around = candidates(coords[self.corners].mean(axis=1), coords, *master[0], search + self._skin.longest)
+        near, mean = (around, search), normals[self.group].sum(axis=1)
+        slave = self.corners, mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+        first, kernel = np.empty(len(self.nodes) + 1, dtype=np.int64), (coords, slave, master, near, self._rules, self._rule)
+        while True:
+            places, weights = np.empty((self._room, 2)), np.empty(self._room)
+            count = facet_parts(*kernel, (first, places, weights))
+            if count <= self._room:
+                return first, places[:count], weights[:count]
+            self._room = count
+
+    def most(self, here: int) -> int:
+        """The greatest such number of all processes. Collective."""
+        return max(self._skin.comm.allgather(here))
+
+    def unpacked(self, values: Floats) -> Sites:
+        """Those that `Samples.packed` gave."""
+        _, entry = np.unique(self.facets, return_index=True)  # of one own node each
+        node = np.searchsorted(self.starts, entry, side="right") - 1
+        on = values[node, :, 0] == (entry - self.starts[node])[:, None]
+        _, s, t, weights = values[node][on].T
+        return np.append(0, np.cumsum(on.sum(axis=1))), np.column_stack([s, t]), np.ascontiguousarray(weights)
 
     def ends(self) -> Ints:
         """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes."""
@@ -77,13 +120,9 @@ class Samples:
         sides = [1, 3] if self._skin.section is not None else range(4)  # a strip has no ends across
         pairs = np.concatenate([np.sort(ring[:, [i, (i + 1) % 4]], axis=1) for i in sides])
         pairs, times = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0, return_counts=True)
-        normals = np.unique(np.column_stack([self.corners.ravel(), self.slaves[4].ravel()]), axis=0)
+        normals = np.unique(np.column_stack([self.corners.ravel(), self.group.ravel()]), axis=0)
         nodes, several = np.unique(normals[:, 0], return_counts=True)
         return np.union1d(pairs[times == 1], nodes[several > 1])
-
-    @property
-    def count(self) -> int:
-        return self.slaves[1].size
 
     def normals(self, coords: Floats) -> tuple[Floats, Floats]:
         """Unit normals of the groups and their turns."""
@@ -92,12 +131,50 @@ class Samples:
         return normals, turns
 
 
-def _quadratic(size: int, places: Floats) -> tuple[Floats, Floats]:
-    """Shape functions (nq, k) and gradients (nq, 2, k) of facets of degree 2 at places (nq, 2)."""
-    out = np.zeros((len(places), 3, size + 1 if size == STRIP else size))
-    for i, (s, t) in enumerate(places):
-        quadratic_shape(size, s, t, out[i])
-    return np.ascontiguousarray(out[:, 0]), np.ascontiguousarray(out[:, 1:])
+class Samples:
+    """Samples of slave facets, held within a step. Made on all processes at once.
+
+    sites: on their facets; slaves: as the kernels take them; rims (np,): the ways on which samples leave the master, over
+    their facets' size along them; table, corner (ns, J): samples around each own node and its corner's place among those of
+    their facet, -1 where there are fewer; share (ns, J): what they have of the node's area [length^2]; anchor (ns, J): where
+    they have theirs.
+    """
+
+    def __init__(self, around: SlaveFacets, sites: Sites) -> None:
+        (first, places, weights), self.sites = sites, sites
+        facet, m = np.repeat(np.arange(len(around.nodes)), np.diff(first)), around.corners.shape[1]
+        (N, _), (shape, _) = corner_shapes(m, places), around.shapes(places)
+        area = _weighed(around, facet, N, around.areas(facet, places, weights))
+        where = around.nodes, around.group, around.starts, around.facets, around.places
+        self.slaves = Slaves(*where, first, facet, area, shape, N)
+        self.corners = np.ascontiguousarray(around.corners[facet])
+        # samples of surfaces that end together are covered whole: those nearest to the border, and a little more
+        self.rims = NEAREST * np.minimum(np.einsum("qic,qc->qi", around.heights[facet], N).min(axis=1), around.aside)
+        counts = np.diff(first)[around.facets]
+        node = np.repeat(np.arange(len(around.own)), np.diff(around.starts))
+        before = np.cumsum(counts) - counts  # of all parts that samples have in nodes, those around the nodes before
+        row, at = np.repeat(node, counts), np.arange(counts.sum())
+        column = at - np.append(before, 0)[around.starts[:-1]][row]
+        most = around.most(int(column.max(initial=-1)) + 1)
+        self.table, self.corner = np.full((2, len(around.own), most), -1)
+        self.table[row, column] = np.repeat(first[around.facets] - before, counts) + at
+        self.corner[row, column] = np.repeat(around.places, counts)
+        self.share = np.where(self.table < 0, 0.0, area[self.table] * N[self.table, self.corner])
+        self.anchor = np.where(self.table < 0, -1, self.table * m + self.corner)
+
+    @property
+    def count(self) -> int:
+        return len(self.slaves.facet)
+
+    def packed(self) -> Floats:
+        """Of the samples around each own node (ns, J, 4): which of the node's facets they are on, counted from zero, -1:
+        there are no more, and place and weight there. No partition changes it."""
+        first, places, weights = self.sites
+        out, (row, column) = np.full((*self.table.shape, 4), -1.0), np.nonzero(self.table >= 0)
+        entry = np.repeat(np.arange(len(self.slaves.facets)), np.diff(first)[self.slaves.facets])
+        sample = self.table[row, column]
+        out[row, column] = np.column_stack([entry - self.slaves.starts[row], places[sample], weights[sample]])
+        return out
 
 
 def samples_for(size: float, master: float) -> int:
@@ -105,19 +182,45 @@ def samples_for(size: float, master: float) -> int:
     return min(max(FEWEST, math.ceil(PER_FACET * size / master - 1e-6)), MOST) if master > 0.0 else FEWEST
 
 
-def sampled(m: int, count: int, across: int = 0) -> tuple[Floats, Floats, Floats, Floats]:
-    """Places (nq, 2), weights (nq,), shape functions (nq, m) and gradients (nq, 2, m) of facets with m corners, which run
-    counter-clockwise: at count Gauss points along the first side and across it (0: as many), or at the corners."""
-    if m == 4:
-        along = (max(count, 1), max(across or count, 1))
-        (s, w), (t, v) = (basix.make_quadrature(basix.CellType.interval, 2 * n - 1) for n in along)
-        s, w = 2.0 * np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2) - 1.0, 4.0 * np.outer(w, v).ravel()
-        ring = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        s = s if count else ring
-        one, two = (1.0 + s[:, None, i] * ring[:, i] for i in (0, 1))
-        gradients = np.stack([0.25 * ring[:, 0] * two, 0.25 * ring[:, 1] * one], axis=1)
-        return s, w, 0.25 * one * two, gradients
-    s, w = basix.make_quadrature(basix.CellType.triangle, 2 * max(count, 1) - 1)
-    s = s if count else np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    N = np.column_stack([1.0 - s.sum(axis=1), s])
-    return s, w, N, np.tile([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], (len(s), 1, 1))
+def _weighed(around: SlaveFacets, facet: Ints, N: Floats, area: Floats) -> Floats:
+    """Areas (np,) of samples with shape functions N (np, m) of corners, so changed that each corner has what it has of its
+    facet's area: in parts of distorted quadrilaterals a rule integrates that to an error."""
+    if not len(area):
+        return area
+    first = np.searchsorted(facet, np.arange(len(around.nodes)))
+    lack = around.parts - np.add.reduceat(N * area[:, None], first)
+    if not (np.abs(lack).max(axis=1) > ROUNDED * around.parts.max(axis=1)).any():
+        return area
+    products = np.add.reduceat(N[:, :, None] * N[:, None] * area[:, None, None], first)
+    inverse = np.linalg.pinv(products, hermitian=True)  # near and far nodes of strips have the same
+    return area * (1.0 + np.einsum("qc,qc->q", N, np.einsum("fab,fb->fa", inverse, lack)[facet]))
+
+
+def _heights(x: Floats) -> Floats:
+    """(nf, m, m): how far from each side of facets with corners x (nf, m, 3) each corner is, over what they measure across
+    that side."""
+    along = np.roll(x, -1, axis=1) - x
+    out = np.cross(along, np.cross(along, along[:, [-1, *range(x.shape[1] - 1)]]))  # from each side into the facet
+    heights = np.einsum("fic,fjc->fij", out, x)
+    heights -= np.diagonal(heights, axis1=1, axis2=2)[:, :, None]
+    return heights / np.ptp(heights, axis=2)[:, :, None]
+
+
+def gauss(m: int, count: int, across: int = 0) -> Rule:
+    """Places (nq, 2) and weights (nq,) of facets with m corners: count Gauss points along the first side and across it (0:
+    as many), on triangles what integrates polynomials as far."""
+    if m == 3:
+        return basix.make_quadrature(basix.CellType.triangle, 2 * count - 1)
+    (s, w), (t, v) = (basix.make_quadrature(basix.CellType.interval, 2 * n - 1) for n in (count, across or count))
+    places = 2.0 * np.stack(np.meshgrid(s, t, indexing="ij"), axis=-1).reshape(-1, 2) - 1.0
+    return places, 4.0 * np.outer(w, v).ravel()
+
+
+def corner_shapes(m: int, places: Floats) -> tuple[Floats, Floats]:
+    """Shape functions (nq, m) of a facet's corners, which run counter-clockwise, and their gradients (nq, 2, m)."""
+    ring = RINGS[m]
+    if m == 3:
+        N = np.column_stack([1.0 - places.sum(axis=1), places])
+        return N, np.tile([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], (len(places), 1, 1))
+    one, two = (1.0 + places[:, None, i] * ring[:, i] for i in (0, 1))
+    return 0.25 * one * two, np.stack([0.25 * ring[:, 0] * two, 0.25 * ring[:, 1] * one], axis=1)

@@ -164,16 +164,22 @@ class Contact:
         sights.hold(self.places.feet(state))
         return True
 
+    def resample(self, state: State) -> None:
+        """Choose anew, until a rollback, points that lie where they do on the slave for the master's sake. Collective."""
+        self.trial = self.partner.resampled(self.trial, self.places.feet(state))
+
     def rollback(self) -> None:
         """Back to the law and history of the last accepted step."""
         if self.places.sights:
             self.places.sights.free()
         self.trial = self.accepted
+        self.partner.return_to(self.trial)
 
     def history(self) -> dict[str, Array]:
         """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
         h, points = self.accepted.history, self.surface.area.shape
-        out = self.partner.anchors.packed(h.anchors, "anchor") | self.partner.anchors.packed(h.rests, "rest")
+        packed = self.partner.anchors.packed
+        out = packed(h.anchors, h.feet, "anchor") | packed(h.rests, h.feet, "rest") | self.partner.sites(h.feet)
         out |= {"slip_path": h.slip_path, "met": h.met, "raised": h.raised}
         if self.partner.foresees:
             out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
@@ -183,10 +189,11 @@ class Contact:
         """Take up what history gave for this rank's elements, at the accepted state."""
         values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
         h = self.accepted.history
+        self.partner.put_sites(values)
+        feet = self.places.feet(state)
         anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
         gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps
         h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
-        feet = self.places.feet(state)
         h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet)
         h = replace(h, faced=self._facing(state, feet, h.met))
         self.trial = self.accepted = self.penalties.with_raised(Trial(self.accepted.law, h, self.surface.area))

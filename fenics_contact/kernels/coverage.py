@@ -101,7 +101,7 @@ def _nearest_end(
 def coverage(
     coords: Floats,
     corners: Ints64,
-    rim: float,
+    rims: Floats,
     points: Floats,
     master: tuple[Surface, Ends],
     sight: Sight,
@@ -110,13 +110,12 @@ def coverage(
 ) -> None:
     """Fill cover; samples of which nothing lies over the master lose their foot in the projection.
 
-    corners (nf, m): of the slave's facets, which have equally many samples; rim: w over what a facet measures; points (np,
-    3): the samples; master: its surface and ends; sight: by which it is judged what looks towards them.
+    corners (np, m): of the samples' facets; rims (np,): w over what these measure; points (np, 3): the samples; master: its
+    surface and ends; sight: by which it is judged what looks towards them.
     """
     (surface, ends), (shares, around, slopes) = master, cover
     facet, kind, _, _, gap, normal = projection
     around[:], slopes[:] = -1, 0.0
-    count = len(points) // max(len(corners), 1)
     for q in range(len(points)):
         shares[q] = 0.0
         if kind[q] == NONE:
@@ -125,12 +124,12 @@ def coverage(
         e, d, nu = _nearest_end(x, n, gap[q], facet[q], coords, surface, ends, (row(sight[0], q), sight[1]))
         if e < 0:
             continue
-        far = near = corners[q // count, 0]
+        far = near = corners[q, 0]
         for c in range(1, corners.shape[1]):
-            node = corners[q // count, c]
+            node = corners[q, c]
             far = node if dot(nu, minus(row(coords, node), row(coords, far))) > 0.0 else far
             near = node if dot(nu, minus(row(coords, node), row(coords, near))) < 0.0 else near
-        span = times(rim, minus(row(coords, far), row(coords, near)))
+        span = times(rims[q], minus(row(coords, far), row(coords, near)))
         w = max(dot(nu, span), 1e-300)
         share = 0.5 + d / w
         if share >= 1.0:
@@ -149,7 +148,21 @@ def coverage(
         put(slopes, q, 1, cross(turned, along))
         put(slopes, q, 2, less(times(1.0 / w, nu), 1.0, by_along))
         put(slopes, q, 3, by_along)
-        put(slopes, q, 4, times(stretch * rim, nu))
+        put(slopes, q, 4, times(stretch * rims[q], nu))
+
+
+def beyond_edges(surface: Surface) -> Ints64:
+    """Facets (nf, 4) beyond the edges from each corner to the next, -1: none."""
+    nodes, size = surface
+    corner = np.arange(nodes.shape[1])
+    there = corner < size[:, None]
+    a, b = nodes, np.take_along_axis(nodes, np.where(corner + 1 < size[:, None], corner + 1, 0), axis=1)
+    count = int(nodes.max(initial=0)) + 1
+    key, back = (a * count + b)[there], b * count + a
+    order, facet = np.argsort(key), np.nonzero(there)[0]
+    at = np.minimum(np.searchsorted(key[order], back), max(len(key) - 1, 0))
+    found = there & (key[order][at] == back) if len(key) else there
+    return np.where(found, facet[order][at] if len(key) else -1, -1)
 
 
 def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
@@ -162,12 +175,8 @@ def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
     m = nodes.shape[1]
     following = np.where(np.arange(m) + 1 < size[:, None], np.arange(m) + 1, 0)
     f, i = np.nonzero(np.arange(m) < size[:, None])
-    a, b = nodes[f, i], nodes[f, following[f, i]]
-    count = int(nodes.max(initial=0)) + 1
-    key, back = a * count + b, b * count + a
-    order = np.argsort(key)
-    at = np.minimum(np.searchsorted(key[order], back), max(len(key) - 1, 0))
-    beyond = np.where(key[order][at] == back, f[order][at], -1) if len(key) else f
+    a, b, count = nodes[f, i], nodes[f, following[f, i]], int(nodes.max(initial=0)) + 1
+    beyond = beyond_edges(surface)[f, i]
     smooth = (beyond >= 0) & (np.einsum("ec,ec->e", normals[f], normals[beyond]) >= cosine)
     edges, sides = np.column_stack([a, b]).astype(np.int64), np.column_stack([f, beyond]).astype(np.int64)
     # facets of each node, then of each edge: those around any node of its own facet

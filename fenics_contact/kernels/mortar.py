@@ -6,11 +6,9 @@ means over the samples around it, weighted with its shape function N_A and with 
 are in series with the body beneath, 1/eps_A = 1/eps + (1 - s)/(s kappa E/h): what is nearly off the master hardly presses.
 
 Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3) are present positions of nodes [length]:
-    slaves     (nodes (nf, k) of the facets, corners first, weights (nf, nq) reference areas of the samples [length^2],
-               shape (nq, k) of the facet's nodes, N (nq, m) of its corners, group (nf, m) of kernels/normals.py, and where
-               each slave node is a corner: starts (ns + 1,), facets (ne,), places (ne,))
+    slaves     see Slaves
     surface    as in kernels/closest_point.py
-    met        (the projection of kernels/closest_point.py, of np = nf nq samples that look along its normals, the cover of
+    met        (the projection of kernels/closest_point.py, of np samples that look along its normals, the cover of
                kernels/coverage.py, N (np, 3, l): shape functions of the master's facet, of l nodes, at the feet, with
                their two derivatives, and frames (np, 5, 3): x, r1, r2, c1, c2 of each Foot)
     anchors    (nodes (np m, l), weights (np m, l)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
@@ -61,7 +59,6 @@ from fenics_contact.kernels.vectors import (
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 
 Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floats, Floats, Floats]
-Slaves = tuple[Ints64, Floats, Floats, Floats, Ints64, Ints64, Ints64, Ints64]
 Anchors = tuple[Ints64, Floats]
 Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
 NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
@@ -73,6 +70,26 @@ WEIGHT = 1.0
 # middle around which slips turn; it follows what was foreseen, which its own way turns by its weight alone
 ASIDE = 0.4
 KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less robust
+
+
+class Slaves(NamedTuple):
+    """Facets of a slave, their np samples, and its nodes.
+
+    nodes (nf, k) of the facets, corners first; group (nf, m) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
+    (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
+    is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there.
+    """
+
+    nodes: Ints64
+    group: Ints64
+    starts: Ints64
+    facets: Ints64
+    places: Ints64
+    first: Ints64
+    facet: Ints64
+    weights: Floats
+    shape: Floats
+    N: Floats
 
 
 class Foot(NamedTuple):
@@ -94,19 +111,17 @@ def sample_places(
 ) -> None:
     """Fill points (np, 3), directions (np, 3) in which they look, against the mean of the normals (ng, 3) at the corners,
     and lengths (np,) of these means."""
-    nodes, table, N, group = slaves[0], slaves[2], slaves[3], slaves[4]
-    count, m = N.shape
-    for f in range(len(nodes)):
-        for s in range(count):
-            x, y = ZERO, ZERO
-            for i in range(nodes.shape[1]):
-                x = less(x, -table[s, i], row(coords, nodes[f, i]))
-            for c in range(m):
-                y = less(y, N[s, c], row(normals, group[f, c]))
-            q, length = f * count + s, max(norm(y), 1e-300)
-            points[q, 0], points[q, 1], points[q, 2] = x
-            directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / length, y)
-            lengths[q] = length
+    nodes, N = slaves.nodes, slaves.N
+    for q in range(len(points)):
+        f, x, y = slaves.facet[q], ZERO, ZERO
+        for i in range(nodes.shape[1]):
+            x = less(x, -slaves.shape[q, i], row(coords, nodes[f, i]))
+        for c in range(N.shape[1]):
+            y = less(y, N[q, c], row(normals, slaves.group[f, c]))
+        length = max(norm(y), 1e-300)
+        points[q, 0], points[q, 1], points[q, 2] = x
+        directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / length, y)
+        lengths[q] = length
 
 
 @njit(cache=True, error_model="numpy")
@@ -140,19 +155,17 @@ def foot_of(q: int, met: Met) -> Foot:
 @njit(cache=True, error_model="numpy")
 def averages(coords: Floats, slaves: Slaves, met: Met, anchors: Anchors) -> Averaged:
     """What the slave nodes have on average."""
-    weights, shapes, starts, facets, places = slaves[1], slaves[3], slaves[5], slaves[6], slaves[7]
-    count, m = shapes.shape
-    n = len(starts) - 1
+    starts, first, weights, shapes = slaves.starts, slaves.first, slaves.weights, slaves.N
+    n, m = len(starts) - 1, shapes.shape[1]
     gaps, ways, areas = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n)
     anchored, whole = np.zeros(n), np.zeros(n)
     for A in range(n):
         gap, way = 0.0, ZERO
         for e in range(starts[A], starts[A + 1]):
-            f, c = facets[e], places[e]
-            for s in range(count):
-                q = f * count + s
-                whole[A] += weights[f, s] * shapes[s, c]
-                share = weights[f, s] * shapes[s, c] * met[6][q]
+            f, c = slaves.facets[e], slaves.places[e]
+            for q in range(first[f], first[f + 1]):
+                whole[A] += weights[q] * shapes[q, c]
+                share = weights[q] * shapes[q, c] * met[6][q]
                 if met[1][q] == NONE:
                     continue
                 areas[A] += share
@@ -297,34 +310,30 @@ def add_node_forces(
 
     acting: (N (ns,), T_T (ns, 3), number (nf, m) of the slave node at each corner, -1: another process answers for it).
     """
-    nodes, weights, table, shapes = slaves[0], slaves[1], slaves[2], slaves[3]
-    N, T, number = acting
-    count, m = shapes.shape
-    for f in range(len(nodes)):
-        for s in range(count):
-            q = f * count + s
-            if met[1][q] == NONE:
+    nodes, (N, T, number) = slaves.nodes, acting
+    for q in range(len(slaves.facet)):
+        if met[1][q] == NONE:
+            continue
+        f, total, tangential, n = slaves.facet[q], 0.0, ZERO, row(met[5], q)
+        for c in range(number.shape[1]):
+            A = number[f, c]
+            if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
                 continue
-            total, tangential, n = 0.0, ZERO, row(met[5], q)
-            for c in range(m):
-                A = number[f, c]
-                if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
-                    continue
-                t = row(T, A)
-                share = shapes[s, c] * weights[f, s] * met[6][q]
-                total += share * N[A]
-                tangential = less(tangential, -share, t)
-                pressed, rubbed = times(share * N[A], n), times(share, less(t, dot(n, t), n))
-                sums[A, 3] += share * N[A]
-                for a in range(3):
-                    sums[A, a] += pressed[a] + rubbed[a]
-                    sums[A, 4 + a] += rubbed[a]
-            force = plus(times(total, n), less(tangential, dot(n, tangential), n))
-            for i in range(nodes.shape[1]):
-                add_row(forces, nodes[f, i], table[s, i], force)
-            g, corners = met[0][q], surface[0]
-            for i in range(corners.shape[1]):
-                add_row(forces, corners[g, i], -met[9][q, 0, i], force)
+            t = row(T, A)
+            share = slaves.N[q, c] * slaves.weights[q] * met[6][q]
+            total += share * N[A]
+            tangential = less(tangential, -share, t)
+            pressed, rubbed = times(share * N[A], n), times(share, less(t, dot(n, t), n))
+            sums[A, 3] += share * N[A]
+            for a in range(3):
+                sums[A, a] += pressed[a] + rubbed[a]
+                sums[A, 4 + a] += rubbed[a]
+        force = plus(times(total, n), less(tangential, dot(n, tangential), n))
+        for i in range(nodes.shape[1]):
+            add_row(forces, nodes[f, i], slaves.shape[q, i], force)
+        g, corners = met[0][q], surface[0]
+        for i in range(corners.shape[1]):
+            add_row(forces, corners[g, i], -met[9][q, 0, i], force)
 
 
 @njit(cache=True, error_model="numpy")
@@ -340,15 +349,12 @@ def anchors_behind(
     All samples of renewed nodes get one that trails the foot by the slip; those of other nodes stay.  Samples without a foot
     have none afterwards.
     """
-    starts, facets, places = slaves[5], slaves[6], slaves[7]
-    renewed, slips = behind
-    count, m = slaves[3].shape
+    starts, first, m, (renewed, slips) = slaves.starts, slaves.first, slaves.N.shape[1], behind
     nodes, weights = anchors[0].copy(), anchors[1].copy()
     for A in range(len(starts) - 1):
         for e in range(starts[A], starts[A + 1]):
-            f, c = facets[e], places[e]
-            for s in range(count):
-                q = f * count + s
+            f, c = slaves.facets[e], slaves.places[e]
+            for q in range(first[f], first[f + 1]):
                 a = q * m + c
                 if met[1][q] == NONE:
                     nodes[a, :] = -1

@@ -47,24 +47,23 @@ def node_patches(
 ) -> int:
     """Fill the patches of slave nodes for which something is asked (ns,), 0: nothing; count: of blocks. Returns how many
     members they have: called again where that is more than there is room for."""
-    nodes, group, first, facets, corners = slaves[0], slaves[4], slaves[5], slaves[6], surface[0]
-    starts, heights, members = patches
-    samples, m = slaves[3].shape
+    nodes, group, first, facets, corners = slaves.nodes, slaves.group, slaves.starts, slaves.facets, surface[0]
+    (starts, heights, members), m, samples = patches, slaves.N.shape[1], slaves.first
     listed, starts[0] = no_list(count), 0
     for A in range(len(asked)):
         n, last = 0, first[A + 1] if asked[A] else first[A]
         for e in range(first[A], last):
             for i in range(nodes.shape[1]):
                 n = join(blocks[nodes[facets[e], i]], listed, A, n)
-            for q in range(facets[e] * samples, (facets[e] + 1) * samples):
+            for q in range(samples[facets[e]], samples[facets[e] + 1]):
                 for j in range(corners.shape[1] if met[1][q] != NONE else 0):
                     n = join(blocks[corners[met[0][q], j]], listed, A, n)
         heights[A] = n
         for e in range(first[A], last):
-            for q in range(facets[e] * samples, (facets[e] + 1) * samples):
+            for q in range(samples[facets[e]], samples[facets[e] + 1]):
                 if met[1][q] == NONE:
                     continue
-                a = q * m + slaves[7][e]
+                a = q * m + slaves.places[e]
                 for j in range(corners.shape[1] if asked[A] == ROUGH and felt[0][a, 0] >= 0 else 0):
                     n = join(blocks[felt[0][a, j]], listed, A, n)
                 for j in range(corners.shape[1] if len(felt[1]) > 0 else 0):
@@ -101,13 +100,12 @@ def elsewhere(
 ) -> Bools:
     """Of slave nodes (ns,) those a sample of which has another facet, anchor or end than before; (facets (np,), anchors'
     nodes (np m, l), ends (np, 4) of kernels/coverage.py)."""
-    first, facets, places = slaves[5], slaves[6], slaves[7]
-    samples, m = slaves[3].shape
+    first, facets, samples, m = slaves.starts, slaves.facets, slaves.first, slaves.N.shape[1]
     changed = np.zeros(len(asked), np.bool_)
     for A in range(len(asked)):
         for e in range(first[A], first[A + 1] if asked[A] else first[A]):
-            for q in range(facets[e] * samples, (facets[e] + 1) * samples):
-                a = q * m + places[e]
+            for q in range(samples[facets[e]], samples[facets[e] + 1]):
+                a = q * m + slaves.places[e]
                 differs = now[0][q] != before[0][q]
                 for j in range(now[1].shape[1]):
                     differs = differs or now[1][a, j] != before[1][a, j]

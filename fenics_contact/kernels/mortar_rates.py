@@ -79,10 +79,10 @@ def node_products(
 ) -> None:
     """Fill R and M S of the nodes that have a patch."""
     blocks, (starts, heights, members), _ = products
-    nodes, weights, table, shapes, group = slaves[0], slaves[1], slaves[2], slaves[3], slaves[4]
+    nodes, weights, table, shapes, group = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.group
     feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
-    anchor_nodes, anchor_weights, rates = anchors[0], anchors[1], sample_rates(met)
-    count, m, k, l, groups = len(shapes), shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
+    anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(met), slaves.first
+    m, k, l, groups = shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
     known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
     listed, leaned = no_list(groups), np.zeros((groups, 5, 4))
     at_group = listed[PLACE]
@@ -91,12 +91,12 @@ def node_products(
         for j in range(n):
             known[members[starts[A] + j]] = j
         sums[:n], led[:n] = 0.0, 0.0
-        for e in range(slaves[5][A] if n else slaves[5][A + 1], slaves[5][A + 1]):
-            f, c = slaves[6][e], slaves[7][e]
+        for e in range(slaves.starts[A] if n else slaves.starts[A + 1], slaves.starts[A + 1]):
+            f, c = slaves.facets[e], slaves.places[e]
             for b in range(m):
                 ng = join(group[f, b], listed, A, ng)
-            for s in range(count):
-                q, around = f * count + s, weights[f, s] * shapes[s, c]
+            for q in range(first[f], first[f + 1]):
+                around = weights[q] * shapes[q, c]
                 if feet[q] < 0:
                     continue
                 a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
@@ -105,13 +105,13 @@ def node_products(
                     for j in range(l):
                         _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], rates, q)
                 for i in range(k):
-                    _add_body(sums, known[blocks[nodes[f, i]]], share * table[s, i], way * table[s, i], rates, q)
+                    _add_body(sums, known[blocks[nodes[f, i]]], share * table[q, i], way * table[q, i], rates, q)
                 for j in range(l):
                     part = -N[q, 0, j]
                     _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, rates, q)
                 turning = _turning(rates, q, met[4][q], w)
                 for b in range(m):
-                    part = -shapes[s, b] / lengths[q]
+                    part = -shapes[q, b] / lengths[q]
                     _add_turning(leaned, at_group[group[f, b]], share * part, way * part, turning)
                 if covers[q] < 1.0:
                     into = known, sums, at_group, leaned
@@ -220,12 +220,11 @@ def _uncover(
 ) -> None:
     """Add the rates of the means and of the covered share with sample q's own share."""
     (slaves, met, lengths), (known, sums, at_group, leaned) = where, into
-    count, slopes, ends = len(slaves[3]), met[8], met[7]
-    f, s = q // count, q % count
-    for i in range(slaves[0].shape[1]):
-        _cover(sums, known[blocks[slaves[0][f, i]]], slaves[2][s, i], of_share, got(slopes, q, 0), DRAG)
-    for b in range(slaves[3].shape[1]):
-        _cover(leaned, at_group[slaves[4][f, b]], -slaves[3][s, b] / lengths[q], of_share, got(slopes, q, 1), 1)
+    f, slopes, ends = slaves.facet[q], met[8], met[7]
+    for i in range(slaves.nodes.shape[1]):
+        _cover(sums, known[blocks[slaves.nodes[f, i]]], slaves.shape[q, i], of_share, got(slopes, q, 0), DRAG)
+    for b in range(slaves.N.shape[1]):
+        _cover(leaned, at_group[slaves.group[f, b]], -slaves.N[q, b] / lengths[q], of_share, got(slopes, q, 1), 1)
     for i in range(3):
         _cover(sums, known[blocks[ends[q, i]]], 1.0, of_share, got(slopes, q, 2 + i), DRAG)
     _cover(sums, known[blocks[ends[q, 3]]], -1.0, of_share, got(slopes, q, 4), DRAG)
@@ -335,35 +334,34 @@ def foreseen_averages(
     motion: (moved (nx, 3), directed and the samples' facets as of Changing).
     """
     moved, directed, leading = motion
-    nodes, weights, table, shapes, group, starts, facets, places = slaves
-    count, m = shapes.shape
+    nodes, weights, table, shapes, first = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.first
+    starts, m = slaves.starts, shapes.shape[1]
     tilts, lengths, changes = _tilts(turned, moved), turned[3], np.zeros((len(starts) - 1, 8))
     for A in range(len(changes)):
         total, way, bared = 0.0, ZERO, 0.0
         for e in range(starts[A], starts[A + 1]):
-            f, c = facets[e], places[e]
-            for s in range(count):
-                q = f * count + s
-                share = weights[f, s] * shapes[s, c] * met[6][q]
+            f, c = slaves.facets[e], slaves.places[e]
+            for q in range(first[f], first[f + 1]):
+                share = weights[q] * shapes[q, c] * met[6][q]
                 if met[1][q] == NONE:
                     continue
                 foot, tilt, jump = foot_of(q, met), ZERO, ZERO
                 for b in range(m):
-                    tilt = less(tilt, shapes[s, b] / lengths[q], row(tilts, group[f, b]))
+                    tilt = less(tilt, shapes[q, b] / lengths[q], row(tilts, slaves.group[f, b]))
                 for i in range(nodes.shape[1]):
-                    jump = less(jump, -table[s, i], row(moved, nodes[f, i]))
+                    jump = less(jump, -table[q, i], row(moved, nodes[f, i]))
                 a, here = q * m + c, ZERO
                 for j in range(surface[0].shape[1]):
                     here = less(here, -met[9][q, 0, j], row(moved, surface[0][met[0][q], j]))
                     if len(directed) > 0:
-                        led = weights[f, s] * shapes[s, c] * directed[leading[q], j]
+                        led = weights[q] * shapes[q, c] * directed[leading[q], j]
                         for b in range(3):
                             changes[A, 5 + b] += led * moved[surface[0][leading[q], j], b]
                 has_anchor = anchors[0][a, 0] >= 0
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords)) if has_anchor else ZERO
                 push, turn, drags, swings = _sample_rates(foot, w)
                 if met[6][q] < 1.0:
-                    change = weights[f, s] * shapes[s, c] * _uncovered(q, met, jump, tilt, moved)
+                    change = weights[q] * shapes[q, c] * _uncovered(q, met, jump, tilt, moved)
                     total += change * (foot.g - averaged[0][A])
                     bared += change
                     if has_anchor:

@@ -44,17 +44,17 @@ def held_rates(slaves: Slaves, met: Met, lengths: Floats, acting: tuple[Floats, 
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
     corners, the force, and the force if the sample were covered whole. acting: as in add_node_forces."""
     N, T, number = acting
-    weights, shapes = slaves[1], slaves[3]
+    weights, shapes = slaves.weights, slaves.N
     presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 5, 4))
     for q in range(len(presses)):
-        f, s = q // len(shapes), q % len(shapes)
+        f = slaves.facet[q]
         if met[1][q] == NONE:
             continue
         total, t, normal, part = 0.0, ZERO, row(met[5], q), met[6][q]
         for c in range(shapes.shape[1]):
             A = number[f, c]
             if A >= 0:
-                share = shapes[s, c] * weights[f, s]
+                share = shapes[q, c] * weights[q]
                 total += share * N[A]
                 t = less(t, -share, row(T, A))
         if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
@@ -83,9 +83,10 @@ def tangent_rows(
 ) -> int:
     """Fill rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair of `count` blocks once; returns
     how many there are: called again where that is more than there is room for."""
-    blocks, factors, table, shapes, group, corners = products[0], products[2], slaves[2], slaves[3], slaves[4], surface[0]
+    blocks, factors, corners = products[0], products[2], surface[0]
+    table, shapes, group = slaves.shape, slaves.N, slaves.group
     N, frames, (slot_starts, slot_nodes, turns, lengths), rates = met[9], met[10], turned, held[1]
-    k, l, (samples, m), groups = slaves[0].shape[1], corners.shape[1], shapes.shape, len(slot_starts) - 1
+    k, l, m, groups = slaves.nodes.shape[1], corners.shape[1], shapes.shape[1], len(slot_starts) - 1
     (patch_rows, spans), members = _patch_rows(products, count), products[1][2]
     (slave_rows, ours), leans = _slave_rows(slaves, held, blocks, count), _slave_leans(slaves, held)
     (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), (held[0] & (met[6] < 1.0)).any()
@@ -99,12 +100,12 @@ def tangent_rows(
             n = _uncover_slave(i, n, (slave_rows, ours), *here)
         for at in range(master_rows[i], master_rows[i + 1]):
             q, place = theirs[at] // l, theirs[at] % l
-            f, s, part = q // samples, q % samples, N[q, 0, place]
+            f, part = slaves.facet[q], N[q, 0, place]
             moved = _carried(rates, q, N[q, 1, place], N[q, 2, place], frames)
             for j in range(k):
-                block = blocks[slaves[0][f, j]]
+                block = blocks[slaves.nodes[f, j]]
                 n = join(block, listed, i, n)
-                _add(sums, listed[PLACE, block], -table[s, j], moved)
+                _add(sums, listed[PLACE, block], -table[q, j], moved)
             for j in range(l):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
@@ -112,7 +113,7 @@ def tangent_rows(
             lean = _both(met[4][q] / lengths[q], moved, part, _block(rates, q))
             for c in range(m):
                 ng = join(group[f, c], normals, i, ng)
-                _add(leaned, normals[PLACE, group[f, c]], -shapes[s, c], lean)
+                _add(leaned, normals[PLACE, group[f, c]], -shapes[q, c], lean)
             if met[6][q] < 1.0:
                 here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
                 n = _uncover(i, n, (q, -part), *here)
@@ -147,25 +148,25 @@ def _patch_rows(products: Products, count: int) -> Gathered:
 @njit(cache=True)
 def _slave_leans(slaves: Slaves, held: Held) -> Floats:
     """Rates (k nf, m, 3, 4) of the held forces on the nodes of the slave's facets with the normals at their corners."""
-    (presses, rates), table, shapes = held, slaves[2], slaves[3]
-    k, m, samples = slaves[0].shape[1], shapes.shape[1], len(shapes)
-    leans = np.zeros((k * len(slaves[0]) * m, 3, 4))
+    (presses, rates), table, shapes = held, slaves.shape, slaves.N
+    k, m = table.shape[1], shapes.shape[1]
+    leans = np.zeros((k * len(slaves.nodes) * m, 3, 4))
     for q in range(len(presses)):
-        f, s = q // samples, q % samples
+        f = slaves.facet[q]
         for i in range(k if presses[q] else 0):
             for c in range(m):
-                _add(leans, (k * f + i) * m + c, table[s, i] * shapes[s, c], _block(rates, q))
+                _add(leans, (k * f + i) * m + c, table[q, i] * shapes[q, c], _block(rates, q))
     return leans
 
 
 @njit(cache=True)
 def _slave_rows(slaves: Slaves, held: Held, blocks: Ints64, count: int) -> Gathered:
     """Nodes of the slave's facets that a sample presses on, gathered by blocks: numbers k facet + place there."""
-    nodes, samples = slaves[0], len(slaves[3])
+    nodes, first = slaves.nodes, slaves.first
     k = nodes.shape[1]
     numbers = np.full(k * len(nodes), -1)
     for f in range(len(nodes)):
-        for i in range(k if held[0][f * samples : (f + 1) * samples].any() else 0):
+        for i in range(k if held[0][first[f] : first[f + 1]].any() else 0):
             numbers[k * f + i] = blocks[nodes[f, i]]
     return gathered(numbers, count)
 
@@ -214,13 +215,12 @@ def _uncover_slave(
     """Add to row i of n columns how forces of samples on their own facets' nodes move with their shares; returns how many
     columns it has then."""
     slaves, met, _, (presses, _), _ = where
-    k, samples = slaves[0].shape[1], len(slaves[3])
+    k, first = slaves.nodes.shape[1], slaves.first
     for at in range(ours[0][i], ours[0][i + 1]):
         f, place = ours[1][at] // k, ours[1][at] % k
-        for s in range(samples):
-            q = f * samples + s
+        for q in range(first[f], first[f + 1]):
             if presses[q] and met[6][q] < 1.0:
-                n = _uncover(i, n, (q, slaves[2][s, place]), where, columns, normals)
+                n = _uncover(i, n, (q, slaves.shape[q, place]), where, columns, normals)
     return n
 
 
@@ -281,14 +281,15 @@ def _uncover(
     has then."""
     slaves, met, lengths, (_, rates), blocks = where
     (q, part), (listed, sums), (at_group, leaned) = of, columns, normals
-    f, s, ends, slopes, force = q // len(slaves[3]), q % len(slaves[3]), met[7], met[8], four_of(rates, q, WHOLE)
+    f, ends, slopes, force = slaves.facet[q], met[7], met[8], four_of(rates, q, WHOLE)
     moved = _outer(force, four(got(slopes, q, 0)))
-    for j in range(slaves[0].shape[1]):
-        n = join(blocks[slaves[0][f, j]], listed, i, n)
-        _add(sums, listed[PLACE, blocks[slaves[0][f, j]]], part * slaves[2][s, j], moved)
+    for j in range(slaves.nodes.shape[1]):
+        block = blocks[slaves.nodes[f, j]]
+        n = join(block, listed, i, n)
+        _add(sums, listed[PLACE, block], part * slaves.shape[q, j], moved)
     leant = _outer(force, four(got(slopes, q, 1)))
-    for c in range(slaves[3].shape[1]):
-        _add(leaned, at_group[PLACE, slaves[4][f, c]], -part * slaves[3][s, c] / lengths[q], leant)
+    for c in range(slaves.N.shape[1]):
+        _add(leaned, at_group[PLACE, slaves.group[f, c]], -part * slaves.N[q, c] / lengths[q], leant)
     for j in range(4):
         n = join(blocks[ends[q, j]], listed, i, n)
         slope = got(slopes, q, 2 + j if j < 3 else 4)

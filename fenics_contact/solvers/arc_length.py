@@ -136,6 +136,7 @@ class ArcLength:
     def step(self, system: System, arc: Arc) -> ArcReport:
         """Carry the system from its committed state along an Arc; ArcReport, or StepFailed if it does not get there."""
         _advance(system, arc.rate.times(arc.length))
+        system.foresight.resample(system.state)
         return self.settle(system, arc)
 
     def settle(self, system: System, arc: Arc) -> ArcReport:

@@ -19,11 +19,12 @@ FARTHEST = (
     10.0  # sizes of the bodies; a solve that moves a node or tool by more than that and what is driven has met no resistance
 )
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
-# Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway.
+# Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway, and samples
+# of averages lie where they will at last.
 HELD = 1e-3
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
-CORRECTED = 0.5  # a solve that left less than this share of the out-of-balance force is worth a correction
+CORRECTED = 0.3  # a solve or correction that left less than this share of the out-of-balance force is worth another one
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
@@ -51,19 +52,20 @@ class Newton:
         report = StepReport()
         du, dq = system.begin_step(t)
         if _extrapolate(system, du):
+            system.foresight.resample(system.state)
             try:
-                return self._iterate(system, np.zeros_like(du), dq, report)
+                return self._iterate(system, np.zeros_like(du), dq, report, resample=True)
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report)
+        return self._iterate(system, du, dq, report, resample=True)
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after its multipliers have changed."""
         du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, StepReport())
 
-    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport) -> StepReport:
+    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, resample: bool = False) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile
         foresight, foresees = system.foresight, bool(system.foresight.contacts)
@@ -90,8 +92,15 @@ class Newton:
             stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
             if patient and stalled == PATIENCE:
                 patient, rises = False, RISES
-            if foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
-                size = self._correct(system, du, dq, size, report)
+            near = resample and size < HELD  # samples follow the surfaces through one more correction, then they are held
+            if near:
+                size, before = _resampled(system), np.inf
+                near = size < HELD
+                resample = not near and solve <= 2 * SETTLING
+            while foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
+                before, size = size, self._correct(system, du, dq, size, report)
+                if near and size > self.tolerance:
+                    size, before, near = _resampled(system), np.inf, False
             before = size
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
@@ -99,8 +108,12 @@ class Newton:
             if left == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
-            if size > HELD and not shorten:
+            foreseen = size > HELD and not shorten
+            if foreseen:
                 foresight.foresee(system.state)
+            if resample and solve <= SETTLING:
+                foresight.resample(system.state)
+            if foreseen or resample:
                 system.assemble_residual()
             owed = left * owed[0], left * owed[1]
             du, dq = owed
@@ -201,6 +214,12 @@ def _move(system: System, du: Vec, dq: Floats, start: float, end: float) -> floa
     return _finite_residual(system)
 
 
+def _resampled(system: System) -> float:
+    """Out-of-balance share with samples of averages where the surfaces lie."""
+    system.foresight.resample(system.state)
+    return _finite_residual(system)
+
+
 def _finite_residual(system: System) -> float:
     """Out-of-balance share, infinite where an element is inside out."""
     try:
@@ -223,6 +242,7 @@ class Incremental:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         solve_once(system, self.linear, du, dq)
+        system.foresight.resample(system.state)
         return StepReport(1, [relative_residual(system)])
 
     settle = step

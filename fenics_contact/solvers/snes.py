@@ -24,13 +24,18 @@ class Snes:
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after its multipliers have changed: SNES always starts from there."""
-        return self.step(system, t)
+        return self._solve(system, t, again=True)
 
     def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if SNES does not converge."""
+        return self._solve(system, t, again=False)
+
+    def _solve(self, system: System, t: float, again: bool) -> StepReport:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         solve_once(system, self.linear, du, dq)
+        if not again:
+            system.foresight.resample(system.state)
         report = StepReport(1, [relative_residual(system)])
         problem = _Problem(system, self.linear, np.zeros_like(du), np.zeros_like(dq))
         snes = problem.solver(max(self.tolerance * system.scales.balance, system.scales.noise), self.limit)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_contact.contact.samples import sampled
+from fenics_contact.contact.samples import corner_shapes, gauss
 from fenics_contact.kernels.coverage import FACING, coverage, surface_ends
 from fenics_contact.kernels.slave_ray import slave_rays
 
@@ -31,7 +31,8 @@ def plate(cells=4, size=6.0, wall=0.0):
 
 def covered(corners, x, surface, m=4):
     """Shares of the samples of one facet that looks down on a surface, their weights, and the projection."""
-    places, weights, N, _ = sampled(m, 3)
+    places, weights = gauss(m, 3)
+    N, _ = corner_shapes(m, places)
     points = N @ corners
     n, nf = len(points), len(surface[0])
     ray = (*(np.zeros(n, np.int64) for _ in range(3)), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3)))
@@ -43,7 +44,8 @@ def covered(corners, x, surface, m=4):
     out = np.empty(n), np.empty((n, 4), np.int64), np.empty((n, 5, 3))
     aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
     every = np.concatenate([x, corners])
-    coverage(every, len(x) + np.arange(m)[None, :], 1.8 * aside.min(), points, (surface, ends), (ray[5], every), ray, out)
+    rims = np.full(n, 1.8 * aside.min())
+    coverage(every, np.tile(len(x) + np.arange(m), (n, 1)), rims, points, (surface, ends), (ray[5], every), ray, out)
     return out[0], weights / weights.sum(), ray
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.mortar_patches import elsewhere, gathered, patches_lack
 
 COUNT = 9
@@ -37,7 +38,19 @@ def test_nodes_one_of_whose_samples_meets_something_else(which, at):
     """
     none, firsts = np.empty((0, 0)), np.array([0, 1, 3, 4])
     facets, places = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
-    slaves = np.empty((0, 0), np.int64), none, none, np.ones((2, 2)), np.empty((0, 0), np.int64), firsts, facets, places
+    numbers = np.empty((0, 0), np.int64)
+    slaves = Slaves(
+        numbers,
+        numbers,
+        firsts,
+        facets,
+        places,
+        np.array([0, 2, 4]),
+        np.repeat([0, 1], 2),
+        np.ones(4),
+        none,
+        np.ones((4, 2)),
+    )
     before = np.arange(4), np.arange(16).reshape(8, 2), np.arange(16).reshape(4, 4)
     now = tuple(part.copy() for part in before)
     now[which][at] = -1
