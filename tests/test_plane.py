@@ -129,7 +129,9 @@ def pair(plane, friction, degree=1, **options):
 @pytest.mark.parallel
 @pytest.mark.parametrize("friction, options", [(0.0, {}), (0.3, {}), (0.3, {"penetration": 1e-3}), (0.3, {"degree": 2})])
 def test_two_bodies_meet_as_in_a_layer(friction, options):
-    plane, layer = (solve(pair(plane, friction, **options), steps=6, progress=False) for plane in (True, False))
+    plane, layer = (
+        solve(pair(plane, friction, **options), steps=6, tolerance=1e-11, progress=False) for plane in (True, False)
+    )
     same(plane, layer)
 
 
@@ -498,7 +500,7 @@ def test_a_tool_of_curves_meets_as_its_surface_does_in_a_layer(degree, count):
             slave, bottom, way = "zmax", "zmin", lambda t: (0.2 * t, 0.0, -0.3 * t)
         scene.fix(bottom)
         scene.contact(slave, tool, 0.3, name="pair")
-        found.append(solve(scene, move={tool: way}, steps=5, progress=False))
+        found.append(solve(scene, move={tool: way}, steps=5, tolerance=1e-11, progress=False))
     same(*found)
 
 

@@ -40,8 +40,8 @@ class Newton:
     the out-of-balance force is large, contact pressures are unknowns beside the displacement: a point is judged open or
     closed, stuck or slipping by the pressure that the last solve foresees and not by a gap that is still wrong
     (Foresight; the primal-dual active set of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006, with a penalty).
-    tolerance: out-of-balance force over the largest force seen (1e-8: below it the penalty's own error rules by far and
-    the last quadratic iteration usually lands near round-off); limit: largest number of tangents.
+    tolerance: out-of-balance force over the largest force seen (1e-8: below it the penalty's own error rules by far); limit:
+    largest number of tangents.
     """
 
     def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 20) -> None:
