@@ -155,7 +155,8 @@ def test_chords_that_match_cost_nothing():
 def test_a_layer_is_told_the_same():
     flat, deep = fit((12, 16), 0.01), fit((12, 16), 0.01, deep=True)
     assert load(deep, DEEP) == pytest.approx(load(flat), rel=1e-9)
-    assert said(deep) == pytest.approx(said(flat), rel=1e-6)
+    # a derivative from differences over 1e-4, in which the penalties' round-off of 1e-10 is left: 1e-6 of it
+    assert said(deep) == pytest.approx(said(flat), rel=1e-5)
     assert len(notes(deep)) == 1
 
 

@@ -25,6 +25,7 @@ HELD = 1e-3
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 CORRECTED = 0.3  # a solve or correction that left less than this share of the out-of-balance force is worth another one
+BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
@@ -97,7 +98,8 @@ class Newton:
                 size, before = _resampled(system), np.inf
                 near = size < HELD
                 resample = not near and solve <= 2 * SETTLING
-            while foresees and not system.condensed and self.tolerance < size < min(HELD, CORRECTED * before):
+            goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
+            while foresees and not system.condensed and goal < size < min(HELD, CORRECTED * before):
                 before, size = size, self._correct(system, du, dq, size, report)
                 if near and size > self.tolerance:
                     size, before, near = _resampled(system), np.inf, False
