@@ -35,12 +35,13 @@ class Foresight:
         for contact in self._all:
             contact.unknowns.release()
 
-    def resample(self, state: State) -> None:
+    def resample(self, state: State) -> bool:
         """Let averages take their samples where the surfaces lie at a state, until a rollback; the residual changes, and
-        nothing is foreseen before the next tangent. Collective."""
-        for contact in self._all:
-            contact.resample(state)
-        self.linearised.clear()
+        nothing is foreseen before the next tangent. False where there are none. Collective."""
+        changed = max((contact.resample(state) for contact in self._all), default=False)
+        if changed:
+            self.linearised.clear()
+        return changed
 
     def hold_sights(self, state: State) -> bool:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""

@@ -27,12 +27,14 @@ def block_rows(matrix: ctypes.c_void_p) -> Rows:
 def values_of(matrix: Mat) -> list[Array]:
     """What a process's rows hold of a matrix of 3x3 blocks or of scalars, where PETSc holds it: in its own columns, and on
     several ranks in those of others."""
-    kind = matrix.getType()[3:].upper()
-    parts = [HANDLE(matrix.handle)]
-    if matrix.comm.size > 1:
-        parts = [HANDLE(), HANDLE()]
-        called(f"MatMPI{kind}GetSeq{kind}", HANDLE(matrix.handle), *map(ctypes.byref, parts), None)
+    kind = _kind(matrix)
+    parts = row_parts(matrix)[:2] if matrix.comm.size > 1 else [HANDLE(matrix.handle)]
     return [_rows(part, kind, 9 if kind == "BAIJ" else 1)[2] for part in parts]
+
+
+def _kind(matrix: Mat) -> str:
+    """BAIJ or AIJ, whatever the ranks."""
+    return str(matrix.getType()[3:].upper())
 
 
 def _rows(matrix: ctypes.c_void_p, kind: str, size: int) -> Rows:
@@ -47,8 +49,8 @@ def _rows(matrix: ctypes.c_void_p, kind: str, size: int) -> Rows:
 
 def row_parts(matrix: Mat) -> tuple[ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]:
     """Of a matrix of several ranks a process's own rows: those of its own columns, those of others', and these' numbers."""
-    own, others, numbers = HANDLE(), HANDLE(), HANDLE()
-    called("MatMPIBAIJGetSeqBAIJ", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, numbers)))
+    (own, others, numbers), kind = (HANDLE(), HANDLE(), HANDLE()), _kind(matrix)
+    called(f"MatMPI{kind}GetSeq{kind}", HANDLE(matrix.handle), *map(ctypes.byref, (own, others, numbers)))
     return own, others, numbers
 
 

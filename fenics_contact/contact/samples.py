@@ -189,11 +189,13 @@ def _weighed(around: SlaveFacets, facet: Ints, N: Floats, area: Floats) -> Float
         return area
     first = np.searchsorted(facet, np.arange(len(around.nodes)))
     lack = around.parts - np.add.reduceat(N * area[:, None], first)
-    if not (np.abs(lack).max(axis=1) > ROUNDED * around.parts.max(axis=1)).any():
+    some = np.flatnonzero(np.abs(lack).max(axis=1) > ROUNDED * around.parts.max(axis=1))
+    if not len(some):
         return area
-    products = np.add.reduceat(N[:, :, None] * N[:, None] * area[:, None, None], first)
-    inverse = np.linalg.pinv(products, hermitian=True)  # near and far nodes of strips have the same
-    return area * (1.0 + np.einsum("qc,qc->q", N, np.einsum("fab,fb->fa", inverse, lack)[facet]))
+    products, change = np.add.reduceat(N[:, :, None] * N[:, None] * area[:, None, None], first), np.zeros_like(lack)
+    inverse = np.linalg.pinv(products[some], hermitian=True)  # near and far nodes of strips have the same
+    change[some] = np.einsum("fab,fb->fa", inverse, lack[some])
+    return area * (1.0 + np.einsum("qc,qc->q", N, change[facet]))
 
 
 def _heights(x: Floats) -> Floats:

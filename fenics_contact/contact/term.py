@@ -164,9 +164,11 @@ class Contact:
         sights.hold(self.places.feet(state))
         return True
 
-    def resample(self, state: State) -> None:
-        """Choose anew, until a rollback, points that lie where they do on the slave for the master's sake. Collective."""
-        self.trial = self.partner.resampled(self.trial, self.places.feet(state))
+    def resample(self, state: State) -> bool:
+        """Choose anew, until a rollback, points that lie where they do on the slave for the master's sake; False where there
+        are none. Collective."""
+        before, self.trial = self.trial, self.partner.resampled(self.trial, self.places.feet(state))
+        return self.trial is not before
 
     def rollback(self) -> None:
         """Back to the law and history of the last accepted step."""

@@ -95,14 +95,14 @@ class Newton:
                 patient, rises = False, RISES
             near = resample and size < HELD  # samples follow the surfaces through one more correction, then they are held
             if near:
-                size, before = _resampled(system), np.inf
+                size, before = _resampled(system, size), np.inf
                 near = size < HELD
                 resample = not near and solve <= 2 * SETTLING
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
             while foresees and not system.condensed and goal < size < min(HELD, CORRECTED * before):
                 before, size = size, self._correct(system, du, dq, size, report)
                 if near and size > self.tolerance:
-                    size, before, near = _resampled(system), np.inf, False
+                    size, before, near = _resampled(system, size), np.inf, False
             before = size
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
@@ -113,9 +113,8 @@ class Newton:
             foreseen = size > HELD and not shorten
             if foreseen:
                 foresight.foresee(system.state)
-            if resample and solve <= SETTLING:
-                foresight.resample(system.state)
-            if foreseen or resample:
+            anew = resample and solve <= SETTLING and foresight.resample(system.state)
+            if foreseen or anew:
                 system.assemble_residual()
             owed = left * owed[0], left * owed[1]
             du, dq = owed
@@ -216,10 +215,9 @@ def _move(system: System, du: Vec, dq: Floats, start: float, end: float) -> floa
     return _finite_residual(system)
 
 
-def _resampled(system: System) -> float:
-    """Out-of-balance share with samples of averages where the surfaces lie."""
-    system.foresight.resample(system.state)
-    return _finite_residual(system)
+def _resampled(system: System, size: float) -> float:
+    """Out-of-balance share with samples of averages where the surfaces lie; size: as it is."""
+    return _finite_residual(system) if system.foresight.resample(system.state) else size
 
 
 def _finite_residual(system: System) -> float:
