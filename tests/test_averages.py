@@ -224,6 +224,25 @@ def test_tangent_over_the_ends_of_the_master(master, friction, shift, status):
     assert orders(remainders(system, contact, 2e-5)).min() > 1.98
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("friction, shift", [(0.0, (0.1, 0.05, -0.02)), (9.0, (0.03, 0.01, -0.02))], ids=["smooth", "stick"])
+def test_gaps_foreseen_over_the_ends_of_the_master_are_linear_in_the_motion(friction, shift):
+    """As the tangent has them: by the turns of the normals, too, samples come off the master."""
+    system, contact = overhanging("lower_top", friction, shift)
+    state, start, errors = system.state, system.state.u.x.array.copy(), []
+    way = random_way(system)
+    for step in 1e-5 / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start
+        system.assemble_tangent()
+        state.u.x.array[:] = start + step * way
+        system.foresight.foresee(state)
+        foreseen = contact.trial.judged.reshape(-1, 4)[:, 0]
+        system.foresight.release()
+        found = contact.response(state)
+        errors.append(np.linalg.norm((foreseen - found.gap.ravel())[found.status.ravel() != OPEN]))
+    assert orders(np.array(errors)).min() > 1.98
+
+
 # ---- history
 @pytest.mark.serial
 @pytest.mark.parametrize("whole", [True, False])

@@ -64,10 +64,17 @@ def test_the_verdict_names_damping_and_damping_cures(scene, steps):
 
 
 @pytest.mark.slow
-def test_a_ball_goes_past_the_end_of_a_cantilever():
+@pytest.mark.parametrize("steps", [9, 10, 12, 15, 20])
+def test_no_steps_go_past_the_end_of_a_cantilever_without_a_word(steps):
+    """Newton's method fails at the snap, with the remedy, or comes over it and says so."""
     scene, move = past_the_end()
-    failed = solve(scene, move=move, steps=12, smallest_step=1e-3, progress=False)
-    assert not failed.converged and "solve(..., damping=True)" in failed.verdict.remedy, failed.verdict.reason
+    result = solve(scene, move=move, steps=steps, smallest_step=1e-3, progress=False)
+    said = result.verdict.notes if result.converged else [result.verdict.remedy]
+    assert any("solve(..., damping=True)" in words for words in said), said
+
+
+@pytest.mark.slow
+def test_a_ball_goes_past_the_end_of_a_cantilever():
     scene, move = past_the_end()
     cured = solve(scene, move=move, steps=10, damping=True, progress=False).require()
     assert cured.column("c_active_points")[-1] == 0  # the ball is past it

@@ -299,7 +299,7 @@ def _across(n: Vector) -> tuple[Vector, Vector, Vector]:
 def _uncovered(q: int, met: Met, moved: Vector, tilt: Vector, nodes_moved: Floats) -> float:
     """Change of a sample's share when it moves, the mean normal of its corners tilts, and nodes (nx, 3) move."""
     around, slopes = met[7], met[8]
-    change = dot(got(slopes, q, 0), moved) - dot(got(slopes, q, 1), tilt)
+    change = dot(got(slopes, q, 0), moved) + dot(got(slopes, q, 1), tilt)
     for i in range(3):
         change += dot(got(slopes, q, 2 + i), row(nodes_moved, around[q, i]))
     return change - dot(got(slopes, q, 4), row(nodes_moved, around[q, 3]))

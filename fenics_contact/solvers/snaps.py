@@ -14,56 +14,59 @@ from fenics_contact.types import Floats
 FAR, WANDERING = 0.1, 6  # of the force; after so many solves that leave more of it a step is looked at more closely
 HALVINGS = 6  # of the step, to see whether it is the path or the step that goes so far
 MOST = 0.5  # of the step's way: a sixty-fourth of the step that has more of it is a jump
+LEAP = 10.0  # times the way that the last one foresees: with no state in between to be found, no path goes so far
 
 Place = tuple[Floats, Floats]  # displacement (local array) and tools' coordinates (tools, 6) [length]
+Reached = tuple[float, Place]  # t, and the state in balance there
 
 
 def wandered(system: System, report: StepReport) -> bool:
-    """Whether a step's way to balance was so long that it may have passed through a snap; multipliers take long anyway.
+    """Whether a step took so many solves, but multipliers take many anyway, or went so far that it may have passed a snap.
 
     Not where the step goes on as the one before it, but for less than a jump would have of it. Collective.
     """
-    if report.augmentations or sum(size > FAR for size in report.residuals) < WANDERING:
-        return False
+    many = not report.augmentations and sum(size > FAR for size in report.residuals) >= WANDERING
     if len(system.trail.accepted) < 2:
-        return True
+        return many
     (old, old_q, before), (u, q, t) = system.trail.accepted[-2:]
     ratio = (system.state.t - t) / (t - before)
     start, end = _place(system, u, q), _place(system)
     foreseen = _place(system, u + ratio * (u - old), q + ratio * (q - old_q))
-    return _distance(system, end, foreseen) > (1.0 - MOST) * _distance(system, end, start)
+    way, on = _distance(system, end, start), _distance(system, foreseen, start)
+    return _distance(system, end, foreseen) > (1.0 - MOST) * way and (many or 0.0 < LEAP * on < way)
 
 
 def snapped(system: System, goal: float) -> str | None:
     """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None. Collective.
 
-    Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where none of them
-    is solved it must be a fold that the path's rate foresees. The system is left at the accepted state.
+    Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where some of them
+    are not solved the path before must lead nowhere near the state beyond. The system is left at the accepted state.
     """
-    u, q, t = system.trail.last
-    newton, start = Newton(LinearSolver(system)), _place(system, u, q)
-    low, high, before, blocked = (t, start), (goal, _place(system)), (t, start), False
-    total = _distance(system, start, high[1])
+    newton = Newton(LinearSolver(system))
+    reached = [(t, _place(system, u, q)) for u, q, t in system.trail.accepted]
+    before, low = reached[-2] if len(reached) > 1 else None, reached[-1]
+    high, blocked = (goal, _place(system)), None  # blocked: the first t found that no step reaches
+    total = _distance(system, low[1], high[1])
     for _ in range(HALVINGS):
         if _distance(system, low[1], high[1]) <= MOST * total:
             break  # no jump in between has that much of the step's way
-        middle = 0.5 * (low[0] + high[0])
+        middle = 0.5 * (low[0] + (blocked or high[0]))
         system.trail.rollback()
         try:
             newton.step(system, middle)
         except StepFailed:
-            high, blocked = (middle, high[1]), True
+            blocked = middle
             continue
         here = middle, _place(system)
         if _distance(system, here[1], low[1]) < _distance(system, here[1], high[1]):
             before, low = low, here
         else:
-            high, blocked = here, False
-    gap = _distance(system, low[1], high[1])
-    if gap > MOST * total and blocked:
-        gap *= _folds(system, newton, before, low, high[0])
+            high, blocked = here, None
+    jumped = _distance(system, low[1], high[1]) > MOST * total
+    if jumped and blocked:
+        jumped = before is not None and (_leaps(system, before, low, high) or _folds(system, newton, before, low, blocked))
     system.trail.rollback()
-    if not gap > MOST * total:
+    if not jumped:
         return None
     largest = max(system.comm.allgather(max(np.abs(b - a).max(initial=0.0) for a, b in zip(low[1], high[1], strict=True))))
     return (
@@ -72,15 +75,20 @@ def snapped(system: System, goal: float) -> str | None:
     )
 
 
-def _folds(system: System, newton: Newton, before: tuple[float, Place], low: tuple[float, Place], blocked: float) -> bool:
+def _leaps(system: System, before: Reached, low: Reached, high: Reached) -> bool:
+    """Whether the state `high` lies far beyond where the path from `before` to `low` leads. Collective."""
+    on = _distance(system, before[1], low[1]) * (high[0] - low[0]) / (low[0] - before[0])
+    return 0.0 < LEAP * on < _distance(system, low[1], high[1])
+
+
+def _folds(system: System, newton: Newton, before: Reached, low: Reached, blocked: float) -> bool:
     """Whether the path folds back between its state `low` and t = blocked, which no step reaches. Collective."""
-    if not low[0] > before[0]:
-        return False
     system.trail.rollback()
-    try:
-        newton.step(system, low[0])
-    except StepFailed:
-        return False
+    if low[0] > system.trail.last.t:
+        try:
+            newton.step(system, low[0])
+        except StepFailed:
+            return False
     return fold_ahead(system, [Accepted(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
 
 
