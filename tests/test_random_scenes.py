@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from random_scenes import GOOD, child, compared, draw
 from scene_judge import CONE, Run, beyond_coulomb, judge, lifted, with_options, wrongs
@@ -47,6 +48,21 @@ def test_slips_around_a_middle_settle():
     run = Run(draw(240))
     assert run.result.converged and run.verdict.cuts == 0, run.verdict.reason
     assert wrongs(run) == []
+
+
+@pytest.mark.serial
+def test_a_step_that_softer_penalties_opened_ends_where_others_do():
+    """Without friction the path is no matter: not where the samples of averages were before the step, either."""
+    one, two = Run(draw(20052)), Run(draw(20052), finer=2)
+    assert any("softer penalties" in note for note in two.verdict.notes)
+    assert np.abs(one.at_ends() - two.at_ends()).max() < 1e-7 * one.most  # steps end at 1e-8 of the force
+
+
+@pytest.mark.serial
+def test_a_facet_that_comes_into_sight_and_goes_out_of_it_stops_no_step():
+    """Near the end of the way, on a coarse punch, the same nodes pressed at each solve, and the residual did not fall."""
+    run = Run(draw(20059), finer=2)
+    assert run.result.converged and run.verdict.cuts == 0, run.verdict.reason
 
 
 @pytest.mark.slow

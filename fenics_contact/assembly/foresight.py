@@ -1,6 +1,7 @@
 """By what all contacts judge their points within a step, beside the present gaps."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from fenics_contact.assembly.term import ContactTerm, State, Term
@@ -18,6 +19,7 @@ class Foresight:
         self.contacts = [contact for contact in contacts if contact.unknowns.foresees]
         self.settles = bool(contacts) and all(contact.unknowns.settles for contact in contacts)
         self.linearised: dict[Term, Any] = {}
+        self._samples_held = False
 
     def foresee(self, state: State) -> None:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
@@ -37,11 +39,22 @@ class Foresight:
 
     def resample(self, state: State) -> bool:
         """Let averages take their samples where the surfaces lie at a state, until a rollback; the residual changes, and
-        nothing is foreseen before the next tangent. False where there are none. Collective."""
+        nothing is foreseen before the next tangent. False where there are none, or they are held. Collective."""
+        if self._samples_held:
+            return False
         changed = max((contact.resample(state) for contact in self._all), default=False)
         if changed:
             self.linearised.clear()
         return changed
+
+    @contextmanager
+    def holding_samples(self) -> Iterator[None]:
+        """Averages keep their samples meanwhile."""
+        before, self._samples_held = self._samples_held, True
+        try:
+            yield
+        finally:
+            self._samples_held = before
 
     def hold_sights(self, state: State) -> bool:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""

@@ -166,7 +166,9 @@ class Contact:
 
     def resample(self, state: State) -> bool:
         """Choose anew, until a rollback, points that lie where they do on the slave for the master's sake; False where there
-        are none. Collective."""
+        are none, or what looks towards them is held. Collective."""
+        if self.places.sights is not None and self.places.sights.held is not None:
+            return False
         before, self.trial = self.trial, self.partner.resampled(self.trial, self.places.feet(state))
         return self.trial is not before
 

@@ -51,11 +51,15 @@ class Augmented(Generic[Goal, Report]):
 
     def step(self, system: System, goal: Goal) -> Report:
         """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
-        return self._augment(system, goal, self.stepper.step(system, goal))
+        report = self.stepper.step(system, goal)
+        with system.foresight.holding_samples():  # or multipliers of the ones would never be those of the next
+            return self._augment(system, goal, report)
 
     def settle(self, system: System, goal: Goal) -> Report:
         """Into balance at the goal from the present state, after penalties have changed."""
-        return self._augment(system, goal, self.stepper.settle(system, goal))
+        report = self.stepper.settle(system, goal)
+        with system.foresight.holding_samples():
+            return self._augment(system, goal, report)
 
     def _augment(self, system: System, goal: Goal, report: Report) -> Report:
         best, tries = None, SHARES
@@ -184,7 +188,8 @@ class Adapted(Generic[Goal, Report]):
             contact.take(contact.penalties.held_back())
         while raised := raise_penalties(system, report, forgone):
             try:
-                report.add(self.stepper.settle(system, goal))
+                with system.foresight.holding_samples():
+                    report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
                 system.trail.rollback()
                 report.notes.append(f"not solved with them ({failure}): penalties stay in this step")

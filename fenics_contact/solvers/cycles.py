@@ -26,11 +26,16 @@ class StatusWatch:
         return self._finding is not None
 
     def look(self, residuals: list[float]) -> None:
-        """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on."""
-        period = self._period()
+        """Take down the statuses of now: do they repeat while the residuals do not fall? StepFailed where that goes on.
+
+        Nor do the residuals fall where statuses stay and a facet comes into sight and goes out of it again.
+        """
+        period, changes = self._period()
         if period and residuals[-1] > 0.5 * residuals[-1 - TURNS * period]:
             if self.system.foresight.hold_sights(self.system.state):
                 self._seen.clear()
+                return
+            if not changes:
                 return
             self.blame()
             self._finding = self._cycle(period)
@@ -43,12 +48,14 @@ class StatusWatch:
         if self._finding:
             raise StepFailed.of(self._finding)
 
-    def _period(self) -> int:
-        """0, or the period in which the statuses have been repeating."""
+    def _period(self) -> tuple[int, bool]:
+        """0, or the period in which the statuses have been repeating, and whether any has changed: where none has, that of
+        facets that come into sight and go out of it."""
         self._seen.append(np.concatenate([term.statuses() for term in self.system.terms]))
         repeats = np.min(self.system.comm.allgather([self._repeats(p) for p in range(1, LONGEST + 1)]), axis=0)
-        # what repeats with every period does not change at all
-        return 0 if repeats[0] else next((p for p, found in enumerate(repeats, 1) if found), 0)
+        if repeats[0]:  # what repeats with every period does not change at all
+            return 2 * bool(repeats[1]), False
+        return next((p for p, found in enumerate(repeats, 1) if found), 0), True
 
     def _repeats(self, period: int) -> bool:
         recent = self._seen[-(TURNS * period + 1) :]

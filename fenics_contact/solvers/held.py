@@ -35,7 +35,8 @@ class Following:
                 raise StepFailed(text, remedy="close the gap, fix a surface, or turn the load towards the contact")
             springs.follow(system.state)
             report.augmentations += 1
-            report.add(self._solved(system, t))
+            with system.foresight.holding_samples():  # no tangent knows that they follow: they would undo balances
+                report.add(self._solved(system, t))
         return report
 
     def _solved(self, system: System, t: float) -> StepReport:

@@ -55,23 +55,23 @@ class Newton:
         if _extrapolate(system, du):
             system.foresight.resample(system.state)
             try:
-                return self._iterate(system, np.zeros_like(du), dq, report, resample=True)
+                return self._iterate(system, np.zeros_like(du), dq, report, SETTLING)
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report, resample=True)
+        return self._iterate(system, du, dq, report, SETTLING)
 
     def settle(self, system: System, t: float) -> StepReport:
-        """Into balance at t from the present state, after its multipliers have changed."""
+        """Into balance at t from the present state, after what has changed in it."""
         du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, StepReport())
 
-    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, resample: bool = False) -> StepReport:
+    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int = 0) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
-        # in contact, and the residual need not fall meanwhile
+        # in contact, and the residual need not fall meanwhile; samples follow the surfaces after as many, and in the end
         foresight, foresees = system.foresight, bool(system.foresight.contacts)
         whole, watch = SETTLING if foresees else 1, StatusWatch(system, report.notes)
-        before, stalled, rises, left = np.inf, 0, 0, 0.0
+        before, stalled, rises, left, resample = np.inf, 0, 0, 0.0, True
         owed = du.copy(), dq.copy()
         patient = bool(system.contacts) and not foresees and not system.condensed
         system.assemble_residual()
@@ -113,7 +113,7 @@ class Newton:
             foreseen = size > HELD and not shorten
             if foreseen:
                 foresight.foresee(system.state)
-            anew = resample and solve <= SETTLING and foresight.resample(system.state)
+            anew = resample and solve <= follow and foresight.resample(system.state)
             if foreseen or anew:
                 system.assemble_residual()
             owed = left * owed[0], left * owed[1]

@@ -21,7 +21,7 @@ AHEAD = 10.0
 TAKEN = 0.5  # of the bodies' largest motion: a tool that moves more takes part in it
 NEAR = 1e-2  # of the load: a longer step that fails, or an iterate further out of balance, says nothing of a fold
 SOLVES = 4  # within which a step that fails at a kink has crossed it
-ALIKE = 0.9  # cosine of two motions that count as the same
+ALIKE = 0.5  # of a motion's square: what another one has of it, to count as the same with other points in contact
 # Times its resistance: what stiffer penalties must make of the softest motion's, to be its cause (on balls, punches and
 # blocks that sink in 30 ... 250 times)
 STIFFENS = 10.0
@@ -181,7 +181,7 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
             if soft is None:
                 break
             if soft.dot(resistance(system, soft, system.matrix)) < 0.0:
-                found = mode.dot(soft) ** 2 > ALIKE**2 * mode.dot(mode) * soft.dot(soft)
+                found = mode.dot(soft) ** 2 > ALIKE * mode.dot(mode) * soft.dot(soft)
                 break
     except StepFailed:
         pass
