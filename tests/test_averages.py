@@ -263,15 +263,16 @@ def test_what_slips_goes_on_from_the_traction_it_had(whole):
 DEPTH = 0.125  # of a layer [mm]
 
 
-def ironed(press, draw, **contact):
-    """The ironing of demos/ironing.py, pressed and drawn by 0.5 mm."""
+def ironed(press, draw, swapped=False, **contact):
+    """The ironing of demos/ironing.py, pressed and drawn by 0.5 mm; swapped: the stiff indenter is the slave."""
     mesh = read_gmsh(mesh_script.build, depth=DEPTH, **ironing.QUICK)
     block, indenter = from_elastic(ironing.BLOCK, ironing.NU), from_elastic(ironing.INDENTER, ironing.NU)
     scene = Scene(Body(mesh, "foundation", block), Body(mesh, "indenter", indenter))
     scene.fix("foundation_bottom")
     scene.fix("ends", "y")
     scene.fix("indenter_top", "xz")
-    scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), points="averages", name="c", **contact)
+    sides = "foundation_top", ("indenter_under", "indenter_flanks")
+    scene.contact(*(sides[::-1] if swapped else sides), points="averages", name="c", **contact)
     stages = [
         Stage("press", prescribe={("indenter_top", "z"): -ironing.PRESS}, steps=press),
         Stage("draw", prescribe={("indenter_top", "x"): ironing.SHORT}, steps=draw),
@@ -301,6 +302,13 @@ def test_a_foot_that_comes_and_goes_beside_a_crease_of_the_master():
 def test_solves_do_not_grow_with_the_penalty():
     counts = [ironed(10, 4, friction=0.3, penalty=Penalty(factor=f))[0].verdict for f in (100.0, 10000.0)]
     assert counts[1].cuts == 0 and counts[1].iterations <= 2 * counts[0].iterations
+
+
+def test_slave_and_master_may_be_swapped():
+    plain, force = ironed(10, 4, friction=0.3)
+    swapped, other = ironed(10, 4, swapped=True, friction=0.3)
+    assert swapped.verdict.cuts == 0 and swapped.verdict.iterations <= 1.5 * plain.verdict.iterations
+    assert np.abs(other / force + 1).max() < 0.02  # the forces' other way; the discretisation's error
 
 
 @pytest.mark.parallel

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Penalty, Scene, from_elastic, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
-from fenics_contact.meshes import disc, ironing, punch_plate, tubes
+from fenics_contact.meshes import disc, ironing, punch_plate, tubes, two_blocks
 from fenics_contact.studies.punch import punched_plate
 
 pytestmark = pytest.mark.serial
@@ -110,3 +110,24 @@ def test_peaks_at_a_sharp_edge_belong_to_the_mesh():
         assert max(said["peak_pressure_at_mm"][:2]) > 20.0 * (1 - 1 / cells)  # in the row of cells at the edge
         peaks.append(said["peak_pressure_MPa"])
     assert peaks[1] > 1.2 * peaks[0]
+
+
+@pytest.mark.parametrize("slave, master", [("lower_top", "upper_bottom"), ("upper_bottom", "lower_top")])
+def test_the_softer_body_sets_the_penalty_whichever_is_the_slave(slave, master):
+    """On equal cells both are 100 E/h of the softer one; on a rigid tool it is the slave's own."""
+    mesh = read_gmsh(
+        two_blocks.build,
+        lower=(4, 4, 2),
+        lower_origin=(0, 0, -2),
+        upper=(4, 4, 2),
+        lower_cells=(2, 2, 1),
+        upper_cells=(2, 2, 1),
+    )
+    scene = Scene(*(Body(mesh, name, from_elastic(E, 0.3)) for name, E in (("lower", 1.0), ("upper", 50.0))))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top", "xy")
+    scene.contact(slave, master, name="between")
+    scene.contact("upper_top", rigid_plane((0, 0, 2.0), (0, 0, -1.0)), name="top")
+    between, top = (contact.trial.law.eps_n for contact in scene.system().contacts)
+    np.testing.assert_allclose(between, 100.0 * 1.0 / 2.0, rtol=1e-12)
+    np.testing.assert_allclose(top, 100.0 * 50.0 / 2.0, rtol=1e-12)

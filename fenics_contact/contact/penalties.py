@@ -41,9 +41,9 @@ WORTH = 0.5  # a greater part of the penalties is no help
 class Penalty:
     """Penalties as the user states them; what is stated is never changed by a run.
 
-    normal, tangential: the penalties [pressure/length]; factor: in the place of a normal one, on the stiffness E/h beneath
-    each slave point, 100 by default; share: in the place of a tangential one, tangential over normal, 0.1 by default, more
-    at high friction.
+    normal, tangential: the penalties [pressure/length]; factor: in the place of a normal one, on E/h at each slave point (E:
+    modulus of the softer body, h: height of the slave's cell), 100 by default; share: in the place of a tangential one,
+    tangential over normal, 0.1 by default, more at high friction.
     """
 
     normal: float | None = None

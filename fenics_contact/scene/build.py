@@ -280,11 +280,21 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
     modulus, found = _modulus_by_cell(scene), []
     for stated in scene.contacts:
         points = stated.points if isinstance(stated.points, str) else int(stated.points)
-        surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), modulus, points, scene.section)
+        softer = np.minimum(modulus, _hardest(scene, stated.master, modulus))
+        surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), softer, points, scene.section)
         partner = _partner(scene, stated, surface, timers)
         numbers = stated.friction, stated.penalty, stated.penetration
         found.append(Contact(stated.name, partner, *numbers, supports, state, timers))
     return found
+
+
+def _hardest(scene: "Scene", master: Tool | tuple[str, ...], modulus: Floats) -> float:
+    """Young's modulus beneath a master [pressure]: of two bodies pressed together the softer one gives way, whichever is the
+    slave. Collective."""
+    if isinstance(master, Tool):
+        return np.inf
+    cells, _ = compat.cells_of_exterior_facets(scene.mesh.domain, scene.mesh.facets(*master))
+    return float(scene.mesh.comm.allreduce(modulus[cells].max(initial=0.0), op=MPI.MAX))
 
 
 def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers) -> Partner:

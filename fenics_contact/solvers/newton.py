@@ -26,6 +26,7 @@ UPRIGHT = 6  # halvings of an increment that turns an element inside out, where 
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 CORRECTED = 0.3  # a solve or correction that left less than this share of the out-of-balance force is worth another one
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
+QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
@@ -55,18 +56,18 @@ class Newton:
         if _extrapolate(system, du):
             system.foresight.resample(system.state)
             try:
-                return self._iterate(system, np.zeros_like(du), dq, report, SETTLING)
+                return self._iterate(system, np.zeros_like(du), dq, report, SETTLING, min(QUICK, self.limit))
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report, SETTLING)
+        return self._iterate(system, du, dq, report, SETTLING, self.limit)
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after what has changed in it."""
         du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, StepReport())
+        return self._iterate(system, du, dq, StepReport(), 0, self.limit)
 
-    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int = 0) -> StepReport:
+    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile; samples follow the surfaces after as many, and in the end
         foresight, foresees = system.foresight, bool(system.foresight.contacts)
@@ -75,7 +76,7 @@ class Newton:
         owed = du.copy(), dq.copy()
         patient = bool(system.contacts) and not foresees and not system.condensed
         system.assemble_residual()
-        for solve in range(1, self.limit + 1):
+        for solve in range(1, limit + 1):
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before, self.tolerance))
             report.iterations += 1
             foresight.release()
@@ -119,7 +120,7 @@ class Newton:
             owed = left * owed[0], left * owed[1]
             du, dq = owed
         watch.blame()
-        raise StepFailed(f"{self.limit} Newton iterations left {size:.1e} of the force out of balance")
+        raise StepFailed(f"{limit} Newton iterations left {size:.1e} of the force out of balance")
 
     def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
