@@ -358,20 +358,25 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_a_stiff_sharp_block_is_led_over_soft_slaves_and_off_their_end():
-    """The block's edges pass over sample after sample: where these counted whole or not at all, Newton's method cycled."""
+@pytest.mark.parametrize(("sharp", "slave"), [(100.0, 0), (100.0, 1), (1.0, 0), (1.0, 1)])
+def test_a_sharp_block_is_led_over_another_and_off_its_end(sharp, slave):
+    """A stiff block on a soft one or a soft one on a stiff one, either the slave: its edges pass over sample after sample;
+    where these counted whole or not at all, Newton's method cycled."""
     size = {"lower": (10, 0.5, 4), "lower_origin": (0, 0, -4), "upper": (4, 0.5, 2), "upper_origin": (3, 0, 0)}
     mesh = read_gmsh(two_blocks.build, **size, lower_cells=(20, 1, 6), upper_cells=(11, 1, 5))
-    scene = Scene(Body(mesh, "lower", from_elastic(1.0, 0.3)), Body(mesh, "upper", from_elastic(100.0, 0.3)))
+    scene = Scene(Body(mesh, "lower", from_elastic(100.0 / sharp, 0.3)), Body(mesh, "upper", from_elastic(sharp, 0.3)))
     scene.fix("lower_bottom")
     scene.fix(("lower_ymin", "lower_ymax", "upper_ymin", "upper_ymax"), "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.3 * min(4 * t, 1)))
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 7.5 * max(t - 0.25, 0) / 0.75))
-    scene.contact("lower_top", "upper_bottom", 0.3, points="averages", name="c")
+    sides = "lower_top", "upper_bottom"
+    scene.contact(sides[slave], sides[1 - slave], 0.3, points="averages", name="c")
     result = solve(scene, steps=60, progress=False).require()
-    force = -result.column("c_force_z_N")
-    assert result.verdict.cuts <= 4 and result.verdict.iterations <= 330
-    assert np.diff(force[20:]).max() < 0.01 * force.max() and force[-1] == 0.0  # drawn along, and off the end from t = 0.55
+    force = np.abs(result.column("c_force_z_N"))
+    assert result.verdict.cuts <= 2 and result.verdict.iterations <= 6 * 60
+    assert force[-1] == 0.0
+    if slave == 1 or sharp > 1.0:  # else a soft edge passes the nodes of a stiff slave, whose pressures it has one by one
+        assert np.diff(force[20:]).max() < 0.01 * force.max()  # drawn along, and off the end from t = 0.55
 
 
 @pytest.mark.serial
