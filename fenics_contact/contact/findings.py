@@ -34,8 +34,14 @@ ROUND = "round the edge, with cells of a quarter of its radius"
 SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
 
 
-def worst(contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None) -> tuple[float, str]:
-    """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3). Collective."""
+def worst(
+    contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None, above: float = -np.inf
+) -> tuple[float, str]:
+    """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3), which is looked for
+    where it is greater than `above`: only then is there something to be said. Collective."""
+    largest = float(np.max(comm.allgather(values.max(initial=-np.inf))))
+    if largest <= above:
+        return largest, ""
     found = foremost(comm, values, contact.spots() if spots is None else spots)
     return (found.value, f"contact '{contact.name}' at {spot(found.place)}") if found else (-np.inf, "")
 
@@ -53,28 +59,28 @@ def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
 
 def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
     """None, or the Finding that a point lies deeper than a share of a cell's height. Collective."""
-    depth, place = deepest_point(contact, state)
     height = contact.surface.cell_height
+    depth, place = deepest_point(contact, state, share * height)
     if depth <= share * height:
         return None
     text = f"a point lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high"
     return Finding(TOO_SOFT, text, place, "raise penalty= of this contact, or leave it to the default")
 
 
-def deepest_point(contact: Contact, state: State) -> tuple[float, str]:
-    """(penetration [length], place) of the deepest point. Collective."""
-    return worst(contact, state.u.function_space.mesh.comm, contact.led.depths(state).ravel())
+def deepest_point(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
+    """(penetration [length], place) of the deepest point, the place of one deeper than `above` [length]. Collective."""
+    return worst(contact, state.u.function_space.mesh.comm, contact.led.depths(state).ravel(), above=above)
 
 
 def _led_note(contact: Contact, state: State) -> str | None:
     """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
     comm = state.u.function_space.mesh.comm
     force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
-    led = np.where(contact.led.points(state), force, 0.0)
-    most, place = worst(contact, comm, led.ravel())
-    led, total = comm.allreduce(np.array([led.sum(), force.sum()]))
+    on_led = np.where(contact.led.points(state), force, 0.0)
+    led, total = comm.allreduce(np.array([on_led.sum(), force.sum()]))
     if not led > LED * total:
         return None
+    _, place = worst(contact, comm, on_led.ravel())
     return (
         f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
         f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out "
@@ -116,18 +122,19 @@ def _cell_note(contact: Contact, state: State) -> str | None:
 def _depth_note(contact: Contact, state: State) -> str | None:
     """None, or that points or nodes lie deep in the master. Collective."""
     height = contact.surface.cell_height
-    depth, place = deepest_point(contact, state)
+    deep = DEEP * height
+    depth, place = deepest_point(contact, state, deep)
     remedy = "penetration= keeps it out, or raise penalty="
-    if depth <= DEEP * height:
-        depth, place = node_depth(contact, state)
+    if depth <= deep:
+        depth, place = node_depth(contact, state, deep)
         place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
-    if depth <= DEEP * height:
-        depth, place, inner = _depth_beside(contact, state)
+    if depth <= deep:
+        depth, place, inner = _depth_beside(contact, state, deep)
         what, remedy = "a node that is no slave", "name the surface it lies on among the slaves"
         if inner:
             what, remedy = "an inner node of the body", _held_better(contact)
         place = f"{what}, {place},"
-    if depth <= DEEP * height:
+    if depth <= deep:
         return None
     return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
 
@@ -138,31 +145,33 @@ def _held_better(contact: Contact) -> str:
     return f"take {first}, or a finer mesh under the tool, {FINER}"
 
 
-def _between(contact: Contact, state: State) -> tuple[float, str, str]:
-    """(how far a facet hangs into a tool between slave nodes over their distance, in words, place). Collective."""
+def _between(contact: Contact, state: State, above: float) -> tuple[float, str, str]:
+    """(how far a facet hangs into a tool between slave nodes over their distance, in words, place of more than `above`).
+    Collective."""
     comm, facets = state.u.function_space.mesh.comm, contact.surface.between
     shares = spots = np.empty((0, 3))
     if facets and len(sags := contact.places.sags(state)):
         shares, spots = sags / facets.spacing, facets.X.mean(axis=1)
-    share, place = worst(contact, comm, shares.ravel(), spots)
+    share, place = worst(contact, comm, shares.ravel(), spots, above)
     text = f"between nodes the surface hangs by {share:.0%} of their distance into '{contact.master_name}'"
     return share, text, place
 
 
 def _between_note(contact: Contact, state: State) -> str | None:
     """None, or that a tool comes in between slave nodes. Collective."""
-    share, text, place = _between(contact, state)
+    share, text, place = _between(contact, state, BETWEEN)
     return f"{place}: {text}; the force is too small: mesh it more finely, {FINER}" if share > BETWEEN else None
 
 
 def _pierced(contact: Contact, state: State) -> Finding | None:
     """None, or the Finding that a tool has come through between slave nodes. Collective."""
-    share, text, place = _between(contact, state)
+    share, text, place = _between(contact, state, PIERCED)
     return Finding(LOST, text, place, _held_better(contact)) if share > PIERCED else None
 
 
-def node_depth(contact: Contact, state: State) -> tuple[float, str]:
-    """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not.
+def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
+    """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not, the
+    place of one deeper than `above` [length].
 
     Zero where points are nodes themselves, which the penetration measures. Collective.
     """
@@ -172,27 +181,27 @@ def node_depth(contact: Contact, state: State) -> tuple[float, str]:
     near = (contact.places.bare(contact.places.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
     nodes, first = np.unique(s.nodes[near], return_index=True)
     X = s.X[near].reshape(-1, 3)[first]
-    depth, place = worst(contact, comm, -contact.places.node_gaps(state, nodes, X), X)
+    depth, place = worst(contact, comm, -contact.places.node_gaps(state, nodes, X), X, above)
     return max(depth, 0.0), place
 
 
-def _depth_beside(contact: Contact, state: State) -> tuple[float, str, bool]:
-    """Depth [length] and place of the deepest node off the slave surface, and whether it is an inner one of its body; zero
-    where that is not looked for. Collective."""
+def _depth_beside(contact: Contact, state: State, above: float) -> tuple[float, str, bool]:
+    """Depth [length] and place of the deepest node off the slave surface, the place of one deeper than `above` [length], and
+    whether it is an inner one of its body; zero where that is not looked for. Collective."""
     if (beside := contact.places.beside(state)) is None:
         return 0.0, "", False
     nodes, X, inner = beside
     comm, depths = state.u.function_space.mesh.comm, -contact.places.node_gaps(state, nodes, X)
-    at_skin, within = worst(contact, comm, depths[~inner], X[~inner]), worst(contact, comm, depths[inner], X[inner])
+    at_skin, within = (worst(contact, comm, depths[part], X[part], above) for part in (~inner, inner))
     depth, place = max(at_skin, within)
     return max(depth, 0.0), place, within > at_skin
 
 
 def _folded(contact: Contact, state: State) -> Finding | None:
     """None, or the Finding that an inner node lies in the tool, deeper than any other. Collective."""
-    depth, place, inner = _depth_beside(contact, state)
     height = contact.surface.cell_height
-    if not (inner and depth > max(THROUGH * height, deepest_point(contact, state)[0])):
+    depth, place, inner = _depth_beside(contact, state, THROUGH * height)
+    if not (inner and depth > THROUGH * height and depth > deepest_point(contact, state, np.inf)[0]):
         return None
     text = (
         f"an inner node of the body lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: "
@@ -207,8 +216,9 @@ def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
     if len(table) == 0:
         return None
     pressure = contact.forces.split_traction(state)[0] / np.maximum(contact.forces.covered(state), TINY)
-    largest, place = worst(contact, state.u.function_space.mesh.comm, pressure.ravel())
-    if largest <= (known := np.exp(table[-1, 1])) * (1.0 + TINY):
+    allowed = (known := np.exp(table[-1, 1])) * (1.0 + TINY)
+    largest, place = worst(contact, state.u.function_space.mesh.comm, pressure.ravel(), above=allowed)
+    if largest <= allowed:
         return None
     needed, given = told_apart(largest, known)
     text = f"a pressure of {needed} is beyond the {given} up to which mu(p) is given"
@@ -245,13 +255,15 @@ class Findings:
         if known := _beyond_the_law(contact, state):
             return known
         response = contact.response(state)
-        largest, place = worst(contact, comm, np.linalg.norm(response.traction, axis=2).ravel())
         soft = contact.surface.stiffness.min(initial=np.inf)
         x = np.abs(contact.surface.X).max(initial=0.0) + np.abs(state.u.x.array).max(initial=0.0)
         low = comm.allgather((soft, (response.gap + trial.history.shift).min(initial=0.0), -x))
         soft, depth, size = (-value for value in np.min(low, axis=0))
+        if not depth < RESOLVED * size:
+            return None
         # a contact without load has tiny penetrations too: one with load shortens the body beneath it by far more
-        if not (depth < RESOLVED * size and largest > -soft * CRUMBS * size):
+        largest, place = worst(contact, comm, np.linalg.norm(response.traction, axis=2).ravel())
+        if not largest > -soft * CRUMBS * size:
             return None
         text = f"the deepest penetration {depth:.1e} is round-off beside coordinates of {size:.3g}, and so is the pressure"
         return Finding(TOO_STIFF, text, place, "lower penalty= of this contact, or leave it to the default")
@@ -271,8 +283,9 @@ class Findings:
     def drawn_inside(self, state: State) -> Finding | None:
         """A point lies within the master before anything has moved."""
         contact = self._contact
-        depth, place = deepest_point(contact, state)
-        if depth <= INSIDE * contact.surface.cell_height:
+        allowed = INSIDE * contact.surface.cell_height
+        depth, place = deepest_point(contact, state, allowed)
+        if depth <= allowed:
             return None
         inside = f"{depth:.3g} inside '{contact.master_name}'"
         text = f"at the start a point lies {inside}, and the first step cannot press it out"
