@@ -8,7 +8,7 @@ from weakref import WeakMethod
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.petsc_memory import HANDLE, Rows, array_at, block_rows, called, other_columns, row_parts
+from fenics_contact.assembly.petsc_memory import HANDLE, REALS, Rows, array_at, block_rows, called, other_columns, row_parts
 from fenics_contact.kernels.block_products import add_product, diagonal_product, inverses
 from fenics_contact.types import Floats, Mat, Vec
 
@@ -149,7 +149,7 @@ class entries:
 
     def __enter__(self) -> Floats:
         called(f"VecGetArray{self._kind}", self._vector, ctypes.byref(self._pointer))
-        return array_at(self._pointer, ctypes.c_double, self._size)
+        return array_at(self._pointer, REALS, self._size)
 
     def __exit__(self, *_: object) -> None:
         called(f"VecRestoreArray{self._kind}", self._vector, ctypes.byref(self._pointer))

@@ -11,6 +11,10 @@ from fenics_contact.types import Array, Mat
 _PETSC = ctypes.CDLL(PETSc.__file__)
 INT = ctypes.c_int64 if np.dtype(PETSc.IntType).itemsize == 8 else ctypes.c_int32
 HANDLE = ctypes.c_void_p
+_memory = ctypes.pythonapi.PyMemoryView_FromMemory
+_memory.restype, _memory.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int)
+INTS, REALS = np.dtype(PETSc.IntType), np.dtype(float)
+_WRITTEN = 0x200  # Python's PyBUF_WRITE
 Rows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
 
 
@@ -43,8 +47,8 @@ def _rows(matrix: ctypes.c_void_p, kind: str, size: int) -> Rows:
     offsets, columns, values = HANDLE(), HANDLE(), HANDLE()
     called("MatGetRowIJ", matrix, INT(0), 0, 1 if size > 1 else 0, *map(ctypes.byref, (count, offsets, columns, done)))
     called(f"MatSeq{kind}GetArray", matrix, ctypes.byref(values))
-    starts = array_at(offsets, INT, count.value + 1)
-    return starts, array_at(columns, INT, starts[-1]), array_at(values, ctypes.c_double, size * starts[-1])
+    starts = array_at(offsets, INTS, count.value + 1)
+    return starts, array_at(columns, INTS, starts[-1]), array_at(values, REALS, size * starts[-1])
 
 
 def row_parts(matrix: Mat) -> tuple[ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]:
@@ -58,12 +62,13 @@ def other_columns(matrix: Mat) -> Array:
     """Numbers of the block columns of other processes that a process's own rows have, rising; a matrix of several ranks."""
     (_, others, numbers), rows, columns = row_parts(matrix), INT(), INT()
     called("MatGetSize", others, ctypes.byref(rows), ctypes.byref(columns))
-    return array_at(numbers, INT, columns.value // 3)
+    return array_at(numbers, INTS, columns.value // 3)
 
 
 def array_at(address: ctypes.c_void_p, kind: Any, size: int) -> Array:
-    """PETSc's memory as an array: numpy's own way leaves a cycle of objects behind each time."""
-    return np.frombuffer((kind * size).from_address(address.value), dtype=kind) if size else np.empty(0, dtype=kind)
+    """PETSc's memory as an array of numpy's type `kind`: numpy's own way leaves a cycle of objects behind each time, and
+    ctypes' arrays have a type of their own for each size."""
+    return np.frombuffer(_memory(address, int(size) * kind.itemsize, _WRITTEN), kind) if size else np.empty(0, kind)
 
 
 def called(name: str, *arguments: object) -> None:

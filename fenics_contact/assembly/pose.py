@@ -28,6 +28,8 @@ class Pose(NamedTuple):
 
     def same(self, other: "Pose") -> bool:
         """Whether the other is no other place."""
+        if self is other:
+            return True
         return np.array_equal(self.travel, other.travel) and np.array_equal(self.turn, other.turn)
 
     def placed(self, X: Floats) -> Floats:
