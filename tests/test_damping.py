@@ -73,6 +73,20 @@ def test_no_steps_go_past_the_end_of_a_cantilever_without_a_word(steps):
     assert any("solve(..., damping=True)" in words for words in said), said
 
 
+@pytest.mark.parametrize("moved", [False, True], ids=["load", "drive"])
+def test_a_load_or_drive_that_jumps_is_no_snap(moved):
+    """A beam pulled or moved on a little, and at once by ten times as much."""
+    scene = Scene(Body(read_gmsh(box.build, size=(4.0, 1.0, 1.0), cells=(8, 2, 2)), "box", RUBBER))
+    scene.fix("xmin")
+    if moved:
+        scene.prescribe("xmax", "z", lambda X, t: np.full(len(X), 0.1 * t + (t > 0.55)))
+    else:
+        scene.traction("xmax", lambda t: (0, 0, 0.001 * t + 0.01 * (t > 0.55)))
+    notes = solve(scene, steps=10, progress=False).require().verdict.notes
+    assert any("loads or drives jump near t = 0.55" in note for note in notes)
+    assert not any("snap" in note for note in notes)
+
+
 @pytest.mark.slow
 def test_a_ball_goes_past_the_end_of_a_cantilever():
     scene, move = past_the_end()

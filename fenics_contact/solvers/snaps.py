@@ -69,6 +69,11 @@ def snapped(system: System, goal: float) -> str | None:
     if not jumped:
         return None
     largest = max(system.comm.allgather(max(np.abs(b - a).max(initial=0.0) for a, b in zip(low[1], high[1], strict=True))))
+    if _drives_jump(system, (low[0], blocked or high[0]), (system.trail.last.t, goal)):
+        return (
+            f"loads or drives jump near t = {low[0]:.6g}, and the state with them by {largest:.3g}: where it could come to "
+            "rest in several places it is Newton's choice; let them change over a time of some steps"
+        )
     return (
         f"it has passed through a snap: near t = {low[0]:.6g} the state jumped by {largest:.3g}; where it came to rest is "
         "Newton's choice: follow it by arc length, or let damping carry it: solve(..., damping=True) in shorter steps"
@@ -90,6 +95,25 @@ def _folds(system: System, newton: Newton, before: Reached, low: Reached, blocke
         except StepFailed:
             return False
     return fold_ahead(system, [Accepted(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
+
+
+def _drives_jump(system: System, within: tuple[float, float], step: tuple[float, float]) -> bool:
+    """Whether loads, or supports and tools, go most of their way in a step between two t `within` it. Collective."""
+    return any(part > MOST * whole for part, whole in zip(_driven(system, *within), _driven(system, *step), strict=True))
+
+
+def _driven(system: System, start: float, end: float) -> tuple[float, float]:
+    """How far loads [force], and supports and tools [length], go from one t to another at the accepted state. Collective."""
+    found = []
+    for t in (start, end):
+        owed, tools_owed = system.begin_step(t)
+        system.assemble_residual()
+        found.append((system.residual_vector.copy(), system.tool_residual, owed, tools_owed))
+    (loads, pushes, supports, ways), (other_loads, other_pushes, other_supports, other_ways) = found
+    other_loads.axpy(-1.0, loads)
+    system.trail.rollback()
+    square = system.comm.allreduce(float(np.sum((other_supports - supports) ** 2))) + np.sum((other_ways - ways) ** 2)
+    return float(np.hypot(other_loads.norm(), np.linalg.norm(other_pushes - pushes))), float(np.sqrt(square))
 
 
 def _place(system: System, u: Floats | None = None, q: Floats | None = None) -> Place:
