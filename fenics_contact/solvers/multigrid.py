@@ -1,16 +1,19 @@
-"""Smoothed aggregation by PETSc, whose finest level, where the work is, smooths in blocks of three by our own products."""
+"""Smoothed aggregation by PETSc, whose finest level, where the work is, smooths in blocks of three by our own sweeps."""
 
 from typing import Any
 
 from petsc4py import PETSc
 
-from fenics_contact.assembly.block_operator import BlockJacobi, Blocks
-from fenics_contact.types import Mat
+from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, GaussSeidel
+from fenics_contact.types import Mat, Solver
 
-SWEEPS = 3  # of Chebyshev's method, before and after the coarse correction
+# Before and after the correction from below: by Gauss-Seidel, down and up, on the finest level of one process; by Chebyshev
+RELAXED, SWEEPS = 2, 3
 OPTIONS = {
     # parts of the largest eigenvalue between which the smoother damps: PETSc's own for smoothed aggregation
     "levels_ksp_chebyshev_esteig": "0,0.05,0,1.05",
+    # so that the one step divides by 0.9 of it, which is 1: Gauss-Seidel's sweeps nearly as they are
+    "finest_ksp_chebyshev_esteig": "0,0.75,0,1.05",
     # the coarsest matrix is on one process, and singular where supports hold all nodes of an aggregate
     "coarse_pc_type": "bjacobi",
     "coarse_sub_pc_type": "lu",
@@ -51,7 +54,7 @@ def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJaco
             smoother.setTolerances(max_it=SWEEPS)
         if level + 1 == levels:
             smoother.setOperators(blocks.rounded)
-            jacobi = BlockJacobi(smoother.getPC(), blocks)
+            relaxation = _relaxation(smoother, blocks, prefix)
         else:
             matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
             smoother.setOperators(matrix)
@@ -65,4 +68,13 @@ def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJaco
             options[f"{prefix}cycle_mg_{key}"] = value
     cycle.setFromOptions()
     hierarchy.destroy()
-    return cycle, jacobi
+    return cycle, relaxation
+
+
+def _relaxation(smoother: Solver, blocks: Blocks, prefix: str) -> BlockJacobi:
+    """What the finest level's Chebyshev is preconditioned with, in one step where that is by sweeps."""
+    if blocks.mat.comm.size > 1:
+        return BlockJacobi(smoother.getPC(), blocks)
+    smoother.setOptionsPrefix(f"{prefix}cycle_mg_finest_")
+    smoother.setTolerances(max_it=1)
+    return GaussSeidel(smoother.getPC(), blocks, RELAXED)

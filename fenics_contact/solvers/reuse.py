@@ -100,7 +100,7 @@ class ReusingSolver:
         self._copy: Mat = None  # what is coarsened
         self._rows: FreeRows | None = None  # what is factorised
         self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
-        self._jacobi: BlockJacobi | None = None
+        self._relaxation: BlockJacobi | None = None
         self._pattern: int | None = None
         self._reuse: Reuse | None = None
         self._objects: tuple[Any, ...] = ()
@@ -117,7 +117,7 @@ class ReusingSolver:
         """Free PETSc's objects at once, for Python alone never frees what several ranks share."""
         for thing in self._objects:
             thing.destroy()
-        self._objects, self._blocks, self._jacobi = (), None, None
+        self._objects, self._blocks, self._relaxation = (), None, None
         PETSc.garbage_cleanup(self.comm)
 
     def _ksp(self, pc: Any, kind: str) -> Solver:
@@ -161,7 +161,7 @@ class ReusingSolver:
         scalars.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
         if self._near_null_space is not None:
             scalars.setNearNullSpace(self._near_null_space(matrix, self._blocks.mat))
-        pc, self._jacobi = multigrid(self._blocks, scalars, PREFIX)
+        pc, self._relaxation = multigrid(self._blocks, scalars, PREFIX)
         self._krylov = self._fresh = self._ksp(pc, "cg" if self.symmetric else "gmres")
         self._copy = pc.getOperators()[1]
         self._objects = (self._krylov, pc, self._blocks)
@@ -267,8 +267,8 @@ class ReusingSolver:
         with self.timers("solve"):
             if self._blocks is not None:
                 self._blocks.use(matrix, pattern)
-            if self._jacobi is not None:
-                self._jacobi.renew()  # an old one of a row that has become stiff would have the smoother diverge
+            if self._relaxation is not None:
+                self._relaxation.renew()  # an old one of a row that has become stiff would have the smoother diverge
             ksp.setOperators(self._blocks.mat if self._blocks else matrix, self._copy)
             ksp.setTolerances(rtol=tolerance, max_it=limit)
             if error := _code(lambda: ksp.solve(rhs, out)):
