@@ -67,7 +67,7 @@ class PointPlaces(PlacesOnFacets):
         self.space, self.timers = space, timers
         (_, nq, k), along = surface.a.shape, surface.gradients
         self.nodes = np.repeat(np.searchsorted(slave, surface.nodes), nq, axis=0).astype(np.int64)
-        self.gradients = np.empty((0, 2, k)) if along is None else along.reshape(-1, along.shape[2], k)
+        self.gradients = np.empty((0, 2, k)) if along is None else np.ascontiguousarray(along.reshape(-1, along.shape[2], k))
         self._X = space.tabulate_dof_coordinates()
         self._ring, self._normal = facets[0], compat.Function(space)
         watched = np.unique(np.concatenate([slave, master.owned, self._ring.ravel()]))  # what positions rest on
