@@ -114,7 +114,8 @@ class _Surface:
     straight = True
 
     def __init__(self, facets: Surface, X: Floats, count: int = 4) -> None:
-        self.facets, self.X, self.whole = facets, X, facets[0].shape[1] != MAX_NODES
+        self.facets: Surface = np.ascontiguousarray(facets[0]), facets[1]
+        self.X, self.whole = X, facets[0].shape[1] != MAX_NODES
         ring = facets[0][:, :count]
         edges = np.linalg.norm(X[ring] - np.roll(X[ring], 1, axis=1), axis=2)
         edges = edges[edges > 0.0]
