@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from fenics_contact.kernels.status import OPEN
+
 
 def forces(term, state):
     """What a term puts on the nodes and, behind these, on the tools' coordinates."""
@@ -46,6 +48,23 @@ def remainders(system, term, longest, way=None, kept=None):
     system.assemble_tangent([term])
     slope = change(system, way)
     return left_over(system, lambda: forces(term, system.state), slope, way, longest, kept or term.statuses)
+
+
+def foreseen_left(system, contact, way, longest, closed_alone=False):
+    """Norms (4,) of how far gaps foreseen after halves of the longest step along a way are from those there; closed_alone:
+    of closed points."""
+    state, start, left = system.state, system.state.u.x.array.copy(), []
+    for step in longest / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start
+        system.assemble_tangent()
+        state.u.x.array[:] = start + step * way
+        system.foresight.foresee(state)
+        foreseen = contact.trial.judged.reshape(contact.surface.count, -1)[:, 0]
+        system.foresight.release()
+        found = contact.response(state)
+        counted = found.status.ravel() != OPEN if closed_alone else slice(None)
+        left.append(np.linalg.norm((foreseen - found.gap.ravel())[counted]))
+    return np.array(left)
 
 
 def orders(left):

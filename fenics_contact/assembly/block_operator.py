@@ -75,8 +75,8 @@ class Blocks:
         """Copy the matrix in single precision."""
         offsets, columns, _ = self._own
         counts = self._diagonal - offsets[:-1] + 1, offsets[1:] - self._diagonal - 1
-        if [half[2].size for half in self._halves] != [9 * count.sum() for count in counts]:
-            sizes = [int(count.sum()) for count in counts]
+        sizes = [int(count.sum()) for count in counts]
+        if [len(half[1]) for half in self._halves] != sizes:
             self._halves = [
                 (np.zeros_like(offsets), np.empty(size, columns.dtype), np.empty(9 * size, np.float32)) for size in sizes
             ]
@@ -134,28 +134,20 @@ class Blocks:
 
     def _multiplied(self, x: int, y: int, own: Sequence[BlockRows], others: Rows | None) -> None:
         size = 3 * self.rows
-
-        def multiplied() -> None:
-            with entries(x, size) as given, entries(y, size, written=True) as out:
-                out[:] = 0.0
-                for rows in own:
-                    add_product(*rows, given, out)
-
-        self._exchange(x, multiplied)
-        if others is not None:
-            with entries(y, size, written=True) as out:
-                add_product(*others, self._ghosts.array_r, out)
-
-    def _exchange(self, x: int, meanwhile: Callable[[], None]) -> None:
-        """Fetch the entries that other processes own, and do something meanwhile."""
         scatter = [HANDLE(one.handle) for one in (self._scatter, self._ghosts)] if self._scatter else []
         if scatter:
             called("VecScatterBegin", scatter[0], HANDLE(x), scatter[1], _INSERT, _FORWARD)
         try:
-            meanwhile()
+            with entries(x, size) as given, entries(y, size, written=True) as out:
+                out[:] = 0.0
+                for rows in own:
+                    add_product(*rows, given, out)
         finally:  # one that has begun must end, or it can never be freed
             if scatter:
                 called("VecScatterEnd", scatter[0], HANDLE(x), scatter[1], _INSERT, _FORWARD)
+        if others is not None:
+            with entries(y, size, written=True) as out:
+                add_product(*others, self._ghosts.array_r, out)
 
 
 class BlockJacobi:

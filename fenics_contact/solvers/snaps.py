@@ -7,7 +7,7 @@ from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.softness import AHEAD, fold_ahead
+from fenics_contact.solvers.softness import AHEAD, fold_ahead, load_change
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
 
@@ -104,16 +104,12 @@ def _drives_jump(system: System, within: tuple[float, float], step: tuple[float,
 
 def _driven(system: System, start: float, end: float) -> tuple[float, float]:
     """How far loads [force], and supports and tools [length], go from one t to another at the accepted state. Collective."""
-    found = []
-    for t in (start, end):
-        owed, tools_owed = system.begin_step(t)
-        system.assemble_residual()
-        found.append((system.residual_vector.copy(), system.tool_residual, owed, tools_owed))
-    (loads, pushes, supports, ways), (other_loads, other_pushes, other_supports, other_ways) = found
-    other_loads.axpy(-1.0, loads)
+    owed = [system.begin_step(t) for t in (start, end)]
+    supports, tools = (after - before for before, after in zip(*owed, strict=True))
+    loads, pushes = load_change(system, start, end)
     system.trail.rollback()
-    square = system.comm.allreduce(float(np.sum((other_supports - supports) ** 2))) + np.sum((other_ways - ways) ** 2)
-    return float(np.hypot(other_loads.norm(), np.linalg.norm(other_pushes - pushes))), float(np.sqrt(square))
+    square = system.comm.allreduce(float(np.sum(supports**2))) + np.sum(tools**2)
+    return float(np.hypot(loads.norm(), np.linalg.norm(pushes))), float(np.sqrt(square))
 
 
 def _place(system: System, u: Floats | None = None, q: Floats | None = None) -> Place:

@@ -12,7 +12,7 @@ from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
 from fenics_contact.solvers.newton import relative_residual, solve_once
 from fenics_contact.solvers.verdict import StepFailed
-from fenics_contact.types import Vec
+from fenics_contact.types import Floats, Vec
 
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
@@ -197,13 +197,18 @@ def damping(system: System) -> list[str]:
 def _loaded(system: System) -> bool:
     """Whether forces, and not only supports and tools on their ways, grow with t at the accepted state. Collective."""
     t = system.trail.last.t
-    system.begin_step(t + LOAD_PROBE)
+    return load_change(system, t + LOAD_PROBE, t)[0].norm() > 0.0
+
+
+def load_change(system: System, start: float, end: float) -> tuple[Vec, Floats]:
+    """How loads on nodes and on tools (tools, 6) change from one t to another at the state at hand [force]. Collective."""
+    system.begin_step(start)
     system.assemble_residual()
-    change = system.residual_vector.copy()
-    system.begin_step(t)
+    change, pushes = system.residual_vector.copy(), system.tool_residual
+    system.begin_step(end)
     system.assemble_residual()
-    change.axpy(-1.0, system.residual_vector)
-    return change.norm() > 0.0
+    change.aypx(-1.0, system.residual_vector)
+    return change, system.tool_residual - pushes
 
 
 def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
