@@ -244,6 +244,7 @@ def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdi
             "linear_solver": solver.method,
             "seconds_per_digit": solver.rates,
             "solver_changes": [words for one in solvers for words in one.fallbacks],
+            "tangents": sum(one.tangents for one in solvers),
             "factorisations": sum(one.builds for one in solvers),
             "krylov_iterations": sum(one.iterations for one in solvers),
             "matrix_patterns": system.couplings.patterns,

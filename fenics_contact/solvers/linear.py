@@ -60,6 +60,7 @@ class LinearSolver:
         # negative pivots of the last tangent, tools included (Haynsworth 1968, doi:10.1016/0024-3795(68)90050-5); of an
         # unsymmetric one the sign of its determinant tells only whether they are odd, 1, or even, 0; None: not known
         self.negative: int | None = None
+        self.tangents = 0  # solved with so far, those of failed steps included
         self._of_border: int | None = 0  # the share of the tools' Schur complement in them
         self._softest: Softest | None = None
         self._pivot: float | None = None
@@ -106,6 +107,7 @@ class LinearSolver:
         sides: (residual Vec, tool residual (tools, 6), du_supports, dq) each. Raises LinearFailure as `solve` does.
         """
         self._tolerance = tolerance
+        self.tangents += not again
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
         rights: list[Vec] = []
         for residual, _, _, dq in sides:

@@ -27,6 +27,10 @@ LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 CORRECTED = 0.3  # a solve or correction that left less than this share of the out-of-balance force is worth another one
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
+# Solves within which a step has to have left less than a share HOPE of the force out of balance once, by how it began: on
+# the curve, from the last state with a step no shorter than the last one, otherwise. Nine of ten that have not go astray to
+# the end, all but one of thirty after LATE, and a step cut back costs a few solves
+AT_ONCE, EARLY, LATE, HOPE = 5, 8, 12, 0.5
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
@@ -56,23 +60,25 @@ class Newton:
         if _extrapolate(system, du):
             system.foresight.resample(system.state)
             try:
-                return self._iterate(system, np.zeros_like(du), dq, report, SETTLING, min(QUICK, self.limit))
+                return self._iterate(system, np.zeros_like(du), dq, report, SETTLING, min(QUICK, self.limit), AT_ONCE)
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report, SETTLING, self.limit)
+        return self._iterate(system, du, dq, report, SETTLING, self.limit, LATE if _cut_back(system, t) else EARLY)
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after what has changed in it."""
         du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, StepReport(), 0, self.limit)
+        return self._iterate(system, du, dq, StepReport(), 0, self.limit, LATE)
 
-    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int) -> StepReport:
+    def _iterate(
+        self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int, proof: int
+    ) -> StepReport:
         # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
         # in contact, and the residual need not fall meanwhile; samples follow the surfaces after as many, and in the end
         foresight, foresees = system.foresight, bool(system.foresight.contacts)
         whole, watch = SETTLING if foresees else 1, StatusWatch(system, report.notes)
-        before, stalled, rises, left, resample = np.inf, 0, 0, 0.0, True
+        before, least, stalled, rises, left, resample = np.inf, np.inf, 0, 0, 0.0, True
         owed = du.copy(), dq.copy()
         patient = bool(system.contacts) and not foresees and not system.condensed
         system.assemble_residual()
@@ -111,6 +117,9 @@ class Newton:
             if left == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
+            least = min(least, size)
+            if solve == proof and least > HOPE:
+                break
             foreseen = size > HELD and not shorten
             if foreseen:
                 foresight.foresee(system.state)
@@ -120,7 +129,7 @@ class Newton:
             owed = left * owed[0], left * owed[1]
             du, dq = owed
         watch.blame()
-        raise StepFailed(f"{limit} Newton iterations left {size:.1e} of the force out of balance")
+        raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
 
     def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
@@ -163,6 +172,12 @@ class Newton:
         if not np.isfinite(size):
             raise StepFailed("an element turned inside out")
         return size
+
+
+def _cut_back(system: System, t: float) -> bool:
+    """Whether the step to t is shorter than the last one, or the first."""
+    last = [state.t for state in system.trail.accepted[-2:]]
+    return len(last) < 2 or t - last[1] < (1.0 - 1e-6) * (last[1] - last[0])
 
 
 def _extrapolate(system: System, owed: Floats) -> bool:
