@@ -2,7 +2,7 @@
 
 import ctypes
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakMethod
 
 import numpy as np
@@ -12,14 +12,13 @@ from fenics_contact.assembly.petsc_memory import HANDLE, REALS, Rows, array_at, 
 from fenics_contact.kernels.block_products import (
     BlockRows,
     add_product,
-    diagonal_product,
     diagonals,
+    earlier,
     inverses,
+    less_others,
     split,
-    sweep_down,
-    sweep_up,
 )
-from fenics_contact.types import Floats, Mat, Vec
+from fenics_contact.types import Floats, Ints64, Mat, Vec
 
 _PRODUCT = ctypes.CFUNCTYPE(ctypes.c_int, HANDLE, HANDLE, HANDLE)
 _MULT = 3  # PETSc's number of the operation y = A x
@@ -27,22 +26,34 @@ _INSERT, _FORWARD = 1, 0  # PETSc's numbers of a scatter's modes
 _stopped: list[BaseException] = []
 
 
+class Order(NamedTuple):
+    """In which a sweep visits the rows of a process, numbers that rise: first those without columns of other processes,
+    `inner`, then, in the process's turn of so many `turns`, `border`; place (rows,): where each row is in it. Processes
+    that have each other's columns have different turns."""
+
+    inner: Ints64
+    border: Ints64
+    place: Ints64
+    turn: int
+    turns: int
+
+
 class Blocks:
     """y = A x with a matrix of 3x3 blocks, whose entries are not copied, as a PETSc Mat of type shell, `mat`.
 
     PETSc's own kernel reads the entries past the caches, which takes two to four times as long. `use` gives the matrix, on
     the same processes; one by scalars is converted. `rounded`: the matrix as `use` found it, in single precision, of which
-    a product reads half as much: a preconditioner needs no more. Shells and not Mats of type python: PETSc frees what ranks
-    share when it ends, after Python. Collective.
+    a product reads half as much: a preconditioner needs no more. order: of its sweeps. Shells and not Mats of type python:
+    PETSc frees what ranks share when it ends, after Python. Collective.
     """
 
     def __init__(self, matrix: Mat) -> None:
         self._made: list[Mat] = []  # from a matrix by scalars
-        self._known: tuple[int, int, int | None, int | None] | None = None
+        self._known: tuple[int, ...] | None = None
         self._others: Rows | None = None  # columns that other processes own, and how their entries come here
         self._scatter: Any = None
         self._ghosts: Vec = None
-        self._halves: list[BlockRows] = []  # own columns in single precision: up to the diagonal, behind it
+        self._halves: list[BlockRows] = []  # own columns in single precision: before each row and its own, behind it
         self._singles = np.empty(0, dtype=np.float32)  # blocks of the others
         self._products = [called_back(multiply) for multiply in (self._multiply, self._multiply_rounded)]
         self.mat, self.rounded = (_shell(matrix, product) for product in self._products)
@@ -57,34 +68,36 @@ class Blocks:
             self._free()
             matrix, pattern = matrix.convert("baij", out=PETSc.Mat()), None
             self._made.append(matrix)
-        if matrix.comm.size == 1:
-            self._own = block_rows(HANDLE(matrix.handle))
-        else:
-            own, others, ghosts = row_parts(matrix)
-            self._own, self._others = block_rows(own), block_rows(others)
-            known = None if pattern is None else (matrix.handle, pattern, others.value, ghosts.value)
-            if matrix.comm.tompi4py().allreduce(known is None or known != self._known):
-                self._reach(matrix)
-                self._known = known
+        parts = row_parts(matrix) if matrix.comm.size > 1 else (HANDLE(matrix.handle),)
+        self._own, self._others = block_rows(parts[0]), block_rows(parts[1]) if len(parts) > 1 else None
+        known = None if pattern is None else (matrix.handle, pattern, len(self._own[1]), *(part.value for part in parts))
+        if matrix.comm.tompi4py().allreduce(known is None or known != self._known):
+            self._arrange(matrix)
+            self._known = known
         self._matrix = matrix
-        self._diagonal = np.empty(self.rows, dtype=self._own[1].dtype)
-        diagonals(*self._own[:2], self._diagonal)
-        self._round()
-
-    def _round(self) -> None:
-        """Copy the matrix in single precision."""
-        offsets, columns, _ = self._own
-        counts = self._diagonal - offsets[:-1] + 1, offsets[1:] - self._diagonal - 1
-        sizes = [int(count.sum()) for count in counts]
-        if [len(half[1]) for half in self._halves] != sizes:
-            self._halves = [
-                (np.zeros_like(offsets), np.empty(size, columns.dtype), np.empty(9 * size, np.float32)) for size in sizes
-            ]
-        for half, count in zip(self._halves, counts, strict=True):
-            np.cumsum(count, out=half[0][1:])
-        split(self._own, self._diagonal, *self._halves)
+        split(self._own, self.order.place, *self._halves)
         if self._others is not None:
             self._singles = self._others[2].astype(np.float32)
+
+    def _arrange(self, matrix: Mat) -> None:
+        """What follows from the nonzero pattern."""
+        (offsets, columns, _), rows = self._own, np.arange(self.rows)
+        self._diagonal = np.empty(self.rows, dtype=columns.dtype)
+        diagonals(offsets, columns, self._diagonal)
+        self.order = Order(rows, rows[:0], rows, 0, 1)
+        if self._others is not None:
+            self._reach(matrix)
+            meets = np.diff(self._others[0]) > 0
+            inner, border = rows[~meets], rows[meets]
+            place = np.empty_like(rows)
+            place[np.append(inner, border)] = rows
+            self.order = Order(inner, border, place, *_turns(matrix))
+        before = np.empty(self.rows, dtype=offsets.dtype)
+        earlier(offsets, columns, self.order.place, before)
+        self._halves = []
+        for counts in (before + 1, np.diff(offsets) - before - 1):
+            starts = np.append(offsets[:1], np.cumsum(counts, dtype=offsets.dtype))
+            self._halves.append((starts, np.empty(starts[-1], columns.dtype), np.empty(9 * starts[-1], np.float32)))
 
     def _reach(self, matrix: Mat) -> None:
         """Make the exchange of the entries that other processes own."""
@@ -104,9 +117,26 @@ class Blocks:
 
     @property
     def halves(self) -> tuple[BlockRows, BlockRows]:
-        """The process's own rows and columns in single precision: up to the diagonal and with it, and behind it."""
+        """The process's own rows and columns in single precision: what comes before each row and its own, and behind it."""
         lower, upper = self._halves
         return lower, upper
+
+    def exchange(self, x: int) -> None:
+        """Have what other processes own of a vector, by its handle. Collective."""
+        if self._scatter:
+            scatter, ghosts = HANDLE(self._scatter.handle), HANDLE(self._ghosts.handle)
+            called("VecScatterBegin", scatter, HANDLE(x), ghosts, _INSERT, _FORWARD)
+            called("VecScatterEnd", scatter, HANDLE(x), ghosts, _INSERT, _FORWARD)
+
+    def forget(self) -> None:
+        """What other processes own is zero until the next exchange."""
+        if self._ghosts:
+            self._ghosts.set(0.0)
+
+    def less_others(self, b: Floats, out: Floats) -> None:
+        """out = b less what the columns of other processes give, rounded, in the rows that have some."""
+        if self._others is not None:
+            less_others((*self._others[:2], self._singles), self._ghosts.array_r, self.order.border, b, out)
 
     @property
     def rows(self) -> int:
@@ -150,47 +180,6 @@ class Blocks:
                 add_product(*others, self._ghosts.array_r, out)
 
 
-class BlockJacobi:
-    """y = D^-1 x with the 3x3 blocks on the diagonal of a matrix, as a PC of type shell; must live as long as that."""
-
-    def __init__(self, pc: Any, blocks: Blocks) -> None:
-        self._blocks, self._inverses, self._product = blocks, np.zeros(9 * blocks.rows), called_back(self._multiply)
-        pc.setType("shell")
-        called("PCShellSetApply", HANDLE(pc.handle), self._product)
-        self.renew()
-
-    def renew(self) -> None:
-        """Invert the blocks as they are now."""
-        self._blocks.inverses(self._inverses)
-
-    def _multiply(self, x: int, y: int) -> None:
-        size = len(self._inverses) // 3
-        with entries(x, size) as given, entries(y, size, written=True) as out:
-            diagonal_product(self._inverses, given, out)
-
-
-class GaussSeidel(BlockJacobi):
-    """y = M^-1 x by sweeps of Gauss-Seidel in 3x3 blocks, each down and back up, from zero; of one process' matrix.
-
-    Columns of other processes would be left out: where several of these meet, M^-1 A gets eigenvalues far above one, and
-    sweeps damped by that, or by half of what a row has there added to its diagonal (Baker et al. 2011,
-    doi:10.1137/100798806), smooth worse than block Jacobi.
-    """
-
-    def __init__(self, pc: Any, blocks: Blocks, sweeps: int) -> None:
-        size = 3 * blocks.rows
-        self._sweeps, self._above, self._below = sweeps, np.zeros(size), np.zeros(size)
-        super().__init__(pc, blocks)
-
-    def _multiply(self, x: int, y: int) -> None:
-        size, (lower, upper) = len(self._above), self._blocks.halves
-        self._above[:] = 0.0
-        with entries(x, size) as right, entries(y, size, written=True) as out:
-            for _ in range(self._sweeps):
-                sweep_down(lower, self._inverses, right, self._above, out, self._below)
-                sweep_up(upper, self._inverses, right, self._below, out, self._above)
-
-
 class entries:
     """A process's entries of a vector by its handle, in a with statement."""
 
@@ -204,6 +193,20 @@ class entries:
 
     def __exit__(self, *_: object) -> None:
         called(f"VecRestoreArray{self._kind}", self._vector, ctypes.byref(self._pointer))
+
+
+def _turns(matrix: Mat) -> tuple[int, int]:
+    """The turn of this process and their number. Collective."""
+    comm, ends = matrix.comm.tompi4py(), matrix.getOwnershipRanges()
+    owners = np.unique(np.searchsorted(ends, 3 * other_columns(matrix), side="right") - 1)
+    meets = np.zeros((comm.size, comm.size), dtype=bool)
+    for rank, others in enumerate(comm.allgather(owners)):
+        meets[rank, others] = meets[others, rank] = True
+    turns: list[int] = []
+    for rank in range(comm.size):
+        taken = {turns[other] for other in range(rank) if meets[rank, other]}
+        turns.append(next(turn for turn in range(comm.size) if turn not in taken))
+    return turns[comm.rank], max(turns) + 1
 
 
 def _shell(matrix: Mat, product: Any) -> Mat:

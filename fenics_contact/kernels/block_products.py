@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.vectors import Vector
-from fenics_contact.types import Array, Floats
+from fenics_contact.types import Array, Floats, Ints64
 
 Count: TypeAlias = Any  # np.uint64
 BlockRows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
@@ -53,44 +53,61 @@ def inverses(diagonal: Array, blocks: Floats, out: Floats) -> None:
 
 
 @njit(cache=True)
-def diagonal_product(blocks: Floats, x: Floats, y: Floats) -> None:
-    """y = D x with the blocks (9 rows,) of D on the diagonal."""
-    blocks, x, y = blocks.reshape(-1, 9), x.reshape(-1, 3), y.reshape(-1, 3)
-    for i in range(len(blocks)):
-        y[i, 0], y[i, 1], y[i, 2] = _times(blocks[i], x[i, 0], x[i, 1], x[i, 2])
+def earlier(offsets: Array, columns: Array, place: Ints64, out: Array) -> None:
+    """out (rows,): how many columns of each row come before it in an order; place (rows,): where in it each row is."""
+    for i in range(len(out)):
+        out[i] = 0
+        for k in range(offsets[i], offsets[i + 1]):
+            out[i] += place[columns[k]] < place[i]
 
 
 @njit(cache=True)
-def split(rows: BlockRows, diagonal: Array, lower: BlockRows, upper: BlockRows) -> None:
-    """Fill `lower` with the blocks up to the diagonal and with it, `upper` with those behind it, their offsets at hand.
+def split(rows: BlockRows, place: Ints64, lower: BlockRows, upper: BlockRows) -> None:
+    """Fill `lower` with the blocks of each row that come before it in an order, its own last, `upper` with those behind it,
+    their offsets at hand.
 
     Apart, for a sweep that reads half of each row has the processor fetch all of it.
     """
     (offsets, columns, blocks), (low, low_columns, low_blocks), (high, high_columns, high_blocks) = rows, lower, upper
-    for i in range(len(diagonal)):
-        shift = low[i] - offsets[i]
-        for k in range(offsets[i], diagonal[i] + 1):
-            low_columns[k + shift] = columns[k]
+    for i in range(len(place)):
+        a, b = low[i], high[i]
+        for k in range(offsets[i], offsets[i + 1]):
+            j = columns[k]
+            if place[j] > place[i]:
+                high_columns[b] = j
+                for entry in range(9):
+                    high_blocks[9 * b + entry] = blocks[9 * k + entry]
+                b += 1
+                continue
+            at = low[i + 1] - 1 if j == i else a
+            low_columns[at] = j
             for entry in range(9):
-                low_blocks[9 * (k + shift) + entry] = blocks[9 * k + entry]
-        shift = high[i] - diagonal[i] - 1
-        for k in range(diagonal[i] + 1, offsets[i + 1]):
-            high_columns[k + shift] = columns[k]
-            for entry in range(9):
-                high_blocks[9 * (k + shift) + entry] = blocks[9 * k + entry]
+                low_blocks[9 * at + entry] = blocks[9 * k + entry]
+            a += j != i
 
 
 @njit(cache=True)
-def sweep_down(lower: BlockRows, inverse: Floats, b: Floats, above: Floats, x: Floats, below: Floats) -> None:
-    """Gauss-Seidel from the first row to the last one: x_i = D_i^-1 (b_i - (L x)_i - above_i) and below = L x.
+def less_others(others: BlockRows, beyond: Floats, rows: Ints64, b: Floats, out: Floats) -> None:
+    """out = b - B x in some rows; others: B, the columns that other processes own; beyond: their entries of x."""
+    offsets, columns, blocks = others
+    blocks, x, b, out = blocks.reshape(-1, 9), beyond.reshape(-1, 3), b.reshape(-1, 3), out.reshape(-1, 3)
+    for i in rows:
+        first = np.uint64(offsets[i])
+        u, v, w = _rightwards(first, np.uint64(offsets[i + 1]) - first, columns, blocks, x)
+        out[i, 0], out[i, 1], out[i, 2] = b[i, 0] - u, b[i, 1] - v, b[i, 2] - w
 
-    lower: the blocks up to the diagonal and with it; inverse (9 rows,): of the diagonal's. As U x is known from the sweep
-    before, and L x is for the next one, a sweep reads half the matrix (Conrad & Wallach 1979, doi:10.1007/BF01399555).
+
+@njit(cache=True)
+def sweep_down(lower: BlockRows, inverse: Floats, rows: Ints64, b: Floats, above: Floats, x: Floats, below: Floats) -> None:
+    """Gauss-Seidel over rows in their order: x_i = D_i^-1 (b_i - (L x)_i - above_i) and below = L x.
+
+    lower: the blocks before each row and its own; inverse (9 n,): of these. As U x is known from the sweep before, and L x
+    is for the next one, a sweep reads half the matrix (Conrad & Wallach 1979, doi:10.1007/BF01399555).
     """
     offsets, columns, blocks = lower
     blocks, x, b = blocks.reshape(-1, 9), x.reshape(-1, 3), b.reshape(-1, 3)
     inverse, above, below = inverse.reshape(-1, 9), above.reshape(-1, 3), below.reshape(-1, 3)
-    for i in range(len(inverse)):
+    for i in rows:
         first = np.uint64(offsets[i])
         u, v, w = _rightwards(first, np.uint64(offsets[i + 1] - 1) - first, columns, blocks, x)
         below[i, 0], below[i, 1], below[i, 2] = u, v, w
@@ -99,12 +116,12 @@ def sweep_down(lower: BlockRows, inverse: Floats, b: Floats, above: Floats, x: F
 
 
 @njit(cache=True)
-def sweep_up(upper: BlockRows, inverse: Floats, b: Floats, below: Floats, x: Floats, above: Floats) -> None:
-    """The sweep back: x_i = D_i^-1 (b_i - below_i - (U x)_i) and above = U x, as `sweep_down`; upper: behind it."""
+def sweep_up(upper: BlockRows, inverse: Floats, rows: Ints64, b: Floats, below: Floats, x: Floats, above: Floats) -> None:
+    """The sweep back: x_i = D_i^-1 (b_i - below_i - (U x)_i) and above = U x, as `sweep_down`; upper: behind each row."""
     offsets, columns, blocks = upper
     blocks, x, b = blocks.reshape(-1, 9), x.reshape(-1, 3), b.reshape(-1, 3)
     inverse, above, below = inverse.reshape(-1, 9), above.reshape(-1, 3), below.reshape(-1, 3)
-    for i in range(len(inverse) - 1, -1, -1):
+    for i in rows[::-1]:
         last = np.uint64(offsets[i + 1])
         u, v, w = _leftwards(last, last - np.uint64(offsets[i]), columns, blocks, x)
         above[i, 0], above[i, 1], above[i, 2] = u, v, w

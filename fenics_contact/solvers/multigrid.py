@@ -4,16 +4,15 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, GaussSeidel
-from fenics_contact.types import Mat, Solver
+from fenics_contact.assembly.block_operator import Blocks
+from fenics_contact.assembly.gauss_seidel import GaussSeidel
+from fenics_contact.types import Mat
 
-# Before and after the correction from below: by Gauss-Seidel, down and up, on the finest level of one process; by Chebyshev
+# Before and after the correction from below: by Gauss-Seidel, down and up, on the finest level; by Chebyshev on the others
 RELAXED, SWEEPS = 2, 3
 OPTIONS = {
     # parts of the largest eigenvalue between which the smoother damps: PETSc's own for smoothed aggregation
     "levels_ksp_chebyshev_esteig": "0,0.05,0,1.05",
-    # so that the one step divides by 0.9 of it, which is 1: Gauss-Seidel's sweeps nearly as they are
-    "finest_ksp_chebyshev_esteig": "0,0.75,0,1.05",
     # the coarsest matrix is on one process, and singular where supports hold all nodes of an aggregate
     "coarse_pc_type": "bjacobi",
     "coarse_sub_pc_type": "lu",
@@ -21,7 +20,7 @@ OPTIONS = {
 }
 
 
-def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJacobi | None]:
+def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, GaussSeidel | None]:
     """A V-cycle as PC of the hierarchy that PETSc makes of a matrix by scalars, and what must live as long.
 
     blocks: the matrix that the finest level smooths with, rounded; scalars: with the near null space, needed no more
@@ -53,8 +52,10 @@ def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJaco
             smoother.setNormType(PETSc.KSP.NormType.NONE)
             smoother.setTolerances(max_it=SWEEPS)
         if level + 1 == levels:
+            smoother.setType("richardson")
+            smoother.setTolerances(max_it=1)
             smoother.setOperators(blocks.rounded)
-            relaxation = _relaxation(smoother, blocks, prefix)
+            relaxation = GaussSeidel(smoother.getPC(), blocks, RELAXED)
         else:
             matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
             smoother.setOperators(matrix)
@@ -69,12 +70,3 @@ def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, BlockJaco
     cycle.setFromOptions()
     hierarchy.destroy()
     return cycle, relaxation
-
-
-def _relaxation(smoother: Solver, blocks: Blocks, prefix: str) -> BlockJacobi:
-    """What the finest level's Chebyshev is preconditioned with, in one step where that is by sweeps."""
-    if blocks.mat.comm.size > 1:
-        return BlockJacobi(smoother.getPC(), blocks)
-    smoother.setOptionsPrefix(f"{prefix}cycle_mg_finest_")
-    smoother.setTolerances(max_it=1)
-    return GaussSeidel(smoother.getPC(), blocks, RELAXED)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.block_operator import BlockJacobi, Blocks, raise_stopped
+from fenics_contact.assembly.block_operator import Blocks, raise_stopped
+from fenics_contact.assembly.gauss_seidel import GaussSeidel
 from fenics_contact.solvers.choice import Choice
 from fenics_contact.solvers.free_rows import FreeRows, Rows
 from fenics_contact.solvers.multigrid import multigrid
@@ -100,7 +101,7 @@ class ReusingSolver:
         self._copy: Mat = None  # what is coarsened
         self._rows: FreeRows | None = None  # what is factorised
         self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
-        self._relaxation: BlockJacobi | None = None
+        self._relaxation: GaussSeidel | None = None
         self._pattern: int | None = None
         self._reuse: Reuse | None = None
         self._objects: tuple[Any, ...] = ()
