@@ -85,8 +85,12 @@ class RigidPartner(PointPressures):
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
 
     def foreseen(self, feet: RigidFeet, before: RigidFeet, trial: Trial) -> Floats:
-        """Gaps (ne nq,) at these places, shifts added: on a tool the tangent foresees no others."""
-        return (self.response(feet, trial).gap + trial.history.shift).ravel()
+        """Gaps (ne nq,) at these places, shifts added, were the tool as flat as it is before each point at the places
+        `before`."""
+        then, now = (np.einsum("eqk,ekc->eqc", self.surface.a, at.x) for at in (before, feet))
+        back = before.pose.place + (now - feet.pose.place) @ feet.pose.turn @ before.pose.turn.T  # with the tool
+        rise = np.einsum("eqc,eqc->eq", self.places.normals(before), back - then)
+        return (self.response(before, trial).gap + rise + trial.history.shift).ravel()
 
     def touches(self, blocks: Array) -> int:
         """Number of this rank's slave nodes among the local nodes `blocks`."""

@@ -16,7 +16,15 @@ import numpy as np
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Side
-from fenics_contact.solvers.newton import SHORTEST, _finite_residual, _forcing, balanced, relative_residual
+from fenics_contact.solvers.newton import (
+    HELD,
+    SETTLING,
+    SHORTEST,
+    _finite_residual,
+    _forcing,
+    balanced,
+    relative_residual,
+)
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
@@ -24,6 +32,7 @@ from fenics_contact.types import Floats, Vec
 
 # Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
 LOAD_PROBE = 1e-4
+FINITE = float(np.finfo(float).max)  # an out-of-balance force that any other is less than, but that of elements inside out
 
 
 @dataclass
@@ -136,26 +145,39 @@ class ArcLength:
     def step(self, system: System, arc: Arc) -> ArcReport:
         """Carry the system from its committed state along an Arc; ArcReport, or StepFailed if it does not get there."""
         _advance(system, arc.rate.times(arc.length))
-        system.foresight.resample(system.state)
-        return self.settle(system, arc)
+        return self._balance(system, arc, True)
 
     def settle(self, system: System, arc: Arc) -> ArcReport:
         """Into balance on the Arc from the present state, e.g. after its multipliers have changed: with the arc held there
         is a balance also where a given load has none."""
-        report, before = ArcReport(), relative_residual(system, followed=True)
+        return self._balance(system, arc, False)
+
+    def _balance(self, system: System, arc: Arc, resample: bool) -> ArcReport:
+        """resample: have samples follow the surfaces once. While the out-of-balance force is large, contact pressures are
+        foreseen as in Newton's steps: straight on along its rate, a path beside a curved tool touches nothing."""
+        report, foresight = ArcReport(), system.foresight
+        before = relative_residual(system, followed=True)
         while True:
             side, size = self._load_side(system)
             report.iterations += 1
             report.residuals.append(size)
-            if balanced(system, size, self.tolerance):
+            if foreseen := size > HELD:
+                foresight.foresee(system.state, on_tools=True)
+            anew, resample = resample and foresight.resample(system.state), False
+            if balanced(system, size, self.tolerance) and not anew:
                 return report
             if report.iterations >= self.limit:
                 raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
+            if foreseen or anew:
+                system.assemble_residual()
             try:
                 correction = self._correction(system, side, arc.length, _forcing(size, self.tolerance))
             except LinearFailure as failure:
                 raise StepFailed(*failure.args) from None
-            before = _shorten(system, _advance(system, correction), before)
+            made = _advance(system, correction)
+            foresight.release()
+            settling = bool(foresight.contacts) and (foresight.settles or report.iterations <= SETTLING)
+            before = _shorten(system, made, FINITE if settling else before)
 
     def made(self, system: System) -> Increment:
         """Increment from the last accepted state to the present one."""
@@ -186,9 +208,10 @@ class ArcLength:
         inside = b * b - a * c
         if not inside >= 0.0:
             raise StepFailed("the path does not meet the arc")
-        # of both points on the arc the one at the smaller angle to the increment so far: the other turns back
+        # of both points on the arc the one at the smaller angle to the way so far: the other turns back. Without the load:
+        # where a part slips over an edge that falls at once, by more than its rise, and the way goes on
         roots = (-b + np.sqrt(inside)) / a, (-b - np.sqrt(inside)) / a
-        onward = self.dot(rate, total)
+        onward = self.dot(rate, Increment(total.du, total.dq, 0.0))
         step.add(rate, max(roots, key=lambda dt: dt * onward))
         return step
 

@@ -27,10 +27,10 @@ LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 CORRECTED = 0.3  # a solve or correction that left less than this share of the out-of-balance force is worth another one
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
-# Solves within which a step has to have left less than a share HOPE of the force out of balance once, by how it began: on
-# the curve, from the last state with a step no shorter than the last one, otherwise. Nine of ten that have not go astray to
-# the end, all but one of thirty after LATE, and a step cut back costs a few solves
-AT_ONCE, EARLY, LATE, HOPE = 5, 8, 12, 0.5
+# Solves within which a step has to have left less than a share HOPE of the force out of balance once, where it began on the
+# curve, and where it began at the last state and is no shorter than the last step. Nine of ten that have not go astray to
+# the end, and a step cut back costs a few solves
+AT_ONCE, EARLY, HOPE = 5, 8, 0.5
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
 # the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
@@ -64,12 +64,12 @@ class Newton:
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report, SETTLING, self.limit, LATE if _cut_back(system, t) else EARLY)
+        return self._iterate(system, du, dq, report, SETTLING, self.limit, self.limit if _cut_back(system, t) else EARLY)
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after what has changed in it."""
         du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, StepReport(), 0, self.limit, LATE)
+        return self._iterate(system, du, dq, StepReport(), 0, self.limit, self.limit)
 
     def _iterate(
         self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int, proof: int
