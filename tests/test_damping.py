@@ -13,6 +13,9 @@ from fenics_contact.meshes import box, dome, tool_surfaces
 from fenics_contact.scene.build import build
 from fenics_contact.solvers import control
 from fenics_contact.solvers.augmented import misfit
+from fenics_contact.solvers.damped import jump
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -49,6 +52,20 @@ def past_the_end(way=-6.0):
     ball = rigid_surface(tool_surfaces.ball, "ball", mesh_size=0.6, radius=1.5, centre=(7.5, 0.0, 1.5), name="ball")
     scene.contact("zmax", ball, 0.3, name="c")
     return scene, {ball: (0, 0, way)}
+
+
+def test_the_way_of_the_drive_is_no_jump():
+    """A block whose support is drawn aside, nothing in its way, follows: damping takes no work, and it has not jumped."""
+    scene = Scene(Body(read_gmsh(box.build, size=(1.0, 1.0, 2.0), cells=(2, 2, 3)), "box", RUBBER))
+    scene.prescribe("zmax", "x", 0.7)
+    scene.fix("zmax", "yz")
+    scene.contact("zmin", rigid_plane(point=(0, 0, -1.0)), name="floor")
+    system = build(scene, damping=True).system
+    report = jump(system, 1.0, Newton(LinearSolver(system)))
+    displacement = system.state.u.x.array.reshape(-1, 3)
+    np.testing.assert_allclose(displacement, [[0.7, 0.0, 0.0]] * len(displacement), atol=1e-6)
+    assert report.work < 1e-10 and "jumped by" in report.notes[0]
+    assert float(report.notes[0].split("jumped by ")[1].split()[0]) < 1e-5
 
 
 @pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), pytest.param(blade, 20, marks=pytest.mark.slow)])

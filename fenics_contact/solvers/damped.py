@@ -1,12 +1,13 @@
 """A jump of the load path: loads and drives held, damped motion from the last state in balance to the next one."""
 
 import numpy as np
+from petsc4py import PETSc
 
 from fenics_contact.assembly.damping import Damping
+from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.entering import Entering
-from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.verdict import StepFailed
@@ -17,6 +18,7 @@ MOST, LEAST = 1e4, 1e-6  # bounds of it
 HARDER, SOFTER = 8.0, 0.25  # its change after a motion that failed, and after an easy one
 EASY = 6  # tangents up to which it was easy
 MOTIONS = 60  # at most
+FOLLOWS = 2.0  # times what drives it: where a body goes farther it does not follow, it is about to buckle
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
 
 # displacement, q, t, poses that rotations are counted from, force scale and the terms' histories of an accepted state
@@ -34,9 +36,9 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
     """
     kept = _keep(system)
     system.trail.rollback()
-    _damping(system).begin(system.state.u.x.array, system.state.q)
+    origin, q, scale = _driven(system, goal), system.state.q.copy(), system.scales.accepted
+    _damping(system).begin(origin, q)
     report, moving, share, work = StepReport(), _moving(system), FIRST, 0.0
-    before, scale = system.trail.last, system.scales.accepted
     for _ in range(MOTIONS):
         try:
             moved = _settle(system, moving, goal, share)
@@ -53,7 +55,7 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
         if resting and (last := _at_rest(system, stepper, goal)):
             report.add(last)
-            _conclude(system, report, work, before, scale)
+            _conclude(system, report, work, (origin, q), scale)
             return report
     _restore(system, kept)
     raise StepFailed("damped motion did not come to rest")
@@ -86,9 +88,38 @@ def _at_rest(system: System, stepper: Stepper, goal: float) -> StepReport | None
         return None
 
 
-def _conclude(system: System, report: StepReport, work: float, before: Accepted, scale: float) -> None:
-    """What the jump took, in the report; steps go on from its end alone."""
-    u, q, _ = before
+def _driven(system: System, goal: float) -> Floats:
+    """Displacement (local array) from which damping counts: that of the last state, carried on as the bodies by themselves
+    follow what drives their supports to the places of t = goal. That way is no jump, nor is work done against it.
+    Collective."""
+    damping, u = _damping(system), system.trail.last.u.copy()
+    owed, dq = system.begin_step(goal)
+    most = max(system.comm.allgather(np.abs(owed).max(initial=0.0)))
+    if most == 0.0:
+        return u
+    damping.begin(u, system.state.q)
+    damping.share = LEAST  # bodies that nothing but contact holds stay where they are
+    system.assemble_tangent([system.terms[0], damping])
+    rest = system.new_vector()
+    rest.set(0.0)
+    try:
+        ((way, _),) = LinearSolver(system, "direct", afresh=True).solve_sides(
+            [(rest, np.zeros_like(dq), owed, np.zeros_like(dq))]
+        )
+    except LinearFailure:
+        return u
+    finally:
+        damping.share = 0.0
+    if way.norm(PETSc.NormType.NORM_INFINITY) <= FOLLOWS * most:
+        copy_to_ghosts(way)
+        with way.localForm() as local:
+            u += local.array_r
+    return u
+
+
+def _conclude(system: System, report: StepReport, work: float, before: tuple[Floats, Floats], scale: float) -> None:
+    """What the jump took, in the report; steps go on from its end alone. before: displacement and q where it began."""
+    u, q = before
     energy = system.strain_energy()
     way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
     way = max(way, np.abs(system.state.q - q).max(initial=0.0))
