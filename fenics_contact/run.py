@@ -46,6 +46,7 @@ from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.overlap import overlaps
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import sensitivities
 from fenics_contact.solvers.verdict import Verdict
@@ -152,6 +153,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     if verdict.converged:
         kept.remark([note for contact in system.contacts if (note := contact.findings.never_met(system.state))])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
+        kept.remark(overlaps(system))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {})

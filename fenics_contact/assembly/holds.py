@@ -39,7 +39,7 @@ class Holds:
                 spanned = spanned + np.isin(blocks, nodes).sum() * directions
             self._supported.append(_letters(comm.allreduce(spanned)))
         for contact in contacts:
-            met = comm.allreduce(np.array([contact.partner.touches(blocks) for _, blocks in bodies], dtype=int))
+            met = comm.allreduce(np.array([np.isin(contact.partner.nodes, blocks).sum() for _, blocks in bodies]))
             self._ties.append((contact, np.flatnonzero(met)))
 
     @property

@@ -13,7 +13,7 @@ from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.types import Anchors, Array, Bools, Floats, Ints64
+from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 MARGIN = 0.5  # over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for
 # A slave point and the facet nearest to it say on which side of a tool the body is if their normals are this parallel.
@@ -94,9 +94,10 @@ class OnFacets(PointPressures):
     softens = False
     places: PlacesOnFacets
 
-    def touches(self, blocks: Array) -> int:
-        """Number of this rank's slave and master nodes among the local nodes `blocks`."""
-        return int(np.isin(self.places.slave, blocks).sum() + np.isin(self.places.master.owned, blocks).sum())
+    @property
+    def nodes(self) -> Ints:
+        """This rank's nodes of the slave and of the master, local numbers."""
+        return np.union1d(self.places.slave, self.places.master.owned)
 
     def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not: a tool is held."""

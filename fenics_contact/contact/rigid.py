@@ -14,7 +14,7 @@ from fenics_contact.contact.trial import Law, Response, Trial
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.types import Array, Floats
+from fenics_contact.types import Array, Floats, Ints
 
 
 class RigidPartner(PointPressures):
@@ -92,9 +92,10 @@ class RigidPartner(PointPressures):
         rise = np.einsum("eqc,eqc->eq", self.places.normals(before), back - then)
         return (self.response(before, trial).gap + rise + trial.history.shift).ravel()
 
-    def touches(self, blocks: Array) -> int:
-        """Number of this rank's slave nodes among the local nodes `blocks`."""
-        return int(np.isin(self.surface.nodes, blocks).sum())
+    @property
+    def nodes(self) -> Ints:
+        """This rank's nodes of the slave, local numbers."""
+        return np.unique(self.surface.nodes)
 
     def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not: a tool is held."""

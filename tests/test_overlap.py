@@ -1,0 +1,79 @@
+"""A body that ends inside another one where no contact keeps it out: the run says so."""
+
+import gmsh
+import pytest
+
+from fenics_contact import Body, Scene, neo_hooke, read_gmsh, solve
+from fenics_contact.meshes import rectangles, two_blocks
+
+pytestmark = pytest.mark.parallel
+SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}
+LOWER = ((-2.0, -2.0), (4.0, 2.0), (8, 4))
+
+
+def in_space(cells):
+    if cells == "hexahedra":
+        return read_gmsh(
+            two_blocks.build, lower=(4, 4, 2), lower_origin=(-2, -2, -2), upper=(2, 2, 2), upper_origin=(-1, -1, 0), **SIZES
+        ), "z"
+
+    def boxes():
+        for name, corner, size in (("lower", (-2, -2, -2), (4, 4, 2)), ("upper", (-1, -1, 0), (2, 2, 2))):
+            volume = gmsh.model.occ.addBox(*corner, *size)
+            gmsh.model.occ.synchronize()
+            gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [volume]), name)
+            for _, face in gmsh.model.getBoundary([(3, volume)], oriented=False):
+                height = gmsh.model.occ.getCenterOfMass(2, face)[2]
+                if height in (corner[2], corner[2] + size[2]):
+                    end = "bottom" if height == corner[2] else "top"
+                    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{end}")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.8)
+        gmsh.model.mesh.generate(3)
+
+    return read_gmsh(boxes), "z"
+
+
+def in_plane(cells, order=1):
+    upper = ((-1.0, 0.0), (2.0, 2.0), (3, 3))
+    drawn = {"rectangles": {"lower": LOWER, "upper": upper}, "triangles": cells == "triangles", "order": order}
+    return read_gmsh(rectangles.build, **drawn), "y"
+
+
+def pressed(mesh, axis, deep, degree=1, **options):
+    """The upper body moved down by `deep`; contacts: of which pairs of surfaces."""
+    bottom, top, below, above = {
+        "z": ("lower_bottom", "upper_top", "upper_bottom", "lower_top"),
+        "y": ("lower_ymin", "upper_ymax", "upper_ymin", "lower_ymax"),
+    }[axis]
+    plane = {"plane": "strain"} if axis == "y" else {}
+    scene = Scene(Body(mesh, "lower", SOFT), Body(mesh, "upper", SOFT), degree=degree, **plane)
+    scene.fix(bottom)
+    scene.fix(top, "xyz".replace(axis, "") if axis == "z" else "x")
+    scene.prescribe(top, axis, -deep)
+    if options.get("contact"):
+        scene.contact(below, above, name="c")
+    return [note for note in solve(scene, steps=2, progress=False).require().verdict.notes if "inside body" in note]
+
+
+MESHES = {
+    "hexahedra": lambda: in_space("hexahedra"),
+    "tetrahedra": lambda: in_space("tetrahedra"),
+    "quadrilaterals": lambda: in_plane("quadrilaterals"),
+    "triangles": lambda: in_plane("triangles"),
+}
+
+
+@pytest.mark.parametrize("cells", MESHES)
+def test_a_body_inside_another_one_is_told(cells):
+    """As deep as it has been moved, in words; not where a contact of the two keeps it out."""
+    mesh, axis = MESHES[cells]()
+    (note,) = pressed(mesh, axis, 0.3)
+    assert "body 'upper'" in note and "body 'lower'" in note and "lies 0.3 inside" in note and "state a contact" in note
+    assert not pressed(mesh, axis, 0.3, contact=True)
+
+
+def test_with_curved_cells_of_degree_2():
+    mesh, axis = in_plane("quadrilaterals", order=2)
+    (note,) = pressed(mesh, axis, 0.3, degree=2)
+    assert "lies 0.3 inside" in note
+    assert not pressed(mesh, axis, 0.3, degree=2, contact=True)
