@@ -15,6 +15,7 @@ from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.contact.overlap import overlaps
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Steps, checkpoint_steps, stated_stages
 from fenics_contact.output.columns import HistoryRow
@@ -29,6 +30,7 @@ from fenics_contact.output.history import (
     penalty_lines,
     penalty_notes,
     penalty_summary,
+    sparse_notes,
     stages_line,
     stages_summary,
 )
@@ -46,7 +48,6 @@ from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.overlap import overlaps
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import sensitivities
 from fenics_contact.solvers.verdict import Verdict
@@ -154,6 +155,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark([note for contact in system.contacts if (note := contact.findings.never_met(system.state))])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
         kept.remark(overlaps(system))
+        at_nodes = [c.name for c in system.contacts if c.surface.gradients is None or c.surface.corners]
+        kept.remark(sparse_notes(kept.history, at_nodes, 2 if scene.section else 3, scene.units))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {})

@@ -83,7 +83,7 @@ ONLY = {
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"block_products", "scatter", "sets"},
     ("restart", "scene"): {"fingerprint", "start"},
-    ("run", "contact"): {"tools"},  # the keys of move and push
+    ("run", "contact"): {"overlap", "tools"},  # what bodies do at the end; the keys of move and push
     ("options", "contact"): {"tools"},
     ("__init__", "contact"): {"friction", "penalties", "profiles", "tools"},
     ("meetings", "kernels"): {"broad_phase", "sets"},

@@ -139,6 +139,23 @@ def energy_summary(rows: Sequence[HistoryRow], units: Units, contacts: Sequence[
     }  # fmt: skip
 
 
+def sparse_notes(history: Sequence[HistoryRow], contacts: Sequence[str], most: int, units: Units) -> list[str]:
+    """A note for each of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest."""
+    notes = []
+    for name in contacts:
+        plain = plain_name(name)
+        heaviest = max(history, key=lambda row: row[f"{plain}_load_{units.force}"], default={})
+        carrying = heaviest.get(f"{plain}_active_points", 0)
+        if 0 < carrying <= most and heaviest[f"{plain}_load_{units.force}"] > 0.0:
+            carry = "node carries" if carrying == 1 else "nodes carry"
+            notes.append(
+                f"contact '{name}': {carrying:.0f} slave {carry} all of its greatest load: so few know pressures and "
+                "friction roughly, and what sticks or slips may be chance; mesh the slave more finely where it touches, or "
+                "let the finer side be the slave"
+            )
+    return notes
+
+
 def energy_notes(
     summary: Summary, steps: int, units: Units, unknown: float = 0.0, overlaps: Sequence[str] = ()
 ) -> list[str]:

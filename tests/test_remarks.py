@@ -1,4 +1,4 @@
-"""A body that ends inside another one where no contact keeps it out: the run says so."""
+"""Of what a run says at its end: a body inside another one where no contact keeps it out, a contact that few nodes carry."""
 
 import gmsh
 import pytest
@@ -77,3 +77,19 @@ def test_with_curved_cells_of_degree_2():
     (note,) = pressed(mesh, axis, 0.3, degree=2)
     assert "lies 0.3 inside" in note
     assert not pressed(mesh, axis, 0.3, degree=2, contact=True)
+
+
+@pytest.mark.parametrize("cells", [(1, 1), (6, 4)])
+def test_a_contact_that_few_nodes_carry_is_told(cells):
+    """A block pressed onto another one by the two nodes of its side, and by seven."""
+    drawn = {"lower": LOWER, "upper": ((-1.0, 0.0), (2.0, 2.0), cells)}
+    scene = Scene(
+        *(Body(mesh, name, SOFT) for mesh in [read_gmsh(rectangles.build, rectangles=drawn)] for name in drawn),
+        plane="strain",
+    )
+    scene.fix("lower_ymin")
+    scene.fix("upper_ymax", "x")
+    scene.prescribe("upper_ymax", "y", -0.1)
+    scene.contact("upper_ymin", "lower_ymax", name="c")
+    notes = [note for note in solve(scene, steps=1, progress=False).require().verdict.notes if "greatest load" in note]
+    assert len(notes) == (cells == (1, 1)) and all("'c': 2 slave nodes carry" in note for note in notes)
