@@ -110,8 +110,8 @@ def solve(
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
     value), a function of the state (u, t, travel and angles of the tools) that changes its sign there, or a list of these,
-    of which the first reached counts; back: the same for a way back along the path, with friction another one; steps: ArcSteps, or a number whose inverse is
-    the first step's load increment.
+    of which the first reached counts; back: the same for a way back along the path, with friction another one; steps:
+    ArcSteps, or a number whose inverse is the first step's load increment.
 
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
