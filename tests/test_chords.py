@@ -10,6 +10,8 @@ from fenics_contact import Body, Scene, compat, from_elastic, read_gmsh, rigid_c
 from fenics_contact.contact.chords import cut_off
 from fenics_contact.contact.master import MasterSurface, ToolSurface
 from fenics_contact.meshes import ring_sector, tool_surfaces, tubes
+from fenics_contact.output.history import chord_notes
+from fenics_contact.output.units import Units
 
 E, NU, BORE, DEEP = 1e3, 0.3, 2.0, 0.25
 
@@ -135,6 +137,15 @@ def test_rings_that_interfere_are_told_what_their_chords_do_to_the_load(cells, i
     assert 0.6 < said(straight) / true < 1.4
     assert len(notes(straight)) == 1 and f"{said(straight):+.0%}" in notes(straight)[0]
     assert not notes(curved) and said(curved) == 0.0
+
+
+def test_a_change_beyond_the_whole_load_is_not_given_as_a_figure():
+    """A strap's load hardly depends on its drum's chords, and its rate with them, had they no friction, is endless."""
+    found = {"load_change_over_load": 70.36, "cut_off_mm": 1e-3}
+    (note,) = chord_notes({"strap": found}, Units())
+    assert "70" not in note and "no first order tells" in note
+    (note,) = chord_notes({"strap": found | {"load_change_over_load": 0.7}}, Units())
+    assert "+70%" in note
 
 
 def test_the_interference_that_chords_hide_is_told_and_the_finer_cells_that_are_named_cure_it():
