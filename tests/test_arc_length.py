@@ -18,15 +18,19 @@ from fenics_contact import (
     Load,
     Scene,
     SceneError,
+    Stage,
     Travel,
+    from_elastic,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_extrusion,
+    rigid_hub,
     rigid_plane,
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, dome, sphere_shell
+from fenics_contact.meshes import box, dome, rectangles, sphere_shell
 from fenics_contact.solvers.arc_length import Arc, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
 
@@ -389,3 +393,39 @@ def test_steps_land_on_every_station_there_and_back():
     assert result.column("t").max() == pytest.approx(1.0, abs=2e-6) and len(t) > 8
     with pytest.raises(SceneError, match="give a Load"):
         solve(scene(), until=Load(1.0), steps=ArcSteps(stations=[0.3]), **FOLLOW)
+
+
+# -- over an edge -----------------------------------------------------------------------------------------------------
+def snap_fit(friction):
+    """An arm with a hub at one end, whose other end runs up a ramp of 27 degrees with a crest rounded by 0.4."""
+    arm = {"arm": ((0.0, 0.0), (20.0, 1.0), (20, 2))}
+    scene = Scene(Body(read_gmsh(rectangles.build, rectangles=arm), "arm", from_elastic(100.0, 0.3)), plane="strain")
+    profile = [(20.5, -1.0), (20.5, 0.0), (22.5, 1.0, 0.4), (26.0, 1.0)]
+    catch = rigid_extrusion(profile, along=(0, 0, -1), up=(0, 1, 0), name="catch")
+    scene.contact(("arm_xmax", "arm_ymin"), catch, friction=friction, name="snap")
+    hub = rigid_hub("hub", point=(0, 0.5, 0))
+    scene.tie("arm_xmin", hub)
+    return scene, hub
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_a_pushed_part_goes_over_an_edge_where_the_load_falls_at_once(friction):
+    """The corner of the arm comes from the ramp to the round crest: the force falls 15 times as steeply as it rose. Against
+    the travel prescribed."""
+    found = {}
+    for way in (1.6, 1.7):
+        scene, hub = snap_fit(friction)
+        touch = Stage("touch", move={hub: (0.8, 0, 0)}, steps=4)
+        found[way] = solve(scene, stages=[touch, Stage("drive", move={hub: (way, 0, 0)}, steps=40)], progress=False)
+    arcs, until = ArcSteps(first=0.1, largest=0.3), Travel(hub, "x", 2.5)
+    push = Stage("push", push={hub: (0.05, 0, 0)}, method="arc_length", steps=arcs, until=until)
+    result = solve(scene, stages=[touch, push], progress=False).require()
+    force, travel = result.column("hub_force_x_N"), result.column("hub_travel_x_mm")
+    (limit,) = result.summary["limit_points"]
+    at_limit = force[limit["step"] - 1]
+    assert limit["kind"] == "maximum of the load" and (np.diff(travel) > 0.0).all()
+    assert at_limit == pytest.approx(force.max()) and 2.4 < travel[limit["step"] - 1] < 2.41
+    # no coarser than the steps of the drive, beside the edge
+    assert at_limit == pytest.approx(found[1.6].column("hub_force_x_N").max(), rel=1e-2)
+    # it lands on its target to 1e-6 of the way, where the force falls by 12 times itself in a millimetre
+    assert force[-1] == pytest.approx(found[1.7].column("hub_force_x_N")[-1], rel=1e-3 if friction else 3e-5)

@@ -83,6 +83,8 @@ class ArcLength:
     def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 15) -> None:
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
         self.per_load: float | None = None  # L [length]
+        # negative pivots at the last accepted state, NaN: not known, and the sign of the load's change there
+        self.before: tuple[float, float] = (np.nan, 0.0)
 
     # -- lengths --------------------------------------------------------------------------------------------------
     def dot(self, a: Increment, b: Increment) -> float:
@@ -191,7 +193,20 @@ class ArcLength:
             rate = self._raw_rate(system, self._load_side(system)[0])
         except LinearFailure as failure:
             raise StepFailed(*failure.args) from None
-        return rate.times(np.copysign(1.0 / self.norm(rate), self.dot(rate, self.made(system))))
+        return rate.times(np.copysign(1.0 / self.norm(rate), self._onward(rate, self.made(system))))
+
+    def _onward(self, rate: Increment, made: Increment) -> float:
+        """Whether a path made so far goes on along its rate, t growing, or against it: a number of that sign.
+
+        It goes on at the smaller angle. Where a part slips over an edge the load falls at once by more than the way goes on,
+        and the angle with the load is another one than without it: then the tangent decides, one of whose pivots changes
+        its sign where the load turns (Crisfield 1981).
+        """
+        angle, moved = self.dot(rate, made), self.dot(rate, Increment(made.du, made.dq, 0.0))
+        (before, side), now = self.before, self.linear.negative
+        if angle * moved >= 0.0 or now is None or np.isnan(before):
+            return angle
+        return -side if (now - before) % 2 else side
 
     def _correction(self, system: System, side: Side, length: float, tolerance: float) -> Increment:
         """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
@@ -208,10 +223,9 @@ class ArcLength:
         inside = b * b - a * c
         if not inside >= 0.0:
             raise StepFailed("the path does not meet the arc")
-        # of both points on the arc the one at the smaller angle to the way so far: the other turns back. Without the load:
-        # where a part slips over an edge that falls at once, by more than its rise, and the way goes on
+        # of both points on the arc the one further onward: the other turns back
         roots = (-b + np.sqrt(inside)) / a, (-b - np.sqrt(inside)) / a
-        onward = self.dot(rate, Increment(total.du, total.dq, 0.0))
+        onward = self._onward(rate, total)
         step.add(rate, max(roots, key=lambda dt: dt * onward))
         return step
 

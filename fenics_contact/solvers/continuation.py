@@ -278,6 +278,7 @@ class Path:
             self.gaps[name] = 0.0 if abs(gap) <= TARGET_TOLERANCE * self.spans[name] else gap
 
     def _arrive(self, length: float, rate: Increment) -> Arrival:
+        self.arc.before = self.negative, self.side
         report = self.stepper.step(self.system, Arc(length, rate))
         if wrong := self.system.acceptance.objection():
             raise StepFailed.of(wrong)
