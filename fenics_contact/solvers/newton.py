@@ -28,8 +28,8 @@ CORRECTED = 0.3  # a solve or correction that left less than this share of the o
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
 # Solves within which a step has to have left less than a share HOPE of the force out of balance once, where it began on the
-# curve, and where it began at the last state and is no shorter than the last step. Nine of ten that have not go astray to
-# the end, and a step cut back costs a few solves
+# curve, and where it began at the last state, is no shorter than the last step, and increments are taken whole. Nine of ten
+# that have not go astray to the end, and a step cut back costs a few solves
 AT_ONCE, EARLY, HOPE = 5, 8, 0.5
 SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
 # Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
@@ -64,7 +64,8 @@ class Newton:
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, report, SETTLING, self.limit, self.limit if _cut_back(system, t) else EARLY)
+        early = system.foresight.settles and not _cut_back(system, t)
+        return self._iterate(system, du, dq, report, SETTLING, self.limit, EARLY if early else self.limit)
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after what has changed in it."""
