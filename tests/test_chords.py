@@ -139,7 +139,7 @@ def test_rings_that_interfere_are_told_what_their_chords_do_to_the_load(cells, i
     assert not notes(curved) and said(curved) == 0.0
 
 
-def test_a_change_beyond_the_whole_load_is_not_given_as_a_figure():
+def test_a_change_of_many_times_the_load_is_not_given_as_a_figure():
     """A strap's load hardly depends on its drum's chords, and its rate with them, had they no friction, is endless."""
     found = {"load_change_over_load": 70.36, "cut_off_mm": 1e-3}
     (note,) = chord_notes({"strap": found}, Units())

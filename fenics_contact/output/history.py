@@ -22,7 +22,7 @@ from fenics_contact.types import Floats
 UNSEEN = 5e-5  # of the work done: less is 0.00%
 GROSS = 1 / 3  # of the work done: more than a ball pressed in a single step misses, a quarter
 COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what the default is meant to cost
-WHOLE = 1.0  # of a load: a greater change is beyond what its rates can tell
+MANIFOLD = 3.0  # times a load: a change as great is beyond what its rates can tell
 ROUGH = 0.03  # of a load: what some six cells across a contact leave as well (docs/choices.md)
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
 
@@ -220,7 +220,7 @@ def chord_notes(summary: Summary, units: Units) -> list[str]:
         share, off = e["load_change_over_load"], e[f"cut_off_{units.length}"]
         if abs(share) > ROUGH:
             change, finer = f"its load would change by about {share:+.0%}", math.ceil(math.sqrt(abs(share) / ROUGH))
-            if abs(share) > WHOLE:  # a contact that gives way, a strap on its drum for one, does so long before
+            if abs(share) > MANIFOLD:  # a contact that gives way, a strap on its drum for one, does so long before
                 change, finer = "its load may change, by how much no first order tells", 2
             notes.append(
                 f"contact '{name}': were its surfaces as round as their straight cells tell, which are off by {off:.2g} "
