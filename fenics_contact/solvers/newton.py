@@ -79,7 +79,7 @@ class Newton:
         # in contact, and the residual need not fall meanwhile; samples follow the surfaces after as many, and in the end
         foresight, foresees = system.foresight, bool(system.foresight.contacts)
         whole, watch = SETTLING if foresees else 1, StatusWatch(system, report.notes)
-        before, least, stalled, rises, left, resample = np.inf, np.inf, 0, 0, 0.0, True
+        before, stalled, rises, left, resample = np.inf, 0, 0, 0.0, True
         owed = du.copy(), dq.copy()
         patient = bool(system.contacts) and not foresees and not system.condensed
         system.assemble_residual()
@@ -118,8 +118,7 @@ class Newton:
             if left == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
-            least = min(least, size)
-            if solve == proof and least > HOPE:
+            if solve == proof and min(report.residuals[-solve:]) > HOPE:
                 break
             foreseen = size > HELD and not shorten
             if foreseen:
