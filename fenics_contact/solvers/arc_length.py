@@ -68,10 +68,13 @@ class Increment:
 
 @dataclass(frozen=True)
 class Arc:
-    """Where a step is to end: at this length from the last accepted state, first along the unit rate of the path there."""
+    """Where a step is to end: at this length from the last accepted state, first along the unit rate of the path there;
+    negative: pivots of the tangent there, NaN: not known, and side: the sign of the load's change."""
 
     length: float
     rate: Increment
+    negative: float = np.nan
+    side: float = 0.0
 
 
 class ArcLength:
@@ -83,8 +86,6 @@ class ArcLength:
     def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 15) -> None:
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
         self.per_load: float | None = None  # L [length]
-        # negative pivots at the last accepted state, NaN: not known, and the sign of the load's change there
-        self.before: tuple[float, float] = (np.nan, 0.0)
 
     # -- lengths --------------------------------------------------------------------------------------------------
     def dot(self, a: Increment, b: Increment) -> float:
@@ -173,7 +174,7 @@ class ArcLength:
             if foreseen or anew:
                 system.assemble_residual()
             try:
-                correction = self._correction(system, side, arc.length, _forcing(size, self.tolerance))
+                correction = self._correction(system, side, arc, _forcing(size, self.tolerance))
             except LinearFailure as failure:
                 raise StepFailed(*failure.args) from None
             made = _advance(system, correction)
@@ -187,15 +188,15 @@ class ArcLength:
         du.array[:] = (state.u.x.array - last.u)[: du.getLocalSize()]
         return Increment(du, state.q - last.q, state.t - last.t)
 
-    def rate_along(self, system: System) -> Increment:
-        """Unit rate of the path at a converged state, pointing the way it was reached."""
+    def rate_along(self, system: System, arc: Arc) -> Increment:
+        """Unit rate of the path at a converged state, pointing the way it was reached along an Arc."""
         try:
             rate = self._raw_rate(system, self._load_side(system)[0])
         except LinearFailure as failure:
             raise StepFailed(*failure.args) from None
-        return rate.times(np.copysign(1.0 / self.norm(rate), self._onward(rate, self.made(system))))
+        return rate.times(np.copysign(1.0 / self.norm(rate), self._onward(rate, self.made(system), arc)))
 
-    def _onward(self, rate: Increment, made: Increment) -> float:
+    def _onward(self, rate: Increment, made: Increment, arc: Arc) -> float:
         """Whether a path made so far goes on along its rate, t growing, or against it: a number of that sign.
 
         It goes on at the smaller angle. Where a part slips over an edge the load falls at once by more than the way goes on,
@@ -203,12 +204,12 @@ class ArcLength:
         its sign where the load turns (Crisfield 1981).
         """
         angle, moved = self.dot(rate, made), self.dot(rate, Increment(made.du, made.dq, 0.0))
-        (before, side), now = self.before, self.linear.negative
-        if angle * moved >= 0.0 or now is None or np.isnan(before):
+        now = self.linear.negative
+        if angle * moved >= 0.0 or now is None or np.isnan(arc.negative):
             return angle
-        return -side if (now - before) % 2 else side
+        return -arc.side if (now - arc.negative) % 2 else arc.side
 
-    def _correction(self, system: System, side: Side, length: float, tolerance: float) -> Increment:
+    def _correction(self, system: System, side: Side, arc: Arc, tolerance: float) -> Increment:
         """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
         system.assemble_tangent()
         total = self.made(system)
@@ -219,13 +220,13 @@ class ArcLength:
         step = Increment(du, dq, 0.0)
         reached = total.times(1.0)
         reached.add(step)
-        a, b, c = self.dot(rate, rate), self.dot(rate, reached), self.dot(reached, reached) - length**2
+        a, b, c = self.dot(rate, rate), self.dot(rate, reached), self.dot(reached, reached) - arc.length**2
         inside = b * b - a * c
         if not inside >= 0.0:
             raise StepFailed("the path does not meet the arc")
         # of both points on the arc the one further onward: the other turns back
         roots = (-b + np.sqrt(inside)) / a, (-b - np.sqrt(inside)) / a
-        onward = self._onward(rate, total)
+        onward = self._onward(rate, total, arc)
         step.add(rate, max(roots, key=lambda dt: dt * onward))
         return step
 

@@ -278,11 +278,11 @@ class Path:
             self.gaps[name] = 0.0 if abs(gap) <= TARGET_TOLERANCE * self.spans[name] else gap
 
     def _arrive(self, length: float, rate: Increment) -> Arrival:
-        self.arc.before = self.negative, self.side
-        report = self.stepper.step(self.system, Arc(length, rate))
+        arc = Arc(length, rate, self.negative, self.side)
+        report = self.stepper.step(self.system, arc)
         if wrong := self.system.acceptance.objection():
             raise StepFailed.of(wrong)
-        arrival = Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system), report)
+        arrival = Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system, arc), report)
         report.negative = self._pivots()
         return arrival
 
