@@ -25,8 +25,8 @@ def ball(radius, aside=0.0):
 
 
 def test_a_surface_that_has_folded_over_a_ball_is_no_solution():
-    """In one step there is a balance with a fifth of the force, an inner node in the ball; in smaller ones there is not."""
-    far, near = pressed(ball(1.5), 2.4, 1).require(), pressed(ball(1.5), 2.4, 24).require()
+    """In large steps there are balances with a fifth of the force, an inner node in the ball; in small ones there are not."""
+    far, near = pressed(ball(1.5), 2.4, 2).require(), pressed(ball(1.5), 2.4, 24).require()
     assert far.column("top_force_z_N")[-1] == pytest.approx(near.column("top_force_z_N")[-1], rel=0.02)
     assert not any("inner node" in note for note in far.verdict.notes)
 
@@ -46,7 +46,7 @@ def test_a_tool_that_comes_in_between_nodes_is_named_and_gauss_points_hold_it(to
 
 def test_penalties_raised_in_vain_are_raised_half_as_far_later():
     """The first step is too large for them, with softer ones on the way to it too."""
-    one, many = pressed(ball(2.0, 0.2), 2.2, 1, 0.0, 3).require(), pressed(ball(2.0, 0.2), 2.2, 20, 0.0, 3).require()
+    one, many = pressed(ball(1.5, 0.2), 2.0, 1, 0.0, 3).require(), pressed(ball(1.5, 0.2), 2.0, 20, 0.0, 3).require()
     assert sum("penalties stay in this step" in note for note in one.verdict.notes) == 1
     assert sum("penalties raised" in note for note in one.verdict.notes) > 1
     np.testing.assert_allclose(one.column("top_force_z_N")[-1], many.column("top_force_z_N")[-1], rtol=0.05)

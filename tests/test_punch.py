@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 from fenics_contact import Body, Scene, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import punch_plate
+from fenics_contact.solvers import newton
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -32,11 +33,11 @@ def plate(mesh, material=mooney_rivlin, floor=None):
     return scene
 
 
-def punched(parameters, friction=0.0, fillet=0.0, depth=2.0, steps=10, **options):
+def punched(parameters, friction=0.0, fillet=0.0, depth=2.0, steps=10, tolerance=1e-8, **options):
     scene = plate(read_gmsh(punch_plate.build, **parameters), **options)
     punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10), fillet=fillet)
     scene.contact("top", punch, friction, name="top")
-    result = solve(scene, move={punch: (0, 0, -depth)}, steps=steps, progress=False)
+    result = solve(scene, move={punch: (0, 0, -depth)}, steps=steps, tolerance=tolerance, progress=False)
     assert result.converged, result.verdict.reason
     return result
 
@@ -134,13 +135,14 @@ def test_corner_lifts_off_a_frictionless_floor():
 
 @pytest.mark.parallel
 @pytest.mark.parametrize("case", [(0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (0.0, 1.0)])
-def test_newton_is_quadratic_in_the_demos_cases(case):
-    result = punched(COARSE, friction=case[0], floor=case[1], material=mooney_paper)
+def test_newton_is_quadratic_in_the_demos_cases(case, monkeypatch):
+    monkeypatch.setattr(newton, "CORRECTED", 0.0)  # each residual is what a tangent of its own left
+    result = punched(COARSE, friction=case[0], floor=case[1], material=mooney_paper, tolerance=1e-11)
     assert result.column("iterations").mean() <= 6.0
     for residuals in result.summary["residuals_per_step"]:
-        falls = [(a, b) for a, b in zip(residuals, residuals[1:], strict=False) if a < 1e-3][-2:]
+        falls = [(a, b) for a, b in zip(residuals, residuals[1:], strict=False) if a < 1e-2][-2:]
         for before, after in falls:
             # shares of the force: the constant is 0.02 to 200 here, where a tangent off by a hundredth gives 1e4 and
             # more near the end; 1e-12: round-off
             assert after <= 1e3 * before**2 + 1e-12, residuals
-        assert falls and residuals[-1] <= 1e-8, residuals
+        assert falls and residuals[-1] <= 1e-11, residuals

@@ -258,9 +258,9 @@ def on_a_node(points="nodes", smallest=0.05):
     """A ball pushed down and a little aside, on a surface that it touches at one node alone."""
     scene = cube(cells=(4, 4, 2), size=(4.0, 4.0, 2.0), origin=(-2.0, -2.0, -2.0))
     scene.fix("zmin")
-    ball = rigid_sphere(1.5, (0, 0, 1.5), name="ball")
+    ball = rigid_sphere(0.75, (0, 0, 0.75), name="ball")
     scene.contact("zmax", ball, points=points, name="c")
-    return scene, {"push": {ball: (0.001, 0, -0.03)}, "stabilise": True, "smallest_step": smallest}
+    return scene, {"push": {ball: (0.003, 0, -0.03)}, "stabilise": True, "smallest_step": smallest}
 
 
 def two_in_one_group():

@@ -21,12 +21,9 @@ class Foresight:
         self.linearised: dict[Term, Any] = {}
         self._samples_held = False
 
-    def foresee(self, state: State, on_tools: bool = False) -> None:
-        """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`.
-
-        on_tools: those with analytic tools as well, which load steps judge by their gaps.
-        """
-        for contact in self._all if on_tools else self.contacts:
+    def foresee(self, state: State) -> None:
+        """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
+        for contact in self.contacts:
             if contact in self.linearised:
                 contact.unknowns.foresee(state, self.linearised[contact])
 

@@ -24,12 +24,12 @@ class RigidPartner(PointPressures):
     """
 
     grounded = True
-    foresees = False
     settles = False
 
     def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int) -> None:
         self.surface, self.tool, self.index = surface, tool, index
         self.name, self.edge_kind = tool.name, tool.edge_kind
+        self.foresees = tool.edge_kind != "sharp"  # over an edge the distance jumps
         self.softens = tool.edge_kind != "sharp"
         self.smooth = tool.edge_kind != "sharp"  # have frictionless forces a potential?
         self.places, self.anchors = RigidPlaces(surface, tool, index), RigidAnchors(self)

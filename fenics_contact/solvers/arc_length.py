@@ -18,7 +18,6 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Side
 from fenics_contact.solvers.newton import (
     HELD,
-    SETTLING,
     SHORTEST,
     _finite_residual,
     _forcing,
@@ -165,7 +164,7 @@ class ArcLength:
             report.iterations += 1
             report.residuals.append(size)
             if foreseen := size > HELD:
-                foresight.foresee(system.state, on_tools=True)
+                foresight.foresee(system.state)
             anew, resample = resample and foresight.resample(system.state), False
             if balanced(system, size, self.tolerance) and not anew:
                 return report
@@ -179,8 +178,7 @@ class ArcLength:
                 raise StepFailed(*failure.args) from None
             made = _advance(system, correction)
             foresight.release()
-            settling = bool(foresight.contacts) and (foresight.settles or report.iterations <= SETTLING)
-            before = _shorten(system, made, FINITE if settling else before)
+            before = _shorten(system, made, FINITE if foresight.settles else before)
 
     def made(self, system: System) -> Increment:
         """Increment from the last accepted state to the present one."""

@@ -28,14 +28,10 @@ CORRECTED = 0.3  # a solve or correction that left less than this share of the o
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
 # Solves within which a step has to have left less than a share HOPE of the force out of balance once, where it began on the
-# curve, and where it began at the last state, is no shorter than the last step, and increments are taken whole. Nine of ten
-# that have not go astray to the end, and a step cut back costs a few solves
+# curve, and where it began at the last state and is no shorter than the last step. Nine of ten that have not go astray to
+# the end, and a step cut back costs a few solves
 AT_ONCE, EARLY, HOPE = 5, 8, 0.5
-SETTLING = 3  # first solves that are taken whole where contact pressures are foreseen: their residual need not fall
-# Without foreseen pressures: increments in a row that had to be shortened almost to nothing, after which, once in a step,
-# the next RISES ones are taken whole although they leave more force out of balance, up to ASTRAY: points that change sides
-# may need that (a watchdog, Chamberlain et al. 1982, doi:10.1007/BFb0120945)
-PATIENCE, RISES, ASTRAY = 2, 3, 10.0
+SETTLING = 3  # first solves after which samples of averages follow the surfaces
 
 
 class Newton:
@@ -64,7 +60,7 @@ class Newton:
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        early = system.foresight.settles and not _cut_back(system, t)
+        early = bool(system.contacts) and not _cut_back(system, t)
         return self._iterate(system, du, dq, report, SETTLING, self.limit, EARLY if early else self.limit)
 
     def settle(self, system: System, t: float) -> StepReport:
@@ -75,13 +71,11 @@ class Newton:
     def _iterate(
         self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int, proof: int
     ) -> StepReport:
-        # the first solve may carry supports and tools; where contact pressures are foreseen, the first ones settle who is
-        # in contact, and the residual need not fall meanwhile; samples follow the surfaces after as many, and in the end
-        foresight, foresees = system.foresight, bool(system.foresight.contacts)
-        whole, watch = SETTLING if foresees else 1, StatusWatch(system, report.notes)
-        before, stalled, rises, left, resample = np.inf, 0, 0, 0.0, True
+        # the first solve may carry supports and tools, and is taken whole; samples follow the surfaces after SETTLING ones,
+        # and in the end
+        foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
+        watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
         owed = du.copy(), dq.copy()
-        patient = bool(system.contacts) and not foresees and not system.condensed
         system.assemble_residual()
         for solve in range(1, limit + 1):
             du, dq = solve_once(system, self.linear, du, dq, _forcing(before, self.tolerance))
@@ -93,21 +87,16 @@ class Newton:
                 size, left = self._upright(system, du, dq)
             if solve == 1 and not np.isfinite(size):
                 raise StepFailed("an element turned inside out")
-            allowed = ASTRAY if rises > 0 and not watch.cycling else 0.0
-            shorten = size > before and not (solve <= whole and np.isfinite(size)) and size > allowed
-            shorten = shorten and not foresight.settles
+            shorten = size > before and not foresight.settles
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
-            stalled, rises = stalled + 1 if system.state.share <= 2.0 * SHORTEST else 0, rises - 1
-            if patient and stalled == PATIENCE:
-                patient, rises = False, RISES
             near = resample and size < HELD  # samples follow the surfaces through one more correction, then they are held
             if near:
                 size, before = _resampled(system, size), np.inf
                 near = size < HELD
                 resample = not near and solve <= 2 * SETTLING
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
-            while foresees and not system.condensed and goal < size < min(HELD, CORRECTED * before):
+            while corrects and goal < size < min(HELD, CORRECTED * before):
                 before, size = size, self._correct(system, du, dq, size, report)
                 if near and size > self.tolerance:
                     size, before, near = _resampled(system, size), np.inf, False

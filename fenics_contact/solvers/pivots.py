@@ -1,12 +1,15 @@
 """Negative pivots of the tangent along load steps: a bifurcation passed is said, Newton's method goes on."""
 
+import numpy as np
+
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.control import OnStep
-from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import Verdict
 
 NEAR = 1e-3  # of the force out of balance where the last tangent of a step was made: then its pivots are the state's
+LOOSEST = 1e-3  # relative residual of an iterative solve whose solution nobody needs
 
 
 class PivotWatch:
@@ -19,13 +22,32 @@ class PivotWatch:
         self._builds = linear.builds
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
-        fresh, self._builds = self.linear.builds > self._builds, self.linear.builds
+        now, counted = self._seen()
         near = len(report.residuals) > 1 and report.residuals[-2] <= NEAR
-        if fresh and near and self.linear.negative is not None:
-            self._look(self.linear.negative)
-        elif near and (resists := self.linear.resists()) is not None:  # an older factorisation, or a hierarchy, served
-            self._look(0 if resists else max(1, self.negative or 0), counted=False)
+        if not near and now is not None and now != self.negative:  # in the state that the last tangent was made in
+            now, counted = self._seen_in_the_end()
+        if now is not None:
+            self._look(now, counted)
         self.on_step(report, seconds, on_schedule)
+
+    def _seen(self) -> tuple[int | None, bool]:
+        """Negative pivots of the last tangent, and whether they were counted. Collective."""
+        fresh, self._builds = self.linear.builds > self._builds, self.linear.builds
+        if fresh and self.linear.negative is not None:
+            return self.linear.negative, True
+        resists = self.linear.resists()  # an older factorisation, or a hierarchy, served
+        return (None if resists is None else 0 if resists else max(1, self.negative or 0)), False
+
+    def _seen_in_the_end(self) -> tuple[int | None, bool]:
+        """The same of the tangent in the state that was accepted; what is solved with it is not needed. Collective."""
+        system = self.system
+        system.assemble_residual()
+        system.assemble_tangent()
+        try:
+            self.linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.q), LOOSEST)
+        except LinearFailure:
+            return None, False
+        return self._seen()
 
     def forget(self) -> None:
         """The path has been followed by arc length meanwhile: what its pivots are is not known until they are seen."""
