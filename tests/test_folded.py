@@ -25,7 +25,7 @@ def ball(radius, aside=0.0):
 
 
 def test_a_surface_that_has_folded_over_a_ball_is_no_solution():
-    """In large steps there are ones with a fifth of the force, an inner node in the ball; in small ones there are not."""
+    """In large steps there are balances with a fifth of the force and an inner node in the ball, in small ones not."""
     far, near = pressed(ball(1.5), 2.4, 2).require(), pressed(ball(1.5), 2.4, 24).require()
     assert far.column("top_force_z_N")[-1] == pytest.approx(near.column("top_force_z_N")[-1], rel=0.02)
     assert not any("inner node" in note for note in far.verdict.notes)
