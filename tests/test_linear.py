@@ -14,7 +14,7 @@ from fenics_contact import Body, Scene, blas, mooney_rivlin, read_gmsh, rigid_pl
 from fenics_contact.meshes import box
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
-from fenics_contact.solvers.choice import EARLIEST, OTHER, Choice, foreseen_costs
+from fenics_contact.solvers.choice import EARLIEST, ENOUGH, OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.reuse import ReusingSolver
@@ -217,9 +217,14 @@ def test_a_solver_that_grows_dear_is_given_up():
     for _ in range(EARLIEST):
         choice.spent(0.1, 8.0)
     assert choice.next("direct") == "iterative"
-    choice.spent(4.0, 80.0)
+    choice.spent(4.0)
+    for _ in range(ENOUGH - 1):
+        choice.spent(0.1, 8.0)
+        assert choice.next("iterative") == "iterative"  # a preconditioner more: too few solves to judge by
+    choice.spent(0.1, 8.0)
     assert choice.next("iterative") == "direct"
-    choice.spent(8.0, 80.0)  # five times what it was
+    for _ in range(ENOUGH):
+        choice.spent(0.8, 8.0)  # five times what it was
     assert choice.next("direct") == "iterative"
 
 

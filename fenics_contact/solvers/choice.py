@@ -19,6 +19,7 @@ DOUBT = 4.0  # foreseen costs that differ by less are measured
 EARLIEST = 10  # solves before the other one is tried, times how much dearer it is foreseen to be
 PIVOTS = 10.0  # how much dearer a factorisation may be where its pivots are wanted
 TRIAL = 80  # iterations of a solve on trial: more than that is no gain
+ENOUGH = 8  # solves that tell what a method costs: one factorisation may serve a single solve or ten
 BETTER = 0.8  # of the present one's cost: what the other must stay below to take its place
 OTHER = {"direct": "iterative", "iterative": "direct"}
 
@@ -55,15 +56,15 @@ class Choice:
     """The cheaper of the two, per digit of accuracy. foreseen: seconds per solve by method.
 
     A preconditioner's cost is known when it is given up: `next` is asked then. Once the other method may pay for its own
-    trial, which is `due` then, it serves for one preconditioner, too, unless it has `lost` before; from then on the
-    cheaper of the two does, by what each took last.
+    trial, which is `due` then, it serves for ENOUGH solves, too, unless it has `lost` before; from then on the cheaper of
+    the two does, by what each took last.
     """
 
     def __init__(self, comm: MPI.Comm, foreseen: Mapping[str, float]) -> None:
         self._comm, self._foreseen = comm, foreseen
-        self.rates: dict[str, float] = {}  # seconds per digit of a method's last preconditioner
+        self.rates: dict[str, float] = {}  # seconds per digit of a method's last preconditioners
         self._seconds = self._solving = self._digits = 0.0
-        self._solves = 0
+        self._solves = self._served = 0  # in all, and of those that the seconds and digits are of
 
     @property
     def first(self) -> str:
@@ -89,7 +90,7 @@ class Choice:
         """Count time, and a solve by its digits."""
         self._seconds, self._digits = self._seconds + seconds, self._digits + digits
         if digits > 0.0:
-            self._solving, self._solves = self._solving + seconds, self._solves + 1
+            self._solving, self._solves, self._served = self._solving + seconds, self._solves + 1, self._served + 1
 
     def due(self, method: str) -> bool:
         """Whether the other method shall be tried now, although what `method` has made may serve on."""
@@ -107,10 +108,11 @@ class Choice:
     def next(self, method: str) -> str:
         """The method of the preconditioner that is due, after those of `method`. Collective."""
         seconds = max(self._comm.allgather(self._seconds))
-        if not self.doubtful or not self._digits:
-            return method
         due = self.due(method)
+        if not self.doubtful or not self._digits or (self._served < ENOUGH and not due and not self.lost(method)):
+            return method
         self.rates[method], other = seconds / self._digits, OTHER[method]
         wanted = due or self.rates.get(other, np.inf) < BETTER * self.rates[method]
         self._seconds = self._solving = self._digits = 0.0
+        self._served = 0
         return other if wanted else method

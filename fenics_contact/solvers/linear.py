@@ -65,6 +65,7 @@ class LinearSolver:
         self._softest: Softest | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
+        self._responses: list[Vec] = []  # of the bodies to unit motions of the tools' free components, by the last tangent
         modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = None if afresh or size <= REUSE_ABOVE else choice
@@ -125,7 +126,9 @@ class LinearSolver:
         self.negative, self._of_border = self._solver.negative_pivots(), 0
         if not free.size or border is None:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
-        columns = [self._response(-border.columns[c]) for c in free]
+        if not again:
+            self._responses = [self._response(-border.columns[c]) for c in free]
+        columns = self._responses
         rows = [system.border_vector(border.rows[c]) for c in free]
         held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.scales.stiffness, self._loose)
         self._of_border = held.negative(system.symmetric)
