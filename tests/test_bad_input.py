@@ -571,6 +571,13 @@ def test_a_start_overlapped(mesh, out, kind):
     refused(lambda: solved(scene(0.6), out=out), f"'{name}'", "0.6 inside", "outwards")
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.1])
+def test_a_plane_that_looks_away_from_the_body(mesh, out, gap):
+    scene = held(mesh)
+    scene.contact("zmax", rigid_plane((0, 0, 2.0 + gap), (0, 0, 1)), name="top")
+    refused(lambda: solved(scene, out=out), "'top'", "inside", "turn its normal round")
+
+
 def test_a_path_that_does_not_start_at_rest(mesh, out):
     scene, tool = pressed(mesh)
     way = {tool: lambda t: (0.0, 0.0, -0.1 - 0.1 * t)}

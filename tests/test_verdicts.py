@@ -263,6 +263,14 @@ def on_a_node(points="nodes", smallest=0.05):
     return scene, {"push": {ball: (0.003, 0, -0.03)}, "stabilise": True, "smallest_step": smallest}
 
 
+def on_an_incline(friction=0.3):
+    """A block that its weight presses on a plane, and pulls along it half as much, from the first step on."""
+    scene = cube()
+    scene.contact("zmin", rigid_plane(name="slope"), friction, name="c")
+    scene.body_force(lambda t: (0.01 * t, 0.0, -0.02 * t))
+    return scene, {"stabilise": True}
+
+
 def two_in_one_group():
     """Two blocks that nothing joins, as one volume group."""
     two_blocks.build(lower_cells=(4, 4, 1), upper_cells=(3, 3, 1), upper_origin=(5.0, 10.0, 1.0))
@@ -339,6 +347,7 @@ CATALOGUE = {
         "contact 'floor'",
         "raise friction=, fix a surface, or prescribe",
     ),
+    "on an incline": (on_an_incline, "friction used up", "contact 'c'", "raise friction="),
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
     "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),
@@ -391,6 +400,7 @@ CURES = {
     "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
     "too great a push on a hub": [lambda: dragged_by_a_hub(friction=0.31), lambda: dragged_by_a_hub(drive="move")],
     "loose half": [lambda: with_options(loose_half, stabilise=True)],
+    "on an incline": [lambda: on_an_incline(0.6)],
     "on a node": [lambda: on_a_node(3, None)],
     "pushed over a limit": [lambda: pushed_through("move")],
     "tipping": [lambda: tipping("prescribe")],

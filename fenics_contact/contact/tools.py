@@ -87,6 +87,11 @@ class RigidTool(Tool):
     edge_kind: str = "none"
 
     @property
+    def flat(self) -> bool:
+        """Whether it is a plane."""
+        return self.kind == rigid_shapes.PLANE
+
+    @property
     def profiled(self) -> bool:
         """Whether it is a profile, whose points go one way or the other."""
         return self.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION)

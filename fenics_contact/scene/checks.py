@@ -367,8 +367,11 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"
         if at_surface > DEEPEST * height or behind > BEHIND * height:
-            turned = isinstance(statement.master, RigidTool) and statement.master.profiled
-            more = ", or state its points the other way round: a profile is the tool on their right" if turned else ""
+            tool, more = statement.master, ""
+            if isinstance(tool, RigidTool) and tool.profiled:
+                more = ", or state its points the other way round: a profile is the tool on their right"
+            if isinstance(tool, RigidTool) and tool.flat and behind > at_surface:
+                more = ", or turn its normal round: it points out of the tool, towards the body"
             raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves{more}")
         if at_surface > REMARKABLE * height:
             remarks.append(f"{where}: the first step presses it out, and friction misses the way; start it outside")

@@ -10,6 +10,7 @@ from fenics_contact.assembly.finding import (
     MEMORY,
     OUT_OF_STEPS,
     RIGID_MOTION,
+    SLIDES,
     TOO_STIFF,
     UNKNOWN,
     Finding,
@@ -50,7 +51,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return lost[0]
     if lifted := _lifted(system, goal):
         return lifted
-    if known.kind == RIGID_MOTION and not _touched(system):
+    if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
     found = sliding(system) or rigid_motion(system) or turns_freely(system)
     found = found or (_on_few_points(system) if system.stabilised else None)

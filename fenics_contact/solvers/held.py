@@ -6,10 +6,12 @@ from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
+from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with what holds a body
+CLOSER = "close the gap, fix a surface, or turn the load towards the contact"
 LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap of ten sizes of a body takes tens
 
 
@@ -32,7 +34,8 @@ class Following:
         while springs.engaged and (pull := springs.pull(system.state)) > 1.0:
             if report.augmentations + springs.ahead(system.state) >= LONGEST:
                 text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"
-                raise StepFailed(text, remedy="close the gap, fix a surface, or turn the load towards the contact")
+                slides = sliding(system)  # a contact holds what the springs pull, as far as its friction goes
+                raise StepFailed.of(slides) if slides else StepFailed(text, remedy=CLOSER)
             springs.follow(system.state)
             report.augmentations += 1
             with system.foresight.holding_samples():  # no tangent knows that they follow: they would undo balances
