@@ -34,7 +34,8 @@ class Following:
         while springs.engaged and (pull := springs.pull(system.state)) > 1.0:
             if report.augmentations + springs.ahead(system.state) >= LONGEST:
                 text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"
-                slides = sliding(system)  # a contact holds what the springs pull, as far as its friction goes
+                # a load on what contact alone holds, and more of it than friction can take
+                slides = sliding(system) if _loaded(system) else None
                 raise StepFailed.of(slides) if slides else StepFailed(text, remedy=CLOSER)
             springs.follow(system.state)
             report.augmentations += 1
@@ -117,7 +118,7 @@ def _loaded(system: System) -> set[int]:
     if system.scales.stiffness == 0.0:  # no tangent yet, which tells what is round-off
         system.assemble_tangent()
     for term in system.terms:
-        if term not in system.contacts:
+        if term not in system.contacts and term is not system.grounding:
             term.add_residual(system.state, local, tools)
     forces = local.reshape(-1, 3)  # a node on a rank's border has a part on each: sums over ranks are right as they are
     largest = system.comm.allreduce(float(np.abs(forces).sum()))
