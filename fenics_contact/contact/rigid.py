@@ -29,9 +29,8 @@ class RigidPartner(PointPressures):
     def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int) -> None:
         self.surface, self.tool, self.index = surface, tool, index
         self.name, self.edge_kind = tool.name, tool.edge_kind
-        self.foresees = tool.edge_kind != "sharp"  # over an edge the distance jumps
-        self.softens = tool.edge_kind != "sharp"
-        self.smooth = tool.edge_kind != "sharp"  # have frictionless forces a potential?
+        # over a sharp edge the distance jumps, and frictionless forces have no potential
+        self.foresees = self.softens = self.smooth = tool.edge_kind != "sharp"
         self.places, self.anchors = RigidPlaces(surface, tool, index), RigidAnchors(self)
 
     def laws(self, law: Law, touch: float | None = None) -> ElementLaws:

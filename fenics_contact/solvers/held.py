@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
-from fenics_contact.assembly.grounding import Grounding
+from fenics_contact.assembly.grounding import CLOSER, Grounding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import sliding
@@ -11,7 +11,6 @@ from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with what holds a body
-CLOSER = "close the gap, fix a surface, or turn the load towards the contact"
 LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap of ten sizes of a body takes tens
 
 

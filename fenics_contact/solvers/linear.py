@@ -65,7 +65,8 @@ class LinearSolver:
         self._softest: Softest | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
-        self._responses: list[Vec] = []  # of the bodies to unit motions of the tools' free components, by the last tangent
+        # of the last tangent: Schur complement, rows of the border, and the bodies' responses to unit motions of its columns
+        self._border: tuple[_Held, list[Vec], list[Vec]] | None = None
         modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = None if afresh or size <= REUSE_ABOVE else choice
@@ -126,11 +127,12 @@ class LinearSolver:
         self.negative, self._of_border = self._solver.negative_pivots(), 0
         if not free.size or border is None:
             return [(du, dq) for du, (_, _, _, dq) in zip(increments, sides, strict=True)]
-        if not again:
-            self._responses = [self._response(-border.columns[c]) for c in free]
-        columns = self._responses
-        rows = [system.border_vector(border.rows[c]) for c in free]
-        held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.scales.stiffness, self._loose)
+        if self._border is None or not again:
+            columns = [self._response(-border.columns[c]) for c in free]
+            rows = [system.border_vector(border.rows[c]) for c in free]
+            held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.scales.stiffness, self._loose)
+            self._border = held, rows, columns
+        held, rows, columns = self._border
         self._of_border = held.negative(system.symmetric)
         if self._of_border is None:
             self.negative = None

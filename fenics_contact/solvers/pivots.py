@@ -5,11 +5,11 @@ import numpy as np
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.solvers.newton import LOOSEST
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import Verdict
 
 NEAR = 1e-3  # of the force out of balance where the last tangent of a step was made: then its pivots are the state's
-LOOSEST = 1e-3  # relative residual of an iterative solve whose solution nobody needs
 
 
 class PivotWatch:
