@@ -143,7 +143,7 @@ def _steady_alone(built: Built) -> list[str]:
     steady = "steps that end in balance, method 'newton' or 'snes', not '{}'"
     asked = {
         f"stabilise= needs {steady}; leave it out, or choose one of these": built.system.stabilised,
-        f"damping= needs {steady}; leave it out, or choose one of these": built.system.damping,
+        f"damping= needs {steady}; leave it out, or choose one of these": built.system.damped,
         f'pressure with where="open" needs {steady}; choose one of these, or leave where= out': built.system.fluids,
     }
     return [why for why, there in asked.items() if there]

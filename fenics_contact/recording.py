@@ -115,7 +115,7 @@ class Recorder:
             tqdm.write("\n".join(news), file=sys.stderr)
 
     def _row(self, report: StepReport, seconds: float) -> HistoryRow:
-        state, result = self.system.state, self.results.of_step(report.work)
+        state, result = self.system.state, self.results.of_step(report.work if self.system.damped else 0.0)
         view = self.view.show(result)
         row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), result)
         if name := self.system.stages.name:
@@ -123,7 +123,7 @@ class Recorder:
         if self._augments:
             row["augmentations"] = report.augmentations
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
-        if self.system.damping:
+        if self.system.damped:
             row[damping_column(self.scene.units)] = report.work
         if self.arcs:
             of_arc = report if isinstance(report, ArcReport) else ArcReport()

@@ -93,6 +93,7 @@ def solve(
 
     damping: where shorter steps do not help the load path jumps (a snap, a contact that lets go): loads and drives are held
     and viscous forces carry the bodies to rest; their work is in the history's damping_work and in the verdict's notes.
+    Unasked so where contact points with friction find no state, by less than a cell.
 
     checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
     on from the last checkpoint in `out`, where there is one, on any number of ranks. A continuation's holds, beside the
@@ -302,7 +303,7 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
 
 def _damping(system: System, units: Units) -> dict[str, float]:
     """Number of jumps, the greatest work that damping took in one, and share of it and the strain energy left; or {}."""
-    if system.damping is None:
+    if system.damping is None or not (system.damped or system.damping.most["jumps"]):
         return {}
     most = system.damping.most
     work = {f"work_{units.force}{units.length}": most["work"], "work_share": most["work_share"]}

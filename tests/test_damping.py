@@ -1,5 +1,6 @@
 """Jumps of the load path, a snap and a blade that lets go: damped motion carries the bodies to where they rest."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,9 +8,22 @@ import pytest
 from by_node import displacements
 from mpi4py import MPI
 
-from fenics_contact import Body, Load, Scene, SceneError, mooney_rivlin, read_gmsh, rigid_plane, rigid_surface, run, solve
+from fenics_contact import (
+    Body,
+    Load,
+    Penalty,
+    Scene,
+    SceneError,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_surface,
+    run,
+    solve,
+)
 from fenics_contact.assembly.stages import Stages
-from fenics_contact.meshes import box, dome, tool_surfaces
+from fenics_contact.meshes import box, dome, rectangles, tool_surfaces
 from fenics_contact.scene.build import build
 from fenics_contact.solvers import control
 from fenics_contact.solvers.augmented import misfit
@@ -43,6 +57,16 @@ def blade(**options):
     scene.fix("zmax", "y")
     scene.contact("zmin", rigid_plane(), 1.06, name="floor", **options)
     return scene
+
+
+def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
+    """A tall block dragged over a rough floor in long steps: two nodes of its sole lift when they touch, and fall back."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 4.0), cells=(4, 4, 4)), "box", RUBBER))
+    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -press * min(t / 0.2, 1.0)))
+    scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), drag * max(t - 0.2, 0.0)))
+    scene.fix("zmax", "y")
+    scene.contact("zmin", rigid_plane(), friction, penalty=Penalty(share=1.0), name="floor")
+    return scene, {"smallest_step": smallest}
 
 
 def past_the_end(way=-6.0):
@@ -211,7 +235,8 @@ def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
 class Creeping:
     """A system, its trail and stepper, that no step carries on, only a jump."""
 
-    damping, terms, stages = True, (), Stages(("",), (1.0,), 0)
+    damping = damped = True
+    terms, stages = (), Stages(("",), (1.0,), 0)
     holds, tools = SimpleNamespace(reliant=[]), SimpleNamespace(free=np.zeros((0, 6), dtype=bool))
 
     def __init__(self, rests):
@@ -222,7 +247,7 @@ class Creeping:
         self.steps += 1
         raise StepFailed("stumbled")
 
-    def jump(self, system, goal, stepper):
+    def jump(self, system, goal, stepper, farthest):
         self.jumps.append(goal - self.last.t)
         if not self.rests:
             raise StepFailed("damped motion did not come to rest")
@@ -248,3 +273,52 @@ def test_jumps_grow_where_they_come_to_rest_and_end_where_they_do_not(monkeypatc
         assert all(b <= 2.0 * a for a, b in zip(system.jumps, system.jumps[1:], strict=False))
     else:
         assert len(system.jumps) == control.JUMPS and verdict.cuts == 13
+
+
+def squashed(points, **options):
+    """Result of a rubber cylinder, axisymmetric, between rough plates, which its barrel comes to meet."""
+    rubber = rectangles.build, {"rubber": ((0.0, 0.0), (10.0, 10.0), (16, 16))}
+    scene = Scene(Body(read_gmsh(rubber[0], rectangles=rubber[1]), "rubber", neo_hooke(0.5, 5.0)), plane="axisymmetric")
+    scene.fix("rubber_xmin", "x")
+    lid, floor = rigid_plane((0, 10, 0), (0, -1, 0), name="lid"), rigid_plane((0, 0, 0), (0, 1, 0), name="floor")
+    scene.contact(("rubber_ymax", "rubber_xmax"), lid, 0.3, points=points, name="lid")
+    scene.contact(("rubber_ymin", "rubber_xmax"), floor, 0.3, points=points, name="floor")
+    return solve(scene, move={lid: (0.0, -5.0, 0.0)}, progress=False, **options)
+
+
+@pytest.mark.parametrize("steps", [20, pytest.param(33, marks=pytest.mark.slow)])
+def test_nodes_that_find_no_state_jump_to_where_they_stick_and_it_is_said(steps):
+    """A node that touches again beside the rim slips, and that lifts it off; Gauss points, which do not, tell the force."""
+    jumped, smooth = squashed("nodes", steps=steps).require(), squashed(3, steps=20).require()
+    said = [note for note in jumped.verdict.notes if "in short steps too; the state jumped by" in note]
+    assert said and all("contact 'floor' at (9.375, 0, 0)" in note for note in said)
+    assert not any("state jumped" in note for note in smooth.verdict.notes)
+    assert jumped.column("lid_force_y_N")[-1] == pytest.approx(smooth.column("lid_force_y_N")[-1], rel=5e-3)
+    assert jumped.summary["damping"]["jumps"] == len(said) and jumped.summary["damping"]["work_share"] < 2e-3
+    assert "damping_work_Nmm" not in jumped.history[-1]  # its work is part of the energy that is not accounted for
+    error, work = (np.abs(jumped.column(f"{name}_Nmm")[-1]) for name in ("energy_error", "external_work"))
+    assert error < 2e-3 * work
+
+
+def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):
+    folder, times = COMM.bcast(tmp_path), [0.2, 0.4, 0.6, 0.7, 0.8, 0.9]
+    kept = {"checkpoint": True, "progress": False, "tolerance": 1e-11}
+    whole = solve(stumbling(None)[0], steps=times, out=folder / "whole", **kept).require()
+    begun = solve(stumbling(None)[0], steps=times[:-1], out=folder / "parts", **kept).require()
+    parts = solve(stumbling(None)[0], steps=times, out=folder / "parts", resume=True, **kept).require()
+    assert begun.summary["damping"]["jumps"] == 1
+    assert parts.summary["damping"] == pytest.approx(whole.summary["damping"], rel=1e-9)
+    for name in ("t", "floor_force_x_N", "energy_error_Nmm"):
+        np.testing.assert_allclose(parts.column(name), whole.column(name), rtol=1e-8, atol=1e-12)
+
+
+def test_a_jump_of_more_than_a_cell_is_not_taken_unasked(monkeypatch):
+    monkeypatch.setattr(control, "jump", partial(jump_by, control.jump, 1e-4))
+    ended = solve(stumbling(None)[0], steps=5, progress=False)
+    assert not ended.converged and "solve(..., damping=True)" in ended.verdict.remedy
+    assert not ended.summary["damping"]
+
+
+def jump_by(jump, share, system, goal, stepper, farthest):
+    """A jump of no more than a share of what is allowed."""
+    return jump(system, goal, stepper, share * farthest)

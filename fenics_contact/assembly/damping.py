@@ -9,10 +9,12 @@ from fenics_contact.types import Bools
 
 class Damping(SpringTerm):
     """Springs to the last accepted state, a step of implicit Euler for viscous forces; none, as in every load step, where
-    the share is zero. most: jumps taken, and the greatest of them [force length]."""
+    the share is zero. always: asked for by the user, for any step that fails; else for those alone in which contact points
+    find no state. most: jumps taken, and the greatest of them [force length]."""
 
-    def __init__(self, springs: Springs, free: Callable[[], Bools]) -> None:
+    def __init__(self, springs: Springs, free: Callable[[], Bools], always: bool) -> None:
         super().__init__("damping", *springs, free)
+        self.always = always
         self.most = {"jumps": 0.0, "work": 0.0, "work_share": 0.0}
 
     def commit(self, state: State) -> None:

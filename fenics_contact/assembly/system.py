@@ -1,6 +1,6 @@
 """The nonlinear system R(u, q, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -63,8 +63,9 @@ class System:
         self.springs = [term for term in terms if isinstance(term, SpringTerm)]
         self.grounding = next((term for term in terms if isinstance(term, Grounding)), None)
         self.damping = next((term for term in terms if isinstance(term, Damping)), None)
-        # has the user asked for springs in every step?
+        # has the user asked for springs in every step, and for damping wherever one fails?
         self.stabilised = self.grounding is not None and self.grounding.always
+        self.damped = self.damping is not None and self.damping.always
         self.space = state.u.function_space
         self.comm = lasting(self.space.mesh.comm)
         self.symmetric = all(term.symmetric for term in terms)
@@ -103,6 +104,8 @@ class System:
         tool_residual = np.zeros_like(self.tool_residual)
         self.scales.forces = 0.0
         for term in self.terms:
+            if term in self.springs and not term.share > 0.0:
+                continue
             with self.timers("residual"):
                 with self._work.localForm() as local:
                     local.set(0.0)
@@ -120,7 +123,7 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: dict[Term, Any] | None = None) -> None:
+    def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: Mapping[Term, Any] | None = None) -> None:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
         whose motions are those of all nodes and tools, tied or not.
 

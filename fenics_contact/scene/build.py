@@ -133,7 +133,7 @@ def build(
             fluid.set_time(t)
         fields.set(t)
 
-    held = _held(scene, u, motion, stabilise, damping, bool(holds.reliant and contacts))
+    held = _held(scene, u, motion, (stabilise, damping), bool(holds.reliant and contacts))
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
     bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies)
     system = System(state, (solid, *others), holds, motion, set_loads, check, bulk_over_shear, timers)
@@ -261,16 +261,16 @@ def _modulus_by_cell(scene: "Scene") -> Floats:
 
 
 def _held(
-    scene: "Scene", u: Function, motion: ToolMotion, stabilise: bool, damping: bool, may_be_needed: bool
+    scene: "Scene", u: Function, motion: ToolMotion, asked: tuple[bool, bool], may_be_needed: bool
 ) -> list[SpringTerm]:
-    """Springs and viscous forces on all bodies, and on free tools where the user asked for them; may_be_needed: springs at
-    bodies that contacts alone hold."""
-    found: list[SpringTerm] = []
+    """Springs and viscous forces on all bodies, and on free tools where the user asked for them, with stabilise= and with
+    damping=; may_be_needed: springs at bodies that contacts alone hold, as damping may be where contacts have friction."""
+    (stabilise, damping), found = asked, list[SpringTerm]()
     if stabilise or may_be_needed:
         free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
         found.append(Grounding(springs(scene.space, scene.bodies, scene.groups.dx, u), free, stabilise))
-    if damping:
-        found.append(Damping(springs(scene.space, scene.bodies, scene.groups.dx, u), lambda: motion.free))
+    if damping or any(contact.friction.mu > 0.0 for contact in scene.contacts):
+        found.append(Damping(springs(scene.space, scene.bodies, scene.groups.dx, u), lambda: motion.free, damping))
     return found
 
 

@@ -36,7 +36,7 @@ def statement(
         "cells": compat.cell_map(scene.mesh.domain).size_global,
         "section": list(vars(scene.section).values()) if scene.section else "none",
         "stabilise": system.stabilised,
-        "damping": system.damping is not None,
+        "damping": system.damped,
         "record": sorted(recorded),
         "supported unknowns": comm.allreduce(len(system.supports.owned)),
         "start": built.start,

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from fenics_contact.assembly.finding import MEMORY, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
@@ -49,7 +49,7 @@ def run(
     verdict = verdict or Verdict()
     shortest = smallest_step(times, system.stages.start.t)
     verdict.smallest = smallest or shortest
-    sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest) if system.damping else 0.0
+    sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest if system.damped else 0.0) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     for target in times:
         restless = 0
@@ -100,13 +100,22 @@ def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
 
 
 def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> StepReport | None:
-    """The report of damped motion to the next state of rest, where that was asked for and there is one; else None."""
-    if system.damping is None or failure.finding.kind in HOPELESS:
+    """The report of damped motion to the next state of rest, where there is one and it was asked for; else None.
+
+    Nobody needs to ask for it where statuses cycle: a point may be in balance neither open nor closed, for its friction
+    lifts it off when it touches. It jumps to where it sticks, by less than a cell. Collective.
+    """
+    known, asked = failure.finding, system.damped
+    if system.damping is None or known.kind in HOPELESS or not (asked or known.kind == CYCLING):
         return None
+    farthest = math.inf if asked else max(contact.surface.cell_height for contact in system.contacts)
     try:
-        return jump(system, goal, stepper)
+        report = jump(system, goal, stepper, farthest)
     except StepFailed:
         return None
+    if not asked:
+        report.notes = [f"{known.reason} ({known.place}), in short steps too; {report.notes[0]}"]
+    return report
 
 
 def judge_balance(verdict: Verdict) -> None:

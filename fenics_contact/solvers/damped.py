@@ -25,11 +25,11 @@ RESTING = 1e-2  # of the largest force: what damping may still carry where balan
 Kept = tuple[Floats, Floats, float, tuple[Floats, Floats], float, list[dict[str, Array]]]
 
 
-def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
+def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf) -> StepReport:
     """Carry the system at the loads of t = goal to rest, in balance there without damping; StepReport, not yet accepted.
 
-    stepper: that of the run; it settles the state of rest, with all that a step asks for: springs that pull no more,
-    multipliers that have taken over, penalties that hold.
+    farthest: the greatest motion of a node or a tool [length]; stepper: that of the run; it settles the state of rest, with
+    all that a step asks for: springs that pull no more, multipliers that have taken over, penalties that hold.
     Each motion is a step of implicit Euler for viscous forces, its friction accepted as history. The work that they
     take is what a real jump turns into vibrations: `report.work`. On failure the system is where it was: StepFailed.
     Collective.
@@ -53,9 +53,11 @@ def jump(system: System, goal: float, stepper: Stepper) -> StepReport:
         report.add(moved)
         system.trail.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
+        if _way(system, origin, q) > farthest:
+            break
         if resting and (last := _at_rest(system, stepper, goal)):
             report.add(last)
-            _conclude(system, report, work, (origin, q), scale)
+            _conclude(system, report, work, _way(system, origin, q), scale)
             return report
     _restore(system, kept)
     raise StepFailed("damped motion did not come to rest")
@@ -117,12 +119,15 @@ def _driven(system: System, goal: float) -> Floats:
     return u
 
 
-def _conclude(system: System, report: StepReport, work: float, before: tuple[Floats, Floats], scale: float) -> None:
-    """What the jump took, in the report; steps go on from its end alone. before: displacement and q where it began."""
-    u, q = before
-    energy = system.strain_energy()
+def _way(system: System, u: Floats, q: Floats) -> float:
+    """Largest motion [length] of a node or a tool from u (local array) and q. Collective."""
     way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
-    way = max(way, np.abs(system.state.q - q).max(initial=0.0))
+    return max(way, np.abs(system.state.q - q).max(initial=0.0))
+
+
+def _conclude(system: System, report: StepReport, work: float, way: float, scale: float) -> None:
+    """What the jump took, in the report; steps go on from its end alone. way: how far it went [length]."""
+    energy = system.strain_energy()
     share, most = work / max(work + energy, 1e-300), _damping(system).most
     _damping(system).most = {
         "jumps": most["jumps"] + 1,

@@ -187,7 +187,7 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     alone = "alone" if rest == HELD else f"gives all but {np.abs(values).min():.0%} of what"
     text = f"friction {alone} holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
-        springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damping)
+        springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damped)
         remedy = " or ".join((["solve(..., stabilise=True)"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
