@@ -721,3 +721,53 @@ def test_wrong_ties_are_refused():
     refused(lambda: rigid_hub("hub", (0, 1)), "point", "three finite numbers")
     refused(lambda: rigid_hub(""), "name of a rigid hub")
     refused(lambda: scene.contact("xmin", hub), "hub", "no surface")
+
+
+# -- a tool that slid, and is let go -------------------------------------------------------------------------------------
+def roller_on_a_block():
+    """A roller pressed into a plane block and dragged until it slides, past the greatest force that this takes."""
+    mesh = read_gmsh(rectangles.build, rectangles={"block": ((0.0, 0.0), (20.0, 5.0), (32, 8))})
+    scene = Scene(Body(mesh, "block", neo_hooke(1.0, 5.0)), plane="strain")
+    scene.fix("block_ymin")
+    tool = rigid_cylinder(3.0, (8.0, 8.0, 0.0), (0, 0, 1), name="tool")
+    scene.contact("block_ymax", tool, 0.5, name="c")
+    return scene, tool, [{"y": -1.0}, {"x": 1.25, "force": (0, -3.0, 0)}], {"force": (0.3, -3.0, 0)}, {"x": -0.85}
+
+
+def plane_under_a_block():
+    """All points of a flat tool slide: nothing but friction holds it."""
+    mesh = read_gmsh(rectangles.build, rectangles={"block": ((0.0, 0.0), (10.0, 5.0), (10, 5))})
+    scene = Scene(Body(mesh, "block", neo_hooke(1.0, 5.0)), plane="strain")
+    scene.fix("block_ymax")
+    tool = rigid_plane(normal=(0, 1, 0), name="tool")
+    scene.contact("block_ymin", tool, 0.3, name="c")
+    return scene, tool, [{"y": 0.3}, {"x": 2.0, "force": (0, 2.5, 0)}], {"force": (0.2, 2.5, 0)}, {"x": -1.0}
+
+
+def ball_on_a_block():
+    scene = Scene(Body(read_gmsh(box.build, size=(10.0, 7.0, 3.0), cells=(10, 7, 3)), "box", neo_hooke(1.0, 5.0)))
+    scene.fix("zmin")
+    tool = rigid_sphere(4.0, (5.0, 3.5, 7.0), name="tool")
+    scene.contact("zmax", tool, 0.5, points=3, name="c")
+    return scene, tool, [{"z": -0.8}, {"x": 0.8, "force": (0, 0, -10.0)}], {"force": (1.0, 0, -10.0)}, {"x": -0.6}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(
+    ("of", "steps"),
+    [(roller_on_a_block, 3), (roller_on_a_block, 10), (plane_under_a_block, 3), (ball_on_a_block, 3)],
+)
+def test_a_tool_that_slid_and_is_pushed_less_springs_back(of, steps):
+    """To where it has that force when it is moved back, in any number of steps; it is not thrown off, nor goes on."""
+    ends = []
+    for name, count in (("let go", steps), ("back", 40)):
+        scene, tool, (press, drag), released, back = of()
+        last = released if name == "let go" else {**back, "force": drag["force"]}
+        ways = ("press", press, 4), ("drag", drag, 10), (name, last, count)
+        stages = [Stage(stage, move={tool: Motion(**way)}, steps=n) for stage, way, n in ways]
+        ends.append(solve(scene, stages=stages, progress=False).require())
+    ended, path = ends
+    force, travel = (path.column(f"{name}_x_{unit}", "back") for name, unit in (("c_force", "N"), ("tool_travel", "mm")))
+    right = np.interp(released["force"][0], force[::-1], travel[::-1])
+    assert ended.column("c_force_x_N")[-1] == pytest.approx(released["force"][0], rel=1e-6)
+    assert ended.column("tool_travel_x_mm")[-1] == pytest.approx(right, abs=2e-3)

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from test_damping import blade
+from test_damping import blade, stumbling
 
 from fenics_contact import (
     Body,
     Displacement,
     Motion,
-    Penalty,
     Scene,
     SceneError,
     mooney_rivlin,
@@ -177,19 +176,9 @@ def no_room():
     return scene, {"linear": "direct"}
 
 
-def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
-    """A tall block dragged over a rough floor in long steps: two nodes of its sole lift when they touch, and fall back."""
-    scene = cube(cells=(4, 4, 4), size=(2.0, 2.0, 4.0))
-    scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -press * min(t / 0.2, 1.0)))
-    scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), drag * max(t - 0.2, 0.0)))
-    scene.fix("zmax", "y")
-    scene.contact("zmin", rigid_plane(), friction, penalty=Penalty(share=1.0), name="floor")
-    return scene, {"smallest_step": smallest}
-
-
 def tall_block(smallest=0.1):
     """A tall block dragged over a rough floor in steps too long for Newton's method, which turns elements inside out."""
-    return dragged(size=(0.8, 1.0, 5.0), cells=(3, 2, 8), friction=0.8, press=0.8, drag=6.0, steps=10, smallest=smallest)
+    return dragged(size=(0.8, 1.0, 5.0), cells=(3, 2, 8), friction=0.8, press=0.8, drag=6.0, steps=6, smallest=smallest)
 
 
 def dragged(size, cells, friction, press, drag, steps, smallest=None):
@@ -354,7 +343,6 @@ CATALOGUE = {
     "blade": (drawn_blade, "limit point", "body 'box' at (", "let damping carry it on: solve(..., damping=True)"),
     "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
-    "stumbling": (lambda: stumbling(1e-2), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
     "cycling": (lambda: stumbling(0.1), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
 }
 

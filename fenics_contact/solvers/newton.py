@@ -3,21 +3,19 @@
 from collections.abc import Sequence
 
 import numpy as np
-from petsc4py import PETSc
 
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.cycles import StatusWatch
-from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Solution
+from fenics_contact.solvers.gripping import first_solve
+from fenics_contact.solvers.increment import solve_once
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Vec
 
-FARTHEST = (
-    10.0  # sizes of the bodies; a solve that moves a node or tool by more than that and what is driven has met no resistance
-)
 SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway, and samples
 # of averages lie where they will at last.
@@ -78,7 +76,8 @@ class Newton:
         owed = du.copy(), dq.copy()
         system.assemble_residual()
         for solve in range(1, limit + 1):
-            du, dq = solve_once(system, self.linear, du, dq, _forcing(before, self.tolerance))
+            advance = first_solve if solve == 1 else solve_once
+            du, dq = advance(system, self.linear, du, dq, _forcing(before, self.tolerance))
             report.iterations += 1
             foresight.release()
             size = _finite_residual(system)
@@ -264,20 +263,6 @@ def _forcing(residual: float, tolerance: float) -> float:
         return 1e-5
     wanted = max(0.1 * residual, 0.1 * tolerance / max(residual, tolerance))
     return float(np.clip(wanted, TIGHTEST, LOOSEST))
-
-
-def solve_once(system: System, linear: LinearSolver, du: Floats, dq: Floats, tolerance: float = TIGHTEST) -> Solution:
-    """One tangent solve with the assembled residual, and the update of the state."""
-    system.assemble_tangent()
-    try:
-        increment = linear.solve(du, dq, tolerance)
-    except LinearFailure as failure:
-        raise StepFailed(*failure.args) from None
-    moved = max(increment[0].norm(PETSc.NormType.NORM_INFINITY), np.abs(increment[1]).max(initial=0.0))
-    if not moved <= FARTHEST * system.extent + max(np.abs(du).max(initial=0.0), np.abs(dq).max(initial=0.0)):
-        raise StepFailed("the tangent is singular: an increment is not finite or far larger than the bodies")
-    system.update(*increment)
-    return increment
 
 
 def relative_residual(system: System, followed: bool = False) -> float:

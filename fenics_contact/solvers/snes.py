@@ -7,8 +7,9 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
+from fenics_contact.solvers.gripping import first_solve
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
-from fenics_contact.solvers.newton import relative_residual, solve_once
+from fenics_contact.solvers.newton import relative_residual
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Mat, Vec
@@ -33,7 +34,7 @@ class Snes:
     def _solve(self, system: System, t: float, again: bool) -> StepReport:
         du, dq = system.begin_step(t)
         system.assemble_residual()
-        solve_once(system, self.linear, du, dq)
+        first_solve(system, self.linear, du, dq)
         if not again:
             system.foresight.resample(system.state)
         report = StepReport(1, [relative_residual(system)])

@@ -8,9 +8,10 @@ from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, 
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
+from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
-from fenics_contact.solvers.newton import relative_residual, solve_once
+from fenics_contact.solvers.newton import relative_residual
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Vec
 
@@ -191,7 +192,7 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
 
 def damping(system: System) -> list[str]:
     """The advice to let damping carry the bodies on, in a list, where that has not been asked for."""
-    return [] if system.damping else ["let damping carry it on: solve(..., damping=True)"]
+    return [] if system.damped else ["let damping carry it on: solve(..., damping=True)"]
 
 
 def _loaded(system: System) -> bool:

@@ -1,0 +1,74 @@
+"""The first solve of a step: what slid in the last one slides on, or sticks and springs back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fenics_contact.assembly.system import System
+from fenics_contact.assembly.term import ContactTerm
+from fenics_contact.solvers.increment import solve_once
+from fenics_contact.solvers.linear import LinearSolver, Solution
+from fenics_contact.solvers.reuse import TIGHTEST
+from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.types import Floats
+
+GRIP = 1e6  # a friction under which all that is closed sticks
+MOSTLY = 0.5  # of the work of friction at all nodes and tools: it does so much of it in place of taking it
+NOISE = 1e-5  # of that: less work of forces is what Newton's method has left of them
+
+Forces = tuple[Floats, Floats]  # on dofs, and wrenches on tools (tools, 6)
+
+
+def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, tolerance: float = TIGHTEST) -> Solution:
+    """solve_once; from the last accepted state with an eye on what slides. du, dq: the motion owed. Collective.
+
+    Points on the cone of friction go on sliding in this solve. Where that would have friction drive what slides, has it move
+    against what the forces change by, or where nothing else holds a body or tool, the motion is about to turn: then all that
+    is closed sticks in it, and the bodies spring back. Without that a tool that slid, and is pushed less from then on, is
+    thrown off to where it slides the other way, or goes on as on a slope that falls.
+    """
+    state = system.state
+    rough = [contact for contact in system.contacts if contact.rough]
+    rubbing = _rubbing(system, rough) if rough else None
+    if rubbing is None:
+        return solve_once(system, linear, du, dq, tolerance)
+    start = state.u.x.array.copy(), state.q.copy()
+    changes = system.residual_vector.array.copy(), np.where(system.tools.free, system.tool_residual, 0.0)
+    try:
+        increment = solve_once(system, linear, du, dq, tolerance)
+        if not _turns(system, rubbing, changes, (state.u.x.array - start[0], state.q - start[1])):
+            return increment
+    except StepFailed:  # what slides holds nothing
+        pass
+    state.u.x.array[:], state.q[:] = start
+    system.assemble_residual()
+    return solve_once(system, linear, du, dq, tolerance, {c: c.trial.with_friction(GRIP) for c in rough})
+
+
+def _rubbing(system: System, rough: Sequence[ContactTerm]) -> Forces | None:
+    """Of the friction of points that slip in the last accepted state, local dofs; None elsewhere, or where none does.
+    Collective."""
+    forces, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.state.q)
+    bare, smooth = np.zeros_like(forces), np.zeros_like(wrenches)
+    slipping, elsewhere = 0, not np.array_equal(system.state.u.x.array, system.trail.last.u)
+    for contact in rough:
+        slips = contact.response(system.state).status.ravel() == contact.parts.laws(False)["slip"]
+        slipping += int(slips.sum())
+        contact.add_residual(system.state, forces, wrenches, contact.parts.part(slips))
+        contact.add_residual(system.state, bare, smooth, contact.parts.part(slips, frictionless=True))
+    points, ranks = system.comm.allreduce(np.array([slipping, int(elsewhere)]))
+    if ranks or not points:
+        return None
+    return forces - bare, wrenches - smooth
+
+
+def _turns(system: System, rubbing: Forces, changes: Forces, motion: tuple[Floats, Floats]) -> bool:
+    """Whether friction drives a motion, of local dofs and tools, or it goes against what the outer forces have changed by.
+
+    changes: these, on owned dofs, and on the tools. Collective.
+    """
+    taken, most = (np.array([np.vdot(f, way), np.abs(f * way).sum()]) for f, way in zip(rubbing, motion, strict=True))
+    dofs, tools = changes
+    local = [*(taken + most), np.vdot(dofs, motion[0][: len(dofs)])]
+    taken, most, gained = system.comm.allreduce(np.array(local))
+    return bool(taken < -MOSTLY * most or gained + np.vdot(tools, motion[1]) > NOISE * most)
