@@ -3,8 +3,8 @@
 import gmsh
 import pytest
 
-from fenics_contact import Body, Scene, neo_hooke, read_gmsh, solve
-from fenics_contact.meshes import rectangles, two_blocks
+from fenics_contact import Body, Scene, Stage, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import box, rectangles, two_blocks
 
 pytestmark = pytest.mark.parallel
 SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}
@@ -93,3 +93,25 @@ def test_a_contact_that_few_nodes_carry_is_told(cells):
     scene.contact("upper_ymin", "lower_ymax", name="c")
     notes = [note for note in solve(scene, steps=1, progress=False).require().verdict.notes if "greatest load" in note]
     assert len(notes) == (cells == (1, 1)) and all("'c': 2 slave nodes carry" in note for note in notes)
+
+
+@pytest.mark.parametrize("plane", [None, "strain"])
+def test_nodes_on_edges_of_the_slave_are_told_where_the_law_asks_for_pressures(plane):
+    """Their areas are those of both faces: the limit of shear holds over 131 % of the area in space."""
+    told = {}
+    for walls, law in ((True, coulomb(0.8, shear_limit=0.05)), (False, coulomb(0.8, shear_limit=0.05)), (True, 0.8)):
+        if plane:
+            mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (6.0, 2.0), (6, 2))})
+            names, up = ("box_ymin", "box_xmin", "box_xmax", "box_ymax"), (0, 1, 0)
+        else:
+            mesh = read_gmsh(box.build, size=(6.0, 6.0, 2.0), cells=(6, 6, 2))
+            names, up = ("zmin", "xmin", "xmax", "zmax"), (0, 0, 1)
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane=plane)
+        scene.fix(names[-1])
+        floor = rigid_plane((3, 3 * (plane is None), 0), up, name="floor")
+        scene.contact(names[:3] if walls else names[0], floor, law, name="c")
+        drag = Stage("drag", move={floor: (4, 0, 0)}, steps=4)
+        stages = [Stage("press", move={floor: tuple(0.2 * n for n in up)}, steps=3), drag]
+        result = solve(scene, stages=stages, progress=False).require()
+        told[walls, law == 0.8] = any("nodes at edges between faces of the slave" in n for n in result.verdict.notes)
+    assert told == {(True, False): True, (False, False): False, (True, True): False}

@@ -108,6 +108,26 @@ def _lean_note(contact: Contact, state: State) -> str | None:
     )
 
 
+def _edge_note(contact: Contact, state: State) -> str | None:
+    """None, or that nodes on edges of the slave, whose areas are those of all faces there, carry load under a law that asks
+    for pressures. Collective."""
+    law, facets, comm = contact.trial.law.friction, contact.surface.between, state.u.function_space.mesh.comm
+    if facets is None or not (law.shear > 0.0 or law.exponent != 0.0 or len(law.table)):
+        return None
+    edges = facets.on_edges(contact.surface.nodes[:, 0])
+    force = np.linalg.norm(contact.response(state).traction, axis=2).ravel() * contact.surface.area.ravel()
+    on_edges = np.where(edges, force, 0.0)
+    carried, total = comm.allreduce(np.array([on_edges.sum(), force.sum()]))
+    if not carried > LED * total:
+        return None
+    _, place = worst(contact, comm, on_edges)
+    return (
+        f"{carried / total:.2g} of the contact's force is on nodes at edges between faces of the slave, most at {place}: "
+        "their areas are those of all these faces, their pressures too small, and the law of friction is evaluated with them; "
+        "name the face that touches alone, or take points=3 (Gauss points)"
+    )
+
+
 def _cell_note(contact: Contact, state: State) -> str | None:
     """None, or that a slave beside a pair of faces has left the master, which goes on beyond them. Collective."""
     lost, text, place = _slid_off(contact, state)
@@ -295,9 +315,13 @@ class Findings:
     def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
         """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
         contact = self._contact
-        kinds = {"led": _led_note, "deep": _depth_note, "between": _between_note, "leans": _lean_note} | (
-            {"out of its cell": _cell_note} if contact.paired else {}
-        )
+        kinds = {
+            "led": _led_note,
+            "deep": _depth_note,
+            "between": _between_note,
+            "leans": _lean_note,
+            "edges": _edge_note,
+        } | ({"out of its cell": _cell_note} if contact.paired else {})
         return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
     def pressing_edge(self, state: State) -> Finding | None:

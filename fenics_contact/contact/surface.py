@@ -14,6 +14,9 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mesh, Space
 
+# Share of the normals around a node that is of one direction, whatever its sign: two facets at 60 degrees have 0.75
+ALIKE = 0.75
+
 Means = tuple[Floats, Floats, Floats]  # of a facet, or over those around a node: stiffness, height, spacing
 
 
@@ -28,12 +31,25 @@ class Beside(NamedTuple):
 
 class Between(NamedTuple):
     """What lies between slave points that are nodes: facets' local nodes (nf, k), their reference positions X (nf, k, 3)
-    [length], weights (nf, nq, k) in places on them, and their shortest sides over the degree, spacing (nf,) [length]."""
+    [length], weights (nf, nq, k) in places on them, their shortest sides over the degree, spacing (nf,) [length]; curves: of
+    a plane mesh."""
 
     nodes: Ints
     X: Floats
     a: Floats
     spacing: Floats
+    curves: bool
+
+    def on_edges(self, slaves: Ints) -> Bools:
+        """Which of the slave nodes (n,) have facets that stand across one another, by this rank's facets."""
+        way, other = self.X[:, 1] - self.X[:, 0], np.array([0.0, 0.0, 1.0]) if self.curves else self.X[:, 2] - self.X[:, 0]
+        normals = np.cross(way, other)
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        count = np.zeros(max(self.nodes.max(initial=-1), slaves.max(initial=-1)) + 1)
+        spread = np.zeros((len(count), 3, 3))
+        np.add.at(spread, self.nodes, np.einsum("fa,fb->fab", normals, normals)[:, None])
+        np.add.at(count, self.nodes, 1.0)
+        return np.linalg.eigvalsh(spread[slaves] / np.maximum(count[slaves], 1.0)[:, None, None])[:, -1] < ALIKE
 
 
 @dataclass
@@ -112,7 +128,7 @@ def slave_surface(
     means: Means = stiffness, height, spacing
     between = None
     if points == "nodes":  # an odd number has one in the middle
-        between = Between(nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing)
+        between = Between(nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing, mesh.topology.dim == 2)
     if points in ("nodes", "averages"):
         tangents = None
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
