@@ -18,7 +18,7 @@ from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
 from fenics_contact.scene.fingerprint import Statement, first_difference
-from fenics_contact.scene.start import Drives, Start
+from fenics_contact.scene.start import Drives, LeftTool, Start
 from fenics_contact.solvers.continuation import Path as Continuation
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
@@ -146,7 +146,13 @@ def last_state(folder: str | PathLike[str], comm: MPI.Comm) -> Start:
             if found is None:
                 raise SceneError(f"start = {name} holds no checkpoint: run it with checkpoint=True, or give its result")
     arrays, content = found or (None, {})
-    return Start(name, arrays, comm.bcast(content.get("left")))
+    left = comm.bcast(content.get("left"))
+    if left is None or any(len(tool) != len(LeftTool._fields) for tool in left["tools"].values()):
+        raise SceneError(
+            f"start = {name}: its checkpoint is of an older version, which does not say of tools whether they are free; run "
+            "it again, or start from another run"
+        )
+    return Start(name, arrays, left)
 
 
 def results_folder(out: str | PathLike[str], comm: MPI.Comm, overwrite: bool, resume: bool) -> Path:

@@ -105,8 +105,9 @@ def solve(
     `duration`; they state move, push, until and back in the place of the run, and steps and method where these differ.
 
     start: a result, or the folder of a run with checkpoints, on the same mesh: its last state, with displacements, places
-    of tools and histories of contacts of the same name, is where this run begins, as a stage after it. Loads and supports
-    that the scene states as that run's did stay as they were there; others are reached in the first stage.
+    of tools, the forces on them and histories of contacts of the same name, is where this run begins, as a stage after it.
+    Pushed tools stay so until a stage names them. Loads and supports that the scene states as that run's did stay as they
+    were there; others are reached in the first stage.
 
     method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
     until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
@@ -122,12 +123,13 @@ def solve(
     refuse_unlike(scene.mesh.comm, stages_told(stated))  # all that follows goes through them on all ranks together
     schedules = [schedule(stage, tolerance, smallest_step) for stage in stated]
     every = checkpoint_steps(checkpoint, resume, out)
-    columns = columns_of(record or {}, scene, turning(stated))
+    begun = _started(start, scene)
+    columns = columns_of(record or {}, scene, turning(stated, begun.tools if begun else {}))
     extra = record or {}
     if out is not None and not isinstance(out, str | PathLike):
         raise SceneError(f"out = {shown(out)} must be the path of a folder")
     folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
-    built = build(scene, stated, timers, stabilise, damping, _started(start, scene))
+    built = build(scene, stated, timers, stabilise, damping, begun)
     system = built.system
     plans = plans_of(scene, built, stated, schedules, linear, tolerance)
     told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven, scene)

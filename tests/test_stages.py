@@ -32,7 +32,8 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.assembly.pose import rotation
-from fenics_contact.meshes import box
+from fenics_contact.meshes import box, rectangles
+from fenics_contact.scene.start import drives_left
 
 COMM = MPI.COMM_WORLD
 TIGHT = {"tolerance": 1e-11, "progress": False}
@@ -495,6 +496,18 @@ def test_stages_to_come_may_be_changed_those_behind_not(folder):
 
 
 # -- started from another run -----------------------------------------------------------------------------------------
+def goes_on(result, whole):
+    """Whether a run that starts from another one has given what the last stages of one run of both did."""
+    skip = ("step", "t", "stage", "seconds", "residual", "iterations", "external_work_Nmm", "energy_error_Nmm")
+    names = [
+        name
+        for name in whole.history[0]
+        if name not in skip and not name.endswith(("friction_work_Nmm", "normal_work_error_Nmm"))
+    ]
+    steps = len(result.history)
+    return apart(*({name: one.column(name)[-steps:] for name in names} for one in (result, whole))) < 1e-9
+
+
 @pytest.mark.parallel
 @pytest.mark.parametrize("way", ["result", "folder"])
 def test_a_run_started_from_another_equals_one_run_of_both(way, folder):
@@ -507,17 +520,97 @@ def test_a_run_started_from_another_equals_one_run_of_both(way, folder):
     first = solve(scene, stages=[press], out=folder / "first", checkpoint=True, **TIGHT).require()
     start = first if way == "result" else folder / "first"
     result = solve(scene, stages=later, start=start, **TIGHT).require()
-    skip = ("step", "t", "stage", "seconds", "residual", "iterations", "external_work_Nmm", "energy_error_Nmm")
-    names = [
-        name
-        for name in whole.history[0]
-        if name not in skip and not name.endswith(("friction_work_Nmm", "normal_work_error_Nmm"))
-    ]
-    assert apart(*({name: one.column(name)[-4:] for name in names} for one in (result, whole))) < 1e-9
+    assert goes_on(result, whole)
     assert not [note for note in result.verdict.notes if "without a history" in note]
     np.testing.assert_allclose(result.column("t"), [0.5, 1, 1.5, 2])
     error = whole.column("energy_error_Nmm")[-1] - whole.column("energy_error_Nmm", "press")[-1]
     np.testing.assert_allclose(result.column("energy_error_Nmm")[-1], error, rtol=1e-6)
+
+
+def beside():
+    """A block under one ball and beside another."""
+    scene, ball = pressed()
+    side = rigid_sphere(5.0, (13.0, 4.0, 2.0), name="side")
+    scene.contact("xmax", side, 0.3, name="flank")
+    return scene, ball, side
+
+
+FORCE = np.array((0.0, 0.0, -5.0))
+PUSHED = {
+    "push": {"push": FORCE},
+    "force": {"move": Motion(x=0.5, force=FORCE)},
+    "one turn": {"move": Motion(about=(4, 4, 5), force=FORCE, moment=(0, 2.0, 0))},
+    "all turns": {"move": Motion(force=FORCE, moment=(0, 2.0, 0), free="rx rz")},
+}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("what", PUSHED)
+def test_a_tool_that_another_run_has_pushed_stays_so_until_it_is_named(what, folder):
+    """What is free there is free here, whether in the first stage, all along, or when a force is then stated anew."""
+    scene, ball, side = beside()
+    load = {word: {ball: of} for word, of in PUSHED[what].items()}
+    first = [Stage("sink", move={ball: (0, 0, -0.6)}), Stage("load", **load)]
+    later = [Stage("flank", move={side: (-0.4, 0, 0)}), Stage("more", push={ball: lambda s: (1 + 0.2 * s) * FORCE})]
+    run = {"steps": 2, **TIGHT}
+    whole = solve(scene, stages=first + later, **run).require()
+    start = solve(scene, stages=first, out=folder, checkpoint=True, **run).require()
+    error = whole.column("energy_error_Nmm")
+    for one in (start, folder):
+        result = solve(scene, stages=later, start=one, **run).require()
+        assert goes_on(result, whole) and list(result.history[0]) == list(whole.history[0])
+        np.testing.assert_allclose(result.column("energy_error_Nmm")[-1], error[-1] - error[-5], rtol=1e-6)
+    force = solve(scene, move={side: (-0.4, 0, 0)}, start=start, **run).require().column("top_force_z_N")
+    np.testing.assert_allclose(force, -5.0, rtol=1e-8)
+    jumps = [later[0], Stage("jumps", push={ball: lambda s: (0, 0, -4.0 - s)})]
+    refused(lambda: solve(scene, stages=jumps, start=start, **run), "stage 'jumps': the force on 'ball'", "z -5")
+
+
+@pytest.mark.parallel
+def test_a_hub_that_another_run_has_pushed_keeps_its_force(folder):
+    """Also where springs hold it and the material is another one, which would take another force to hold it."""
+
+    def scene(stiffer=1.0):
+        stated, hub = Scene(Body(block(), "box", neo_hooke(0.4 * stiffer, 2.0 * stiffer))), rigid_hub("hub", (4, 4, 4.0))
+        stated.fix("zmin")
+        stated.tie("zmax", hub)
+        stated.spring("xmin", 3.0)
+        stated.pressure("xmax", 0.0)
+        return stated, hub
+
+    stated, hub = scene()
+    pushed = Stage("push", move={hub: Motion(force=(1.0, 0, -3.0), moment=(0, 0.5, 0), free="rx rz")})
+    later = Stage("press", pressures={"xmax": 0.02})
+    run = {"steps": 2, **TIGHT}
+    whole = solve(stated, stages=[pushed, later], **run).require()
+    first = solve(stated, stages=[pushed], out=folder, checkpoint=True, **run).require()
+    for start in (first, folder):
+        assert goes_on(solve(stated, stages=[later], start=start, **run).require(), whole)
+    stiffer, its = scene(2.0)
+    result = solve(stiffer, stages=[later], start=first, **run).require()
+    direct = solve(stiffer, stages=[Stage("both", move={its: pushed.move[hub]}, pressures=later.pressures)], **run).require()
+    for name in ("hub_force_x_N", "hub_force_z_N", "hub_travel_x_mm", "hub_travel_z_mm", "hub_angle_y_rad"):
+        np.testing.assert_allclose(result.column(name)[-1], direct.column(name)[-1], rtol=1e-8)
+
+
+@pytest.mark.parallel
+def test_a_tool_that_turns_freely_keeps_the_point_about_which_it_does(folder, monkeypatch):
+    """A dead force acts there: about another one the same moment would not go on. Nor is it known of older checkpoints."""
+    scene, ball, side = beside()
+    turned = {ball: Motion(about=(4, 4, 5), z=-0.6, moment=(0, 2.0, 0))}
+    first = solve(scene, move=turned, steps=1, **TIGHT).require()
+    away = Stage("away", move={ball: Motion(about=(4, 4, 9), ry=0.1)}, steps=1)
+    later = [Stage("flank", move={side: (-0.4, 0, 0)}, steps=1), away]
+    refused(lambda: solve(scene, stages=later, start=first, **TIGHT), "'ball' turns freely about [4.0, 4.0, 5.0]", "about=")
+    solve(scene, stages=[away], start=first, **TIGHT).require()
+
+    def older(*state):
+        left = drives_left(*state)
+        return left | {"tools": {name: tool[:4] for name, tool in left["tools"].items()}}
+
+    monkeypatch.setattr("fenics_contact.run.drives_left", older)
+    solve(scene, move=turned, steps=1, out=folder, checkpoint=True, **TIGHT).require()
+    refused(lambda: solve(scene, stages=later, start=folder, **TIGHT), "older version", "run it again")
 
 
 @pytest.mark.parallel
@@ -558,13 +651,7 @@ def test_a_turned_tool_and_loads_that_differ_from_place_to_place_are_taken_over(
     whole = solve(stated, stages=stages, **TIGHT).require()
     solve(stated, stages=stages[:2], out=folder / "first", checkpoint=True, **TIGHT).require()
     result = solve(stated, stages=stages[2:], start=folder / "first", **TIGHT).require()
-    skip = ("step", "t", "stage", "seconds", "residual", "iterations", "external_work_Nmm", "energy_error_Nmm")
-    names = [
-        name
-        for name in whole.history[0]
-        if name not in skip and not name.endswith(("friction_work_Nmm", "normal_work_error_Nmm"))
-    ]
-    assert apart(*({name: one.column(name)[-2:] for name in names} for one in (result, whole))) < 1e-9
+    assert goes_on(result, whole)
     before, moment = whole.column("top_moment_z_Nmm", "push")[-1], whole.column("top_moment_z_Nmm", "let")
     np.testing.assert_allclose(moment, before * (3.0 - whole.column("t", "let")), rtol=1e-7, atol=1e-9)  # it is let go
     other, its = scene(0.01)
@@ -587,6 +674,13 @@ def test_a_start_that_does_not_fit_is_refused(folder):
         other.fix("zmin")
         other.prescribe("zmax", "z", -0.1)
         refused(lambda: solve(other, start=first, **TIGHT), "start = the result does not fit", "the same mesh")  # noqa: B023
+    plane = read_gmsh(rectangles.build, rectangles={"b": ((0.0, 0.0), (2.0, 1.0), (2, 1))})
+    thin, thick = (Scene(Body(plane, "b", LAW), plane="strain", thickness=thickness) for thickness in (1.0, 5.0))
+    for one in (thin, thick):
+        one.fix("b_ymin")
+        one.prescribe("b_ymax", "y", -0.1)
+    flat = solve(thin, steps=1, **TIGHT).require()
+    refused(lambda: solve(thick, start=flat, **TIGHT), "thickness=1.0) and this one thickness=5.0", "the same thickness")
     finer = Scene(Body(block(), "box", LAW), degree=2)
     finer.fix("zmin")
     finer.prescribe("zmax", "z", -0.1)
@@ -622,6 +716,10 @@ def test_what_a_start_leaves_out_is_noted():
     notes = solve(bare, move={other: (0, 0, -0.1)}, steps=1, start=first, **TIGHT).verdict.notes
     assert any("tool 'other' starts where the scene states it" in note and "'ball'" in note for note in notes)
     assert any("traction on 'xmax', with which the result ends" in note for note in notes)
+    assert not any("pushed" in note for note in notes)
+    pushed = solve(scene, push={ball: (0, 0, -5)}, steps=1, start=first, **TIGHT).require()
+    notes = solve(bare, move={other: (0, 0, -0.1)}, steps=1, start=pushed, **TIGHT).verdict.notes
+    assert any("tool 'ball', pushed where the result ends, is in no contact or tie" in note for note in notes)
 
 
 # -- pictures ---------------------------------------------------------------------------------------------------------

@@ -101,7 +101,8 @@ def build(
     collect_together(comm)
     refuse_doubled(scene)
     stages = Stages([stage.name for stage in stated], [float(stage.duration) for stage in stated], len(scene.tools))
-    motion = motion_of(comm, scene.tools, stated, stages, bodies_size(scene.space), scene.section)
+    left = start.tools if start else {}
+    motion = motion_of(comm, scene.tools, stated, stages, bodies_size(scene.space), scene.section, left)
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     followed = loads_of(scene, stated, stages)

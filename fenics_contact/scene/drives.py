@@ -23,6 +23,7 @@ from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_free
 from fenics_contact.scene.pairs import CourseAt, Pairing
 from fenics_contact.scene.stage import Along, Group, Stage, Way
+from fenics_contact.scene.start import LeftTool
 from fenics_contact.scene.statements import Support
 from fenics_contact.scene.tied import Bound, ties_of
 from fenics_contact.types import Bools, Floats, Ints64, Space
@@ -177,13 +178,15 @@ def _nodes(mesh: NamedMesh, space: Space, group: tuple[str, ...]) -> Ints64:
 
 # -- tools ------------------------------------------------------------------------------------------------------------
 def motion_of(
-    comm: MPI.Comm, tools: Sequence[Tool], stated: Sequence[Stage], stages: Stages, lever: float, section: Section | None
-) -> ToolMotion:
-    """ToolMotion of tools, each at rest, moved by {tool: way or Motion} or pushed by {tool: force} in the stages; lever:
-    ToolMotion's; of a Section within its plane, or along its axis. Collective."""
-    driven_by, frees = list[dict[int, Driven]](), list[Bools]()
-    free = np.zeros((len(tools), 6), dtype=bool)
-    reached = np.full((len(tools), 6), np.nan)  # what tools are pushed with at the end of the stages so far; NaN: unknown
+    comm: MPI.Comm, tools: Sequence[Tool], stated: Sequence[Stage], stages: Stages, lever: float, section: Section | None,
+    left: Mapping[str, LeftTool],
+) -> ToolMotion:  # fmt: skip
+    """ToolMotion of tools, each at rest or as another run has left it, moved by {tool: way or Motion} or pushed by {tool:
+    force} in the stages; lever: ToolMotion's; of a Section within its plane, or along its axis; left: another run's tools by
+    name. Collective."""
+    driven_by, frees, scale = list[dict[int, Driven]](), list[Bools](), np.repeat([1.0, lever], 3)
+    free, forces = _left_free(tools, left)
+    reached = np.where(free, scale * forces, np.nan)  # by what tools are pushed where the stages so far end; NaN: unknown
     for n, stage in enumerate(stated):
         _refuse_drives(tools, stage)
         named = {**stage.move, **stage.push}
@@ -203,7 +206,6 @@ def motion_of(
         reached[~free] = np.nan
         driven_by.append(now)
         frees.append(free)
-    scale = np.repeat([1.0, lever], 3)
 
     def path(k: int, t: float) -> Floats:
         one, start = driven_by[stages.index].get(k), stages.start.q[k]
@@ -217,7 +219,7 @@ def motion_of(
         return start / scale
 
     paths, loads = ([partial(way, k) for k in range(len(tools))] for way in (path, pushed))
-    points = [_point(tool, [now[k] for now in driven_by if k in now]) for k, tool in enumerate(tools)]
+    points = [_point(tool, [now.get(k) for now in driven_by], left.get(tool.name)) for k, tool in enumerate(tools)]
     reach = max((tool.reach for tool in tools), default=0.0)
     return ToolMotion(stages, paths, loads, points, frees, [tool.name for tool in tools], lever, reach)
 
@@ -240,9 +242,17 @@ def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:
     return Driven(None, (only_free(load, free[:3], what), None), free)
 
 
-def _point(tool: Tool, stated: Sequence[Driven]) -> Floats:
-    """The reference point (3,) of a tool, one in all stages."""
-    said = [one.about for one in stated if one.about is not None]
+def _left_free(tools: Sequence[Tool], left: Mapping[str, LeftTool]) -> tuple[Bools, Floats]:
+    """Which components (tools, 6) of tools another run has left free, and what then acts on them, see LeftTool."""
+    there = [left.get(tool.name) for tool in tools]
+    free = np.array([one.free if one else np.zeros(6, dtype=bool) for one in there], dtype=bool).reshape(-1, 6)
+    return free, np.array([one.forces if one else np.zeros(6) for one in there]).reshape(-1, 6)
+
+
+def _point(tool: Tool, stages: Sequence[Driven | None], left: LeftTool | None) -> Floats:
+    """The reference point (3,) of a tool, one in all stages, which state this of it, and in those of the run that left it
+    as it is; another one only where no rotation goes on from there under a load that acts about the old one."""
+    said = [one.about for one in stages if one is not None and one.about is not None]
     if said and any(not np.array_equal(about, said[0]) for about in said):
         raise SceneError(
             f"motion of '{tool.name}': about = {said[0].tolist()} in one stage and {said[-1].tolist()} in another; a tool "
@@ -250,13 +260,24 @@ def _point(tool: Tool, stated: Sequence[Driven]) -> Floats:
             "the turn rx, ry, rz together with the way of the reference point that goes with it, (R - 1)(c - p), c being "
             "where it is then and R the turn"
         )
-    return said[0] if said else tool.point
+    if left is None:
+        return said[0] if said else tool.point
+    point, first = said[0] if said else left.point if left.said else tool.point, stages[0]
+    if np.any(point != left.point) and left.free[3:].any() and (first is None or first.path is None):
+        raise SceneError(
+            f"tool '{tool.name}' turns freely about {left.point.tolist()} in the run to start from, and goes on so in the "
+            f"first stage, but its reference point is {point.tolist()} here: let it be the same, Motion(about=...), or let "
+            "the first stage move the tool"
+        )
+    return point
 
 
-def turning(stated: Sequence[Stage]) -> list[str]:
-    """Names of the tools that turn by what is stated of their motion, each once."""
+def turning(stated: Sequence[Stage], left: Mapping[str, LeftTool]) -> list[str]:
+    """Names of the tools that turn by what is stated of their motion, or did in the run that left them, each once."""
     moves = [stage.move.items() for stage in stated if isinstance(stage.move, Mapping)]
-    return list(dict.fromkeys(tool.name for move in moves for tool, way in move if isinstance(way, Motion) and way.turns))
+    turned = [name for name, one in left.items() if one.free[3:].any() or np.any(one.turn != np.eye(3))]
+    stating = [tool.name for move in moves for tool, way in move if isinstance(way, Motion) and way.turns]
+    return list(dict.fromkeys(turned + stating))
 
 
 def _refuse_start(stage: Stage, what: str, first: Floats, before: Stage, reached: Floats, free: Bools) -> None:

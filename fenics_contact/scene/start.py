@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.scene.courses import Course
 from fenics_contact.scene.functions import Path
 from fenics_contact.scene.statements import LOADS
-from fenics_contact.types import Floats
+from fenics_contact.types import Bools, Floats
 from fenics_contact.values import SceneError
 
 if TYPE_CHECKING:  # which is built from it
@@ -22,6 +22,19 @@ if TYPE_CHECKING:  # which is built from it
 Driven = Sequence[tuple[str, Path]]  # loads by name, as functions of t
 Drives = dict[str, dict[str, Any]]  # plain values: JSON takes them
 STILL = 1e-9  # of the bodies' size: what may lie between a tied surface and where its rigid body has carried it
+
+
+class LeftTool(NamedTuple):
+    """A tool as a run leaves it. q (6,): coordinates [length]; forces (6,): outer force and, over the lever, moment [force];
+    point (3,): where its reference point began [length], said: whether a stage named that; turn (3, 3): its rotation since
+    then; free (6,): components that balance loads, and go on doing so until a stage names the tool."""
+
+    q: Floats
+    forces: Floats
+    point: Floats
+    turn: Floats
+    free: Bools
+    said: Bools
 
 
 @dataclass(frozen=True)
@@ -33,15 +46,20 @@ class Start:
     arrays: dict[str, Any] | None
     drives: Drives
 
+    @property
+    def tools(self) -> dict[str, LeftTool]:
+        """The other run's tools by name."""
+        return {name: LeftTool(*map(np.array, one)) for name, one in self.drives["tools"].items()}
+
 
 def drives_left(system: System, driven: Driven, scene: "Scene") -> Drives:
     """What holds a run's last state: {"loads": {name: [value, what the scene says of it]}, "supports": {name: what the scene
-    says}, "tools": {name: [coordinates, outer force and moment, reference point, rotation]}, "space": what its displacements
-    are of}. Collective."""
-    state, end = system.state, system.ending()
+    says}, "tools": {name: LeftTool as lists}, "space": what its displacements are of}. Collective."""
+    state, end, motion = system.state, system.ending(), system.tools
     loads = {what: [path.everywhere(state.t).tolist(), path.said()] for what, path in _courses(driven).items()}
     turns = [pose.turn for pose in state.tools]
-    ends = zip(system.tools.names, end.q, end.forces, system.tools.points, turns, strict=True)
+    said = [np.any(point != tool.point) for point, tool in zip(motion.points, scene.tools, strict=True)]
+    ends = zip(motion.names, end.q, end.forces, motion.points, turns, motion.free, said, strict=True)
     tools = {name: [part.tolist() for part in one] for name, *one in ends}
     return {"loads": loads, "supports": system.supports.entries.said(), "tools": tools, "space": _space(scene)}
 
@@ -50,7 +68,7 @@ def _space(scene: "Scene") -> dict[str, Any]:
     """What displacements must have in common to be taken over, besides the mesh, as a scene states it."""
     section = scene.section
     plane = None if section is None else "axisymmetric" if section.axisymmetric else "strain"
-    return {"degree": scene.degree, "plane": plane}
+    return {"degree": scene.degree, "plane": plane, "thickness": section.thickness if section else None}
 
 
 def begin(system: System, driven: Driven, start: Start, scene: "Scene") -> list[str]:
@@ -65,7 +83,7 @@ def begin(system: System, driven: Driven, start: Start, scene: "Scene") -> list[
                 f"start = {start.name} does not fit: that run has Scene(..., {word}={other!r}) and this one {word}={one!r}; "
                 f"state the same {word} in both, or start from rest"
             )
-    q, forces = _tools(system, start.drives["tools"])
+    q, forces = _tools(system, start.tools)
     system.stages.origin = End(0.0, q, forces)
     for what, course in _courses(driven).items():
         value, before = start.drives["loads"].get(what, [course.everywhere(0.0).tolist(), ()])
@@ -96,7 +114,7 @@ def begin(system: System, driven: Driven, start: Start, scene: "Scene") -> list[
 
 def _left_out(system: System, driven: Driven, start: Start) -> list[str]:
     """What the other scene had and this one has not: a tool by another name is not where it was, a load ends at once."""
-    tools, loads, here = start.drives["tools"], start.drives["loads"], _courses(driven)
+    tools, loads, here = start.tools, start.drives["loads"], _courses(driven)
     lost = ", ".join(f"'{name}'" for name in tools if name not in system.tools.names)
     new = ", ".join(f"'{name}'" for name in system.tools.names if name not in tools)
     notes = (
@@ -104,6 +122,11 @@ def _left_out(system: System, driven: Driven, start: Start) -> list[str]:
         if lost and new
         else []
     )
+    notes += [
+        f"tool '{name}', pushed where {start.name} ends, is in no contact or tie: its force is gone at once"
+        for name, tool in tools.items()
+        if name not in system.tools.names and np.any(tool.forces[tool.free])
+    ]
     for what, (value, _) in loads.items():
         rest = 1.0 if what.startswith(LOADS["swell"]) else 0.0
         if what not in here and np.any(np.array(value) != rest):
@@ -113,14 +136,14 @@ def _left_out(system: System, driven: Driven, start: Start) -> list[str]:
     return notes
 
 
-def _tools(system: System, there: dict[str, Any]) -> tuple[Floats, Floats]:
+def _tools(system: System, there: dict[str, LeftTool]) -> tuple[Floats, Floats]:
     """Coordinates and outer forces (tools, 6) of the tools in another run's last state, those of no such name at rest; the
     rotations are put into the state."""
     tools, poses = system.tools, system.state.poses
     q, forces = np.zeros((2, len(tools), 6))
     for i, (name, point) in enumerate(zip(tools.names, tools.points, strict=True)):
         if name in there:
-            q[i], forces[i], start, turn = map(np.array, there[name])
+            q[i], forces[i], start, turn, *_ = there[name]
             pose = Pose(start, q[i, :3].copy(), turn, np.eye(3), tools.lever)
             q[i, :3] = pose.placed(point) - point  # of the reference point, which may be another one here
             forces[i, 3:] += np.cross(pose.place - point - q[i, :3], forces[i, :3]) / tools.lever
