@@ -260,6 +260,15 @@ def on_an_incline(friction=0.3):
     return scene, {"stabilise": True}
 
 
+def on_a_steep_slope(**options):
+    """As on_an_incline, in the plane: without springs the first step's tangent is singular."""
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (10.0, 5.0), (16, 8))})
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane="strain")
+    scene.contact("box_ymin", rigid_plane(normal=(0, 1, 0), name="slope"), 0.5, name="c")
+    scene.body_force((0.0094, -0.0177, 0.0))
+    return scene, options
+
+
 def two_in_one_group():
     """Two blocks that nothing joins, as one volume group."""
     two_blocks.build(lower_cells=(4, 4, 1), upper_cells=(3, 3, 1), upper_origin=(5.0, 10.0, 1.0))
@@ -337,6 +346,8 @@ CATALOGUE = {
         "raise friction=, fix a surface, or prescribe",
     ),
     "on an incline": (on_an_incline, "friction used up", "contact 'c'", "raise friction="),
+    "on a steep slope": (on_a_steep_slope, "no convergence", "most at (", "solve(..., stabilise=True)"),
+    "seen to slide": (lambda: on_a_steep_slope(stabilise=True), "friction used up", "contact 'c'", "raise friction="),
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
     "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),

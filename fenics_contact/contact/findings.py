@@ -123,7 +123,7 @@ def _edge_note(contact: Contact, state: State) -> str | None:
     _, place = worst(contact, comm, on_edges)
     return (
         f"{carried / total:.2g} of the contact's force is on nodes at edges between faces of the slave, most at {place}: "
-        "their areas are those of all these faces, their pressures too small, and the law of friction is evaluated with them; "
+        "their areas are those of all these faces, their pressures too small, and the law of friction takes them; "
         "name the face that touches alone, or take points=3 (Gauss points)"
     )
 

@@ -100,6 +100,9 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
         ways = ["take more steps, or allow shorter ones (smallest_step=)"]
     elif not ways:
         ways = [*damping(system), "take finer cells there, and round edges that press or slide there"]
+    # springs tell what friction cannot hold from the first step on, which no tangent of the start does
+    if len(system.trail.accepted) < 2 and system.grounding and not system.stabilised:
+        ways = ["see what holds before the contacts do: solve(..., stabilise=True)", *ways]
     return Finding(UNKNOWN, reason, place, " or ".join(ways))
 
 
