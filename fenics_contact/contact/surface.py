@@ -28,11 +28,13 @@ class Beside(NamedTuple):
 
 class Between(NamedTuple):
     """What lies between slave points that are nodes: facets' local nodes (nf, k), their reference positions X (nf, k, 3)
-    [length], weights (nf, nq, k) in places on them, and their shortest sides over the degree, spacing (nf,) [length]."""
+    [length], weights a (nf, nq, k) and gradients in places on them, as of SlaveSurface, and their shortest sides over the
+    degree, spacing (nf,) [length]."""
 
     nodes: Ints
     X: Floats
     a: Floats
+    gradients: Floats
     spacing: Floats
 
 
@@ -112,7 +114,7 @@ def slave_surface(
     means: Means = stiffness, height, spacing
     between = None
     if points == "nodes":  # an odd number has one in the middle
-        between = Between(nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing)
+        between = Between(nodes, X[nodes], *facet_points(*where, 2 * degree + 1)[:2], spacing)
     if points in ("nodes", "averages"):
         tangents = None
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
