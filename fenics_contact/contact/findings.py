@@ -230,6 +230,17 @@ def _folded(contact: Contact, state: State) -> Finding | None:
     return Finding(LOST, text, place, _held_better(contact))
 
 
+def _passed(contact: Contact, state: State) -> Finding | None:
+    """None, or the Finding that a tool has come out behind the slave surface in this step. Collective."""
+    if (passed := contact.places.passed(state, contact.trial)) is None:
+        return None
+    depth, place = worst(contact, state.u.function_space.mesh.comm, *passed, above=0.0)
+    if depth <= 0.0:
+        return None
+    text = f"'{contact.master_name}' was passed through by {depth:.3g} in one step: it has come out behind the surface"
+    return Finding(LOST, text, place, "take smaller steps, or raise the penalty")
+
+
 def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
     """None, or the Finding that a pressure is greater than those for which mu(p) was given. Collective."""
     table = contact.trial.law.friction.table
@@ -270,7 +281,7 @@ class Findings:
             text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
             remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
             return Finding(LOST, text, f"contact '{contact.name}'", remedy)
-        if found := _sunk(contact, state, SUNK) or _folded(contact, state):
+        if found := _passed(contact, state) or _sunk(contact, state, SUNK) or _folded(contact, state):
             return found
         if known := _beyond_the_law(contact, state):
             return known
@@ -342,5 +353,5 @@ class Findings:
         beyond = "more than " if nearest >= search else ""
         return (
             f"contact '{contact.name}' never closed: '{contact.master_name}' ends {beyond}{nearest:.3g} away; see that both "
-            "are in the same units and in their places, and that the path is long enough"
+            "are in the same units and in their places, and that the path is long enough and comes from the slave's side"
         )

@@ -12,6 +12,7 @@ from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vecto
 from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
+from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
@@ -67,6 +68,9 @@ class PlacesOnFacets:
     def sags(self, state: State) -> Floats:
         """None: between slave nodes is not looked."""
         return np.empty(0)
+
+    def passed(self, state: State, trial: Trial) -> tuple[Floats, Floats] | None:
+        """None: points without a partner say so, see `lost_depth`."""
 
     def keys_of(self, nodes: Ints64) -> Ints64:
         """Keys, which no partition changes, of nodes of the master, numbers among the coordinates; -1: none."""

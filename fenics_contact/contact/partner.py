@@ -59,6 +59,11 @@ class Places(Protocol):
 
     def lost_depth(self, state: State, trial: Trial) -> float: ...
 
+    def passed(self, state: State, trial: Trial) -> tuple[Floats, Floats] | None:
+        """How deep (n,) places of the slave have been led through the master and out of it behind them, and their reference
+        positions (n, 3) [length]; None where points without a partner tell of that."""
+        ...
+
     def back_share(self, state: State) -> float: ...
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.passing import Facets, depths_passed
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.contact.trial import Trial
@@ -15,9 +16,11 @@ from fenics_contact.types import Array, Bools, Floats, Space
 
 
 class RigidFeet(NamedTuple):
-    """Positions x (ne, k, 3) of the slave nodes [length], and the Pose of the tool."""
+    """Positions x (ne, k, 3) of the slave nodes, facets (nf, m, 3) of the nodes of the facets they lie on, this rank's or
+    not [length], and the Pose of the tool."""
 
     x: Floats
+    facets: Floats
     pose: Pose
 
 
@@ -39,9 +42,12 @@ class RigidPlaces:
 
     def feet(self, state: State) -> RigidFeet:
         """The places at a state; the same object while these do not change."""
-        s, feet = self.surface, self._feet
-        now = RigidFeet(s.X + state.u.x.array.reshape(-1, 3)[s.nodes], state.pose(self.index))
-        if feet is None or not np.array_equal(now.x, feet.x) or not now.pose.same(feet.pose):
+        s, feet, u = self.surface, self._feet, state.u.x.array.reshape(-1, 3)
+        x = s.X + u[s.nodes]
+        facets = x if s.between is None else s.between.X + u[s.between.nodes]
+        now = RigidFeet(x, facets, state.pose(self.index))
+        moved = feet is None or not (np.array_equal(x, feet.x) and np.array_equal(facets, feet.facets))
+        if feet is None or moved or not now.pose.same(feet.pose):
             feet = self._feet = now
         return feet
 
@@ -126,6 +132,22 @@ class RigidPlaces:
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Zero: an analytic tool knows of every point how deep inside it is."""
         return 0.0
+
+    def passed(self, state: State, trial: Trial) -> tuple[Floats, Floats] | None:
+        """How deep (n,) the ways of places on the slave since the last accepted state lead through the tool and out of it
+        behind the surface, and the places' reference positions (n, 3) [length]; None where it has no other side."""
+        if self.tool.flat:
+            return None
+        s, now, then = self.surface, self.feet(state), trial.history.feet
+        if s.between is not None:
+            facets = Facets(s.between.a, s.between.gradients, s.between.X)
+        elif s.gradients is not None:
+            facets = Facets(s.a, s.gradients, s.X)
+        else:
+            return None
+        at_start = self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, np.zeros(3)
+        before, after = (feet.pose.before(feet.facets) for feet in (then, now))
+        return depths_passed(facets, before, after, at_start, s.cell_height)
 
     def back_share(self, state: State) -> float:
         """Zero: an analytic tool knows its outside."""

@@ -31,19 +31,19 @@ class Beside(NamedTuple):
 
 class Between(NamedTuple):
     """What lies between slave points that are nodes: facets' local nodes (nf, k), their reference positions X (nf, k, 3)
-    [length], weights (nf, nq, k) in places on them, their shortest sides over the degree, spacing (nf,) [length]; curves: of
-    a plane mesh."""
+    [length], weights a (nf, nq, k) and gradients in places on them, as of SlaveSurface, and their shortest sides over the
+    degree, spacing (nf,) [length]."""
 
     nodes: Ints
     X: Floats
     a: Floats
+    gradients: Floats
     spacing: Floats
-    curves: bool
 
     def on_edges(self, slaves: Ints) -> Bools:
         """Which of the slave nodes (n,) have facets that stand across one another, by this rank's facets."""
-        way, other = self.X[:, 1] - self.X[:, 0], np.array([0.0, 0.0, 1.0]) if self.curves else self.X[:, 2] - self.X[:, 0]
-        normals = np.cross(way, other)
+        ways = np.einsum("ftk,fkc->ftc", self.gradients.mean(axis=1), self.X)
+        normals = np.cross(ways[:, 0], ways[:, 1] if ways.shape[1] == 2 else np.array([0.0, 0.0, 1.0]))
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         count = np.zeros(max(self.nodes.max(initial=-1), slaves.max(initial=-1)) + 1)
         spread = np.zeros((len(count), 3, 3))
@@ -128,7 +128,7 @@ def slave_surface(
     means: Means = stiffness, height, spacing
     between = None
     if points == "nodes":  # an odd number has one in the middle
-        between = Between(nodes, X[nodes], facet_points(*where, 2 * degree + 1)[0], spacing, mesh.topology.dim == 2)
+        between = Between(nodes, X[nodes], *facet_points(*where, 2 * degree + 1)[:2], spacing)
     if points in ("nodes", "averages"):
         tangents = None
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
