@@ -277,8 +277,8 @@ def test_jumps_grow_where_they_come_to_rest_and_end_where_they_do_not(monkeypatc
 
 def squashed(points, **options):
     """Result of a rubber cylinder, axisymmetric, between rough plates, which its barrel comes to meet."""
-    rubber = rectangles.build, {"rubber": ((0.0, 0.0), (10.0, 10.0), (16, 16))}
-    scene = Scene(Body(read_gmsh(rubber[0], rectangles=rubber[1]), "rubber", neo_hooke(0.5, 5.0)), plane="axisymmetric")
+    mesh = read_gmsh(rectangles.build, rectangles={"rubber": ((0.0, 0.0), (10.0, 10.0), (16, 16))})
+    scene = Scene(Body(mesh, "rubber", neo_hooke(0.5, 5.0)), plane="axisymmetric")
     scene.fix("rubber_xmin", "x")
     lid, floor = rigid_plane((0, 10, 0), (0, -1, 0), name="lid"), rigid_plane((0, 0, 0), (0, 1, 0), name="floor")
     scene.contact(("rubber_ymax", "rubber_xmax"), lid, 0.3, points=points, name="lid")

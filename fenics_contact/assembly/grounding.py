@@ -9,7 +9,7 @@ from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.spring_term import Springs, SpringTerm
 from fenics_contact.assembly.term import Silent, State
-from fenics_contact.types import Array, Bools, Floats
+from fenics_contact.types import Array, Bools
 
 if TYPE_CHECKING:  # it has one of these
     from fenics_contact.assembly.system import System
@@ -80,14 +80,9 @@ class Grounding(SpringTerm):
         if self._before is None or self._pull is None or self.share > self._softest:
             return 0.0
         fading = np.log(self._pull) / np.log(self._before / self._pull) if self._before > self._pull else np.inf
-        last, way = self._system.trail.last, self._way(state, self._reference.x.array, self._q)
-        left = FAR * self._system.extent - self._way(state, last.u, last.q)
+        last, way = self._system.trail.last, self._system.way_from(self._reference.x.array, self._q)
+        left = FAR * self._system.extent - self._system.way_from(last.u, last.q)
         return min(fading, left / way if left > 0.0 < way else np.inf)
-
-    def _way(self, state: State, u: Floats, q: Floats) -> float:
-        """Largest motion [length] of a body or a tool from u (local array) and q. Collective."""
-        way = max(self._system.comm.allgather(np.abs(state.u.x.array - u).max(initial=0.0)))
-        return max(way, np.abs(state.q - q).max(initial=0.0))
 
     def stiffen(self) -> bool:
         """Take stiffer springs, and no softer ones within this step; False where they are as stiff as at first."""

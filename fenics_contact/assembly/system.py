@@ -185,6 +185,11 @@ class System:
         forces = np.where(self.tools.free, stated, self.tool_residual + stated)
         return End(self.state.t, self.state.q.copy(), forces)
 
+    def way_from(self, u: Floats, q: Floats) -> float:
+        """Largest motion [length] of a node or a tool from u (local array) and q to the state. Collective."""
+        way = max(self.comm.allgather(np.abs(self.state.u.x.array - u).max(initial=0.0)))
+        return max(way, np.abs(self.state.q - q).max(initial=0.0))
+
     def strain_energy(self) -> float:
         """Of the bodies at the state, over that at rest [force x length]. Collective."""
         return self.comm.allreduce(self.terms[0].strain_energy()) - self._at_rest

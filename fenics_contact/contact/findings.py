@@ -111,8 +111,8 @@ def _lean_note(contact: Contact, state: State) -> str | None:
 def _edge_note(contact: Contact, state: State) -> str | None:
     """None, or that nodes on edges of the slave, whose areas are those of all faces there, carry load under a law that asks
     for pressures. Collective."""
-    law, facets, comm = contact.trial.law.friction, contact.surface.between, state.u.function_space.mesh.comm
-    if facets is None or not (law.shear > 0.0 or law.exponent != 0.0 or len(law.table)):
+    facets, comm = contact.surface.between, state.u.function_space.mesh.comm
+    if facets is None or not contact.trial.asks_pressure:
         return None
     edges = facets.on_edges(contact.surface.nodes[:, 0])
     force = np.linalg.norm(contact.response(state).traction, axis=2).ravel() * contact.surface.area.ravel()

@@ -74,6 +74,12 @@ class Trial:
         """Whether there is friction."""
         return self.law.friction.mu > 0.0
 
+    @property
+    def asks_pressure(self) -> bool:
+        """Whether the law of friction knows more of a pressure than that friction grows with it."""
+        friction = self.law.friction
+        return bool(friction.exponent or friction.shear or len(friction.table))
+
     def under(self, law: Law) -> "Trial":
         return replace(self, law=law)
 

@@ -53,11 +53,11 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
         report.add(moved)
         system.trail.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
-        if _way(system, origin, q) > farthest:
+        if system.way_from(origin, q) > farthest:
             break
         if resting and (last := _at_rest(system, stepper, goal)):
             report.add(last)
-            _conclude(system, report, work, _way(system, origin, q), scale)
+            _conclude(system, report, work, system.way_from(origin, q), scale)
             return report
     _restore(system, kept)
     raise StepFailed("damped motion did not come to rest")
@@ -117,12 +117,6 @@ def _driven(system: System, goal: float) -> Floats:
         with way.localForm() as local:
             u += local.array_r
     return u
-
-
-def _way(system: System, u: Floats, q: Floats) -> float:
-    """Largest motion [length] of a node or a tool from u (local array) and q. Collective."""
-    way = max(system.comm.allgather(np.abs(system.state.u.x.array - u).max(initial=0.0)))
-    return max(way, np.abs(system.state.q - q).max(initial=0.0))
 
 
 def _conclude(system: System, report: StepReport, work: float, way: float, scale: float) -> None:

@@ -48,17 +48,17 @@ def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, to
 def _rubbing(system: System, rough: Sequence[ContactTerm]) -> Forces | None:
     """Of the friction of points that slip in the last accepted state, local dofs; None elsewhere, or where none does.
     Collective."""
-    forces, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.state.q)
-    bare, smooth = np.zeros_like(forces), np.zeros_like(wrenches)
-    slipping, elsewhere = 0, not np.array_equal(system.state.u.x.array, system.trail.last.u)
-    for contact in rough:
-        slips = contact.response(system.state).status.ravel() == contact.parts.laws(False)["slip"]
-        slipping += int(slips.sum())
-        contact.add_residual(system.state, forces, wrenches, contact.parts.part(slips))
-        contact.add_residual(system.state, bare, smooth, contact.parts.part(slips, frictionless=True))
-    points, ranks = system.comm.allreduce(np.array([slipping, int(elsewhere)]))
-    if ranks or not points:
+    state = system.state
+    slips = [contact.response(state).status.ravel() == contact.parts.laws(False)["slip"] for contact in rough]
+    counts = sum(int(mask.sum()) for mask in slips), int(not np.array_equal(state.u.x.array, system.trail.last.u))
+    points, elsewhere = system.comm.allreduce(np.array(counts))
+    if elsewhere or not points:
         return None
+    forces, wrenches = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
+    bare, smooth = np.zeros_like(forces), np.zeros_like(wrenches)
+    for contact, mask in zip(rough, slips, strict=True):
+        contact.add_residual(state, forces, wrenches, contact.parts.part(mask))
+        contact.add_residual(state, bare, smooth, contact.parts.part(mask, frictionless=True))
     return forces - bare, wrenches - smooth
 
 
