@@ -15,7 +15,7 @@ import numpy as np
 
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Side
+from fenics_contact.solvers.linear import LinearSolver, Side
 from fenics_contact.solvers.newton import (
     HELD,
     SHORTEST,
@@ -106,10 +106,7 @@ class ArcLength:
     # -- the path's rate ------------------------------------------------------------------------------------------
     def start(self, system: System, last: Increment | None = None) -> Increment:
         """Unit rate of the path at an accepted state: t growing, or, where a last increment is given, back along it."""
-        try:
-            rate = self._raw_rate(system, self._load_side(system)[0])
-        except LinearFailure as failure:
-            raise StepFailed(*failure.args) from None
+        rate = self._raw_rate(system, self._load_side(system)[0])
         if self.per_load is None:
             self.per_load = 0.0
             if not (moved := self.norm(rate)) > 0.0:
@@ -172,11 +169,7 @@ class ArcLength:
                 raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
             if foreseen or anew:
                 system.assemble_residual()
-            try:
-                correction = self._correction(system, side, arc, _forcing(size, self.tolerance))
-            except LinearFailure as failure:
-                raise StepFailed(*failure.args) from None
-            made = _advance(system, correction)
+            made = _advance(system, self._correction(system, side, arc, _forcing(size, self.tolerance)))
             foresight.release()
             before = _shorten(system, made, FINITE if foresight.settles else before)
 
@@ -188,10 +181,7 @@ class ArcLength:
 
     def rate_along(self, system: System, arc: Arc) -> Increment:
         """Unit rate of the path at a converged state, pointing the way it was reached along an Arc."""
-        try:
-            rate = self._raw_rate(system, self._load_side(system)[0])
-        except LinearFailure as failure:
-            raise StepFailed(*failure.args) from None
+        rate = self._raw_rate(system, self._load_side(system)[0])
         return rate.times(np.copysign(1.0 / self.norm(rate), self._onward(rate, self.made(system), arc)))
 
     def _onward(self, rate: Increment, made: Increment, arc: Arc) -> float:

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from fenics_contact.assembly.finding import MEMORY, TOO_SOFT, TOO_STIFF
+from fenics_contact.assembly.finding import TOO_SOFT
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.report import StepperTo, StepReport
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
 Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
 Report = TypeVar("Report", bound=StepReport)
@@ -24,8 +24,6 @@ BRIEF = 3  # so many where multipliers have come to that earlier in the same ste
 # cell deep, leaves 2 E times its area (100 E / h is the default penalty), the force of tens of points at a strain of a tenth
 BALANCED = 1e-2
 
-
-NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with multipliers
 # Shares of pressure and friction that multipliers take over, tried one after the other where Newton does not get along: at
 # the state at hand a point's friction grows by its share, and where that exceeds the limit the point slips at first
 SHARES: Shares = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25), (0.125, 0.125), (0.5, 0.0), (0.125, 0.0))

@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
 from fenics_contact.assembly.grounding import CLOSER, Grounding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.report import Stepper, StepReport
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
-NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with what holds a body
 LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap of ten sizes of a body takes tens
 
 

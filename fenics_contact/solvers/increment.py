@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
-from fenics_contact.solvers.linear import LinearFailure, LinearSolver, Solution
+from fenics_contact.solvers.linear import LinearSolver, Solution
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
@@ -28,10 +28,7 @@ def solve_once(
 ) -> Solution:
     """One tangent solve with the assembled residual, and the update of the state. trials: see System.assemble_tangent."""
     system.assemble_tangent(trials=trials)
-    try:
-        increment = linear.solve(du, dq, tolerance)
-    except LinearFailure as failure:
-        raise StepFailed(*failure.args) from None
+    increment = linear.solve(du, dq, tolerance)
     moved = max(increment[0].norm(PETSc.NormType.NORM_INFINITY), np.abs(increment[1]).max(initial=0.0))
     if not moved <= FARTHEST * system.extent + max(np.abs(du).max(initial=0.0), np.abs(dq).max(initial=0.0)):
         raise StepFailed("the tangent is singular: an increment is not finite or far larger than the bodies")

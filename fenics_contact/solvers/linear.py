@@ -12,6 +12,7 @@ from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
 from fenics_contact.solvers.softest import Softest
+from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array, Floats, Mat, Vec
 
 # MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
@@ -33,8 +34,8 @@ Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, tools' one (tools,
 Solution = tuple[Vec, Floats]  # du and dq (tools, 6) [length]
 
 
-class LinearFailure(RuntimeError):
-    """The linear solver could not solve the tangent system; arguments (why, kind of finding, place, remedy)."""
+class LinearFailure(StepFailed):
+    """The linear solver could not solve the tangent system."""
 
 
 class LinearSolver:

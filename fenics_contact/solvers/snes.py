@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.gripping import first_solve
-from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import relative_residual
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
@@ -41,10 +41,7 @@ class Snes:
         problem = _Problem(system, self.linear, np.zeros_like(du), np.zeros_like(dq))
         snes = problem.solver(max(self.tolerance * system.scales.balance, system.scales.noise), self.limit)
         x = problem.start()
-        try:
-            snes.solve(None, x)
-        except LinearFailure as failure:
-            raise StepFailed(*failure.args) from None
+        snes.solve(None, x)
         problem.put(x)
         report.iterations += snes.getLinearSolveIterations() or snes.getIterationNumber()
         report.residuals.append(relative_residual(system))

@@ -1,14 +1,12 @@
 """Steps that stiff penalties keep Newton from solving: solved with softer ones first, from where the full ones take few."""
 
-from fenics_contact.assembly.finding import MEMORY, TOO_STIFF
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
 ROUGH = 1e-3  # of the force: out of balance with the softer penalties, which only find who is in contact
-NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that have nothing to do with the way to the solution
 
 
 class Softened:

@@ -5,10 +5,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fenics_contact.assembly.finding import CONVERGED, CYCLING, UNKNOWN, Finding
+from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
+NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that springs, multipliers or another way to the solution do not mend
 SHORTENED = ": increments shortened"  # how the notes on such steps end
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
