@@ -73,14 +73,10 @@ class FacetPartner(OnFacets):
 
     def response(self, feet: FacetFeet, trial: Trial) -> Response:
         forces, (ne, nq) = np.zeros_like(feet.coords), self.surface.area.shape
-        traction, excess, status = np.empty((ne * nq, 3)), np.empty(ne * nq), np.empty(ne * nq, dtype=np.int32)
-        out = forces, status, traction, excess
-        add_forces(*self.pairs(feet, trial, trial.area), self.laws(feet, trial), out)
+        traction, status = np.empty((ne * nq, 3)), np.empty(ne * nq, dtype=np.int32)
+        add_forces(self.pairs(feet, trial, trial.area), self.laws(feet, trial), (forces, status, traction))
         gap, points = np.minimum(feet.projection[4], self.places.search), (ne, nq)
-        cover = np.ones(points)
-        return Response(
-            traction.reshape(ne, nq, 3), gap.reshape(points), status.reshape(points), excess.reshape(points), cover, forces
-        )
+        return Response(traction.reshape(ne, nq, 3), gap.reshape(points), status.reshape(points), np.ones(points), forces)
 
     def add_forces(self, feet: FacetFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -97,7 +93,7 @@ class FacetPartner(OnFacets):
 
     def _tangent(self, feet: FacetFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent: each pair of nodes once."""
-        pairs, parts = (*self.pairs(feet, trial, trial.area), self.laws(feet, trial)), self._directions(feet, trial)
+        pairs, parts = (self.pairs(feet, trial, trial.area), self.laws(feet, trial)), self._directions(feet, trial)
 
         def add(pattern: Pattern, out: tuple[Floats, Bools]) -> int:
             missing = add_tangents(*pairs, pattern, out)
@@ -127,5 +123,5 @@ class FacetPartner(OnFacets):
     def foreseen(self, feet: FacetFeet, before: FacetFeet, trial: Trial) -> Floats:
         """Gaps (np,) that the tangent at the places `before` foresees at these, shifts added."""
         gaps = np.empty(len(before.projection[4]))
-        foreseen_gaps(*self.pairs(before, trial), feet.coords - before.coords, gaps)
+        foreseen_gaps(self.pairs(before, trial), feet.coords - before.coords, gaps)
         return np.where(np.isfinite(gaps), gaps, feet.projection[4]) + trial.history.shift.reshape(-1)

@@ -67,13 +67,13 @@ class MortarPartner(OnFacets):
         return self._laws.friction(feet, trial)
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
-        averaged, status, N, T, _, excess = self._laws.tractions(feet, trial)
+        averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), feet.samples, self.surface.area
         kernel.add_node_forces(s.slaves, self.places.facets, feet.met, (N, T, self.places.around.number), forces, sums)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:] / area)[:, None])
-        return Response(traction, gap, status[:, None], excess[:, None], cover, forces, split)
+        return Response(traction, gap, status[:, None], cover, forces, split)
 
     def add_forces(self, feet: MortarFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -90,7 +90,7 @@ class MortarPartner(OnFacets):
 
     def _tangent(self, feet: MortarFeet, trial: Trial) -> tuple[Ints64, Ints64, Floats, Linearised]:
         """Rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair once, and what it knew."""
-        averaged, _, N, T, _, _ = self._laws.tractions(feet, trial)
+        averaged, _, N, T, _ = self._laws.tractions(feet, trial)
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
         s, turned, anchors, pattern = feet.samples, self._laws.turned(feet), own(trial.history.anchors), self._pattern
@@ -152,7 +152,7 @@ class MortarPartner(OnFacets):
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
-        _, _, N, _, _, _ = self._laws.tractions(feet, trial)
+        _, _, N, _, _ = self._laws.tractions(feet, trial)
         around, slaves = self.places.around, feet.samples.slaves
         none = np.concatenate(self.places.comm.allgather(around.own[held]))
         beside = np.isin(around.corners, np.setdiff1d(around.ends(), none)).any(axis=1)

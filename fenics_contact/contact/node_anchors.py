@@ -31,7 +31,7 @@ class NodeAnchors:
     def resting(self, feet: MortarFeet, trial: Trial) -> Anchors:
         """Where nodes that came to rest here slip from: their places, behind by what the body's spring of those that are
         covered in part gives way under their traction."""
-        averaged, _, _, T, _, _ = self._laws.tractions(feet, trial)
+        averaged, _, _, T, _ = self._laws.tractions(feet, trial)
         spring = 1.0 - self._laws.softened(averaged, trial)[:, None]
         return self.trailing(feet, spring * T / self._laws.stick(averaged, trial))
 
@@ -58,7 +58,7 @@ class NodeAnchors:
         A node that sticks keeps its own, unless a sample of it has come over the master: no anchor of that one alone would
         leave the mean way as it was.
         """
-        averaged, status, _, T, _, _ = self._laws.tractions(feet, trial)
+        averaged, status, _, T, _ = self._laws.tractions(feet, trial)
         slips, stuck = T / self._laws.stick(averaged, trial), status == STICK
         slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
         anchors = trial.history.anchors
@@ -79,7 +79,7 @@ class NodeAnchors:
         """Which nodes stick since they came to rest, and slips (ns, 3) [length] of their tractions after Uzawa's update and
         now. A node covered in part keeps the body's spring, as it does along the normal."""
         ways, rested = self._rested(feet, trial.history.rests)
-        averaged, found, _, _, trial_traction, _ = self._laws.tractions(feet, trial)
+        averaged, found, _, _, trial_traction = self._laws.tractions(feet, trial)
         pulled = trial_traction / self._laws.stick(averaged, trial)
         return (found == STICK) & rested, self._laws.softened(averaged, trial)[:, None] * pulled + ways, pulled
 
@@ -91,7 +91,7 @@ class NodeAnchors:
     def stiffened(self, feet: MortarFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for nodes that slip on from rest as they do."""
         ways, rested = self._rested(feet, rests)
-        averaged, found, _, _, pulled, _ = self._laws.tractions(feet, trial)
+        averaged, found, _, _, pulled = self._laws.tractions(feet, trial)
         slips = (pulled / self._laws.stick(averaged, trial) + (factor - 1.0) * ways) / factor
         return self._behind(feet, trial.history.anchors, (found >= STICK) & rested, slips)
 

@@ -56,8 +56,8 @@ class NodeLaws:
     def turned(self, feet: MortarFeet) -> tuple[Ints64, Ints64, Floats, Floats]:
         return self._places.around.groups[3], self._places.around.groups[4], feet.turns, feet.lengths
 
-    def tractions(self, feet: MortarFeet, trial: Trial) -> tuple[kernel.Averaged, Ints, Floats, Floats, Floats, Floats]:
-        """Averages, and status, N, T_T, T_T^tr, excess of the slave nodes."""
+    def tractions(self, feet: MortarFeet, trial: Trial) -> tuple[kernel.Averaged, Ints, Floats, Floats, Floats]:
+        """Averages, and status, N, T_T, T_T^tr of the slave nodes."""
         averaged = self.averaged(feet, trial.history.anchors)
         return averaged, *kernel.node_tractions(self.numbers(trial, self.friction(feet, trial)), averaged, self.share(trial))
 

@@ -38,7 +38,7 @@ class PointAnchors:
 
     def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = self.none(), np.empty(np.prod(self._shape))
-        committed_anchors(*self._partner.pairs(feet, trial), self._partner.laws(feet, trial, touch), new, sliding)
+        committed_anchors(self._partner.pairs(feet, trial), self._partner.laws(feet, trial, touch), new, sliding)
         return new, sliding.reshape(self._shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
@@ -58,7 +58,7 @@ class PointAnchors:
     ) -> tuple[tuple[Ints64, Floats], Floats]:
         """Anchors and slips (np,) since points came to rest, see `anchors_since_rest`."""
         pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
-        nodes, weights, slips = anchors_since_rest(*pairs, own(rests), laws, grown)
+        nodes, weights, slips = anchors_since_rest(pairs, own(rests), laws, grown)
         return (nodes, weights), slips
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:

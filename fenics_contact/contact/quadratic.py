@@ -85,17 +85,17 @@ class QuadraticPartner(FacetPartner):
     def response(self, feet: FacetFeet, trial: Trial) -> Response:
         touching = self.touching(feet, trial, self._pressing(feet, trial), trial.area)
         at, n = touching.at, len(touching.at)
-        traction, excess, status = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int32)
+        traction, status = np.empty((n, 3)), np.empty(n, dtype=np.int32)
         at_corners = np.zeros_like(touching.pairs[0])
-        flat.add_forces(*touching.pairs, self.laws_at(feet, trial, at), (at_corners, status, traction, excess))
+        flat.add_forces(touching.pairs, self.laws_at(feet, trial, at), (at_corners, status, traction))
         forces, rows = np.zeros_like(feet.coords), touching.rows
         at_nodes = np.einsum("qcn,qcx->qnx", touching.lift[:, :, :rows], at_corners.reshape(*touching.lift.shape[:2], 3))
         np.add.at(forces, touching.nodes[:, :rows], at_nodes)
         shape = self.surface.area.shape
-        every = np.zeros((shape[0] * shape[1], 3)), np.full(shape, OPEN, dtype=np.int32), np.zeros(shape)
-        every[0][at], every[1].reshape(-1)[at], every[2].reshape(-1)[at] = traction, status, excess
+        tractions, statuses = np.zeros((shape[0] * shape[1], 3)), np.full(shape, OPEN, dtype=np.int32)
+        tractions[at], statuses.reshape(-1)[at] = traction, status
         gap = np.minimum(feet.projection[4], self.places.search).reshape(shape)
-        return Response(every[0].reshape(*shape, 3), gap, *every[1:], np.ones(shape), forces)
+        return Response(tractions.reshape(*shape, 3), gap, statuses, np.ones(shape), forces)
 
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         touching = self.touching(feet, trial, self._pressing(feet, trial), trial.area)
@@ -105,10 +105,10 @@ class QuadraticPartner(FacetPartner):
         columns = (first[:, None] + np.arange(corners)).ravel()
         pattern = numbers, corners * numbers, corners * (numbers + 1), columns
         out = np.zeros((len(columns), 3, 3)), np.zeros(len(columns), dtype=bool)
-        add_tangents(*touching.pairs, law, pattern, out)
+        add_tangents(touching.pairs, law, pattern, out)
         if corners > CORNERS:
             parts = numbers.reshape(n, corners)[:, CORNERS:], np.ones((n, 1))
-            add_turning_tangents(*touching.pairs, law, parts, (*pattern, *out))
+            add_turning_tangents(touching.pairs, law, parts, (*pattern, *out))
         matrices = out[0].reshape(n, corners, corners, 3, 3)
         lifted = matrices, touching.lift, touching.nodes, touching.rows
         rows, others, values, missing = self._pattern.filled(lambda *out: add_lifted(*lifted, *out))
@@ -121,6 +121,6 @@ class QuadraticPartner(FacetPartner):
         touching, gaps = self.touching(before, trial, self.paired(before)), before.projection[4].copy()
         moved = np.einsum("qcn,qnx->qcx", touching.lift, (feet.coords - before.coords)[touching.nodes]).reshape(-1, 3)
         found = np.empty(len(touching.at))
-        flat.foreseen_gaps(*touching.pairs, moved, found)
+        flat.foreseen_gaps(touching.pairs, moved, found)
         gaps[touching.at] = found
         return np.where(np.isfinite(gaps), gaps, feet.projection[4]) + trial.history.shift.reshape(-1)

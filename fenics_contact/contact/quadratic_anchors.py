@@ -41,7 +41,7 @@ class QuadraticAnchors(PointAnchors):
         touching = self._partner.touching(feet, trial, self._partner.paired(feet))
         n = len(touching.at)
         new, slid = (np.full((n, 4), -1), np.empty((n, 4))), np.empty(n)
-        flat.committed_anchors(*touching.pairs, self._partner.laws_at(feet, trial, touching.at, touch), new, slid)
+        flat.committed_anchors(touching.pairs, self._partner.laws_at(feet, trial, touching.at, touch), new, slid)
         lost = (feet.projection[1] == NONE)[:, None]
         (no_nodes, no_weights), (nodes, weights) = self.none(), own(trial.history.anchors)
         old = np.where(lost, no_nodes, nodes), np.where(lost, no_weights, weights)
@@ -63,7 +63,7 @@ class QuadraticAnchors(PointAnchors):
     ) -> tuple[tuple[Ints64, Floats], Floats]:
         touching, pairs, rested = self._from_rest(feet, trial, rests)
         laws = self._partner.laws_at(feet, trial, touching.at)
-        nodes, weights, slipped = flat.anchors_since_rest(*pairs, rested, laws, grown)
+        nodes, weights, slipped = flat.anchors_since_rest(pairs, rested, laws, grown)
         slips = np.zeros(np.prod(self._shape))
         slips[touching.at] = slipped
         return self._kept(touching, own(trial.history.anchors), (nodes, weights)), slips

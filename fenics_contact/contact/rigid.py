@@ -47,14 +47,14 @@ class RigidPartner(PointPressures):
     def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats]:
         ne, nq, k = self.surface.a.shape
         traction, forces = np.empty((ne, nq, 3)), np.empty((ne, k, 3))
-        gap, excess, cover, status = (*(np.empty((ne, nq)) for _ in range(3)), np.empty((ne, nq), dtype=np.int32))
+        gap, cover, status = np.empty((ne, nq)), np.empty((ne, nq)), np.empty((ne, nq), dtype=np.int32)
         count = ne if want_tangent else 0
         tangent = np.empty((count, 3 * k, 3 * k))
         history = trial.history.anchors[0], trial.history.shift
-        out = forces, tangent, traction, gap, status, excess, cover
+        out = forces, tangent, traction, gap, status, cover
         where = self.places.points_at(feet, trial.area)
         contact_elements(*where, self.laws(trial.law), history, trial.judged, want_tangent, out)
-        return Response(traction, gap, status, excess, cover, forces), tangent
+        return Response(traction, gap, status, cover, forces), tangent
 
     def response(self, feet: RigidFeet, trial: Trial) -> Response:
         return self._evaluate(feet, trial, False)[0]

@@ -104,15 +104,14 @@ class Response:
     """What ne elements of nq slave points do in a state.
 
     traction (ne, nq, 3): T of (14) [pressure, per reference area], -T acts on the slave; gap (ne, nq) [length]; status (ne,
-    nq): codes of kernels/status.py; excess (ne, nq): trial over Coulomb limit minus one; cover (ne, nq): share of eps_n,
-    below one where a point slides out under a sharp edge; forces: sums of area T at the nodes, as the master numbers them;
-    split: pressure (ne, nq) and friction on the slave (ne, nq, 3), where T is a mean over normals that may differ.
+    nq): codes of kernels/status.py; cover (ne, nq): share of eps_n, below one where a point slides out under a sharp edge;
+    forces: sums of area T at the nodes, as the master numbers them; split: pressure (ne, nq) and friction on the slave (ne,
+    nq, 3), where T is a mean over normals that may differ.
     """
 
     traction: Floats
     gap: Floats
     status: Ints
-    excess: Floats
     cover: Floats
     forces: Floats
     split: tuple[Floats, Floats] | None = None

@@ -7,9 +7,8 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE, Projection
-from fenics_contact.kernels.deformable_element import Anchors, Pair, PointLaws, Slaves, place, place_apart, slide_anchor
-from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.law import Gaps, Law, Traction, excess, friction_at, traction, without
+from fenics_contact.kernels.deformable_element import Anchors, Pair, Pairs, PointLaws, place, place_apart, slide_anchor
+from fenics_contact.kernels.law import Gaps, Law, Traction, friction_at, traction, without
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
@@ -51,38 +50,28 @@ def judged_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> tup
 
 
 @njit(cache=True, error_model="numpy")
-def add_forces(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    law: PointLaws,
-    out: tuple[Floats, Ints, Floats, Floats],
-) -> None:
+def add_forces(pairs: Pairs, law: PointLaws, out: tuple[Floats, Ints, Floats]) -> None:
     """Add the virtual power area T.(dv_S - dv_M) of (14) to forces (nx, 3).  Pure.
 
     T.(dv_S - dv_M) = N dg + T_T.(dg_T + g dn) by (5), with dg of (9) and dg_T of (10): none of them is formed.
 
-    out: (forces, status, tractions, excesses); fills per point status, traction (np, 3) T = N n + T_T, and excess (np,) =
-    |T_tr| over the Coulomb limit minus 1, 0 where there is no friction.
+    out: (forces, status, tractions); fills per point status and traction (np, 3) T = N n + T_T.
     """
-    nodes, weights, area, _ = slaves
+    _, (nodes, weights, area, _), surface, projection, anchors = pairs
     corners, facet = surface[0], projection[0]
-    forces, status, tractions, excesses = out
+    forces, status, tractions = out
     for q in range(len(status)):
-        status[q], excesses[q] = OPEN, 0.0
+        status[q] = OPEN
         tractions[q, 0] = tractions[q, 1] = tractions[q, 2] = 0.0
         if not presses(q, projection, law):
             continue
-        pair = place(q, coords, slaves, surface, projection, anchors)
+        pair = place(q, pairs)
         press = pair.g + law[4][q]
         gaps = Gaps(press, law[5][q] if len(law[5]) > 0 else press)
         found = traction(point_law(q, law, anchors), gaps, pair.n, pair.w)
         status[q] = found.status
         if found.status == OPEN:
             continue
-        excesses[q] = excess(found)
         tractions[q, 0], tractions[q, 1], tractions[q, 2] = found.T
         force, f = times(area[q], found.T), facet[q]
         for i in range(nodes.shape[1]):
@@ -94,23 +83,14 @@ def add_forces(
 
 
 @njit(cache=True)
-def foreseen_gaps(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    moved: Floats,
-    gaps: Floats,
-) -> None:
+def foreseen_gaps(pairs: Pairs, moved: Floats, gaps: Floats) -> None:
     """Fill gaps (np,): what the gaps of the pairs become, linearised, when the nodes move by moved (nx, 3)."""
-    nodes, weights, _, gradients = slaves
-    corners, facet, kind = surface[0], projection[0], projection[1]
+    _, (nodes, weights, _, gradients), (corners, _), (facet, kind, _, _, _, _), _ = pairs
     for q in range(len(gaps)):
         gaps[q] = np.inf
         if kind[q] == NONE:
             continue
-        pair, f = place_apart(q, coords, slaves, surface, projection, anchors), facet[q]
+        pair, f = place_apart(q, pairs), facet[q]
         m0, m1, m2, m3 = (
             row(moved, corners[f, 0]),
             row(moved, corners[f, 1]),
@@ -133,23 +113,14 @@ def _keep(q: int, nodes: Ints64, weights: Floats, facet_nodes: Ints64, f: int, N
 
 
 @njit(cache=True, error_model="numpy")
-def committed_anchors(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    law: PointLaws,
-    new_anchors: Anchors,
-    sliding: Floats,
-) -> None:
+def committed_anchors(pairs: Pairs, law: PointLaws, new_anchors: Anchors, sliding: Floats) -> None:
     """The anchors to keep when a step is accepted: new_anchors = (nodes (np, 4), weights (np, 4)), and sliding (np,).
 
     Open or frictionless: the projection itself.  Stick: unchanged.  Slip: behind the projection by the elastic slip
     T_T/eps_T, the return mapping of (16).  No partner: none (-1).  sliding is the way the anchor's image moved in
     slip [length].  new_anchors must not be the arrays of anchors.
     """
-    facet, kind = projection[0], projection[1]
+    _, _, surface, (facet, kind, _, _, _, _), anchors = pairs
     nodes, weights = new_anchors
     eps_t = law[1]
     for q in range(len(sliding)):
@@ -158,7 +129,7 @@ def committed_anchors(
             nodes[q, :] = -1
             weights[q, :] = 0.0
             continue
-        pair = place_apart(q, coords, slaves, surface, projection, anchors)
+        pair = place_apart(q, pairs)
         found = _present_traction(q, pair, law, anchors)
         if found.status == STICK:
             nodes[q, :], weights[q, :] = anchors[0][q], anchors[1][q]
@@ -171,14 +142,7 @@ def committed_anchors(
 
 @njit(cache=True, error_model="numpy")
 def anchors_since_rest(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    rests: Anchors,
-    law: PointLaws,
-    grown: tuple[float, float],
+    pairs: Pairs, rests: Anchors, law: PointLaws, grown: tuple[float, float]
 ) -> tuple[Ints64, Floats, Floats]:
     """Anchors that give points T_T^tr + share eps_T s under a tangential penalty factor eps_T; grown = (share, factor).
 
@@ -187,16 +151,18 @@ def anchors_since_rest(
     do where the penalty grows: their traction is the same at rest.  Returns nodes and weights, on the points' present
     facets, and |s| (np,) [length]; anchors of other points stay, and their slips are 0.
     """
+    coords, slaves, surface, projection, anchors = pairs
+    resting = coords, slaves, surface, projection, rests
     nodes, weights, slips = anchors[0].copy(), anchors[1].copy(), np.zeros(len(anchors[0]))
     eps_t, (share, factor) = law[1], grown
     for q in range(len(slips)):
         if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
             continue
-        pair = place_apart(q, coords, slaves, surface, projection, anchors)
+        pair = place_apart(q, pairs)
         found = _present_traction(q, pair, law, anchors)
         if found.status != STICK and (found.status != SLIP or factor == 1.0):
             continue
-        rested = place_apart(q, coords, slaves, surface, projection, rests)
+        rested = place_apart(q, resting)
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
         slips[q] = norm(slip)
         _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)

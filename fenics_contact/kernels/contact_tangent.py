@@ -7,7 +7,6 @@ anchors lie on the same one, share an element matrix: it goes into the pattern o
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.contact_pairs import judged_traction, presses
 from fenics_contact.kernels.couplings import Pattern, equal_rows, felt_nodes, find
 from fenics_contact.kernels.deformable_element import (
@@ -15,8 +14,8 @@ from fenics_contact.kernels.deformable_element import (
     FIRST,
     JUMP,
     SECOND,
-    Anchors,
     Pair,
+    Pairs,
     PointLaws,
     Slaves,
     foot_rate,
@@ -24,7 +23,6 @@ from fenics_contact.kernels.deformable_element import (
     place,
     traction_rate,
 )
-from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.law import partials
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
@@ -33,22 +31,14 @@ from fenics_contact.types import Bools, Floats, Ints64
 
 
 @njit(cache=True)
-def add_tangents(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    law: PointLaws,
-    pattern: Pattern,
-    out: tuple[Floats, Bools],
-) -> int:
+def add_tangents(pairs: Pairs, law: PointLaws, pattern: Pattern, out: tuple[Floats, Bools]) -> int:
     """Add the exact derivative of the forces, with the foot on the master following, to blocks of a matrix.  Pure.
 
     pattern: as in kernels/couplings.py; out = (values (nb, 3, 3), used (nb,)), which it marks.  With judged gaps the
     points press with these, which are then the pressures of a mixed method.  Returns the number of blocks
     that were not in the pattern.
     """
+    _, slaves, surface, projection, anchors = pairs
     points, k = slaves[0].shape
     corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
@@ -69,7 +59,7 @@ def add_tangents(
             if done[q] or not same or not presses(q, projection, law):
                 continue
             done[q] = True
-            pair = place(q, coords, slaves, surface, projection, anchors)
+            pair = place(q, pairs)
             numbers, gaps, found = judged_traction(q, pair, law, anchors)
             if found.status == OPEN:
                 continue

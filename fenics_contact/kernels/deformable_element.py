@@ -92,8 +92,9 @@ def slave_points(coords: Floats, nodes: Ints64, weights: Floats, points: Floats)
         points[q, 0], points[q, 1], points[q, 2] = of_nodes(weights, q, nodes, coords)
 
 
-def _place(q: int, coords: Floats, slaves: Slaves, surface: Surface, projection: Projection, anchors: Anchors) -> Pair:
+def _place(q: int, pairs: Pairs) -> Pair:
     """The Pair of slave point q."""
+    coords, slaves, surface, projection, anchors = pairs
     slave_nodes, slave_weights, _, gradients = slaves
     nodes, size = surface
     facet, kind, _, xi, gap, _ = projection

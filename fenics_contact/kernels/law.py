@@ -229,9 +229,3 @@ def _rows(e: Vector, left: Vector, rub: float, N: float, n: Vector, w: Vector) -
     """
     across = dot(left, n)
     return less(less(times(N, e), rub * dot(n, w), left), rub * across, w), times(rub, less(left, across, n))
-
-
-@njit(cache=True)
-def excess(found: Traction) -> float:
-    """|T_T^tr| over the limit of friction minus 1, of a Traction; 0 without friction."""
-    return found.size / max(found.limit, 1e-300) - 1.0 if found.status >= STICK else 0.0

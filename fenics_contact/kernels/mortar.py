@@ -33,7 +33,6 @@ from fenics_contact.kernels.law import (
     Gaps,
     Law,
     direction_rate,
-    excess,
     friction_at,
     partials,
     traction,
@@ -231,11 +230,11 @@ def _leading(A: int, law: NodeLaws, numbers: Law, w: Vector, told: int) -> tuple
 
 
 @njit(cache=True, error_model="numpy")
-def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Ints, Floats, Floats, Floats, Floats]:
-    """status (ns,), N (ns,) and T_T (ns, 3) [pressure] times a share (ns,), T_T^tr (ns, 3), excess (ns,) of the nodes."""
+def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Ints, Floats, Floats, Floats]:
+    """status (ns,), N (ns,) and T_T (ns, 3) [pressure] times a share (ns,), T_T^tr (ns, 3) of the nodes."""
     gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
     n = len(gaps)
-    status, N, excesses = np.zeros(n, np.int32), np.zeros(n), np.zeros(n)
+    status, N = np.zeros(n, np.int32), np.zeros(n)
     T, trial = np.zeros((n, 3)), np.zeros((n, 3))
     for A in range(n):
         if gaps[A] == np.inf:
@@ -245,10 +244,10 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
         told = _told(A, law, numbers, w)
         along, _ = _leading(A, law, numbers, w, told)
         found = traction(numbers, Gaps(press, decides), ZERO, along, told)
-        status[A], N[A], excesses[A] = found.status, share[A] * found.N, excess(found)
+        status[A], N[A] = found.status, share[A] * found.N
         T[A, 0], T[A, 1], T[A, 2] = times(share[A], found.tangential)
         trial[A, 0], trial[A, 1], trial[A, 2] = found.trial
-    return status, N, T, trial, excesses
+    return status, N, T, trial
 
 
 @njit(cache=True, error_model="numpy")

@@ -17,7 +17,7 @@ Arrays travel in groups (tuples):
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, excess, partials, traction
+from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, partials, traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
 from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, norm, of_three, plus, put, row, times
@@ -28,8 +28,8 @@ Points = tuple[Floats, Floats, Floats, Floats]
 ToolPose = tuple[int, Floats, Floats, Floats, Floats]
 ElementLaws = tuple[Floats, Floats, Floats, Friction, float]
 ToolHistory = tuple[Floats, Floats]
-# force, tangent, traction, gap, status, excess, cover of `contact_elements`
-Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats, Floats]
+# force, tangent, traction, gap, status, cover of `contact_elements`
+Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats]
 Scratch = tuple[Floats, Floats, Floats, Floats, Floats]
 Rows = tuple[Vector, Vector, Vector]
 
@@ -94,12 +94,11 @@ def contact_elements(
     judged (ne nq,): pressures that points start from over -eps_n [length], which decide their status and with which the
     tangent is taken; (0,): present ones.
     out: (force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative; per point traction (ne, nq, 3), gap,
-    status, excess (ne, nq) = trial over Coulomb limit minus one, and cover (ne, nq) = penalty over eps_n, below one where
-    the point slides out under a sharp edge).
+    status (ne, nq), and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge).
     """
     a, area, axes = points[1], points[2], tool[3]
     eps_n, eps_t, body, friction, touch = law
-    force, tangent, tractions, gap, status, excesses, cover = out
+    force, tangent, tractions, gap, status, cover = out
     scratch, D = _scratch(), np.empty((3, 3))
     H, dcover = scratch[3:]
     ne, nq, k = a.shape
@@ -110,7 +109,7 @@ def contact_elements(
         for q in range(nq):
             g, x, n, share = _meet(e, q, points, tool, scratch)
             eps, by_cover = _edge_penalty(eps_n[e], body[e], share)
-            gap[e, q], cover[e, q], excesses[e, q] = g, eps / eps_n[e], 0.0
+            gap[e, q], cover[e, q] = g, eps / eps_n[e]
             put(tractions, e, q, ZERO)
             press = g + history[1][e, q]
             decides = judged[e * nq + q] if len(judged) > 0 else press
@@ -120,7 +119,7 @@ def contact_elements(
             numbers, gaps = Law(eps, eps_t[e], friction, touch), Gaps(decides if want_tangent else press, decides)
             w = minus(less(x, g, n), got(history[0], e, q))  # the foot by (3)
             found = traction(numbers, gaps, n, w)
-            status[e, q], excesses[e, q] = found.status, excess(found)
+            status[e, q] = found.status
             T = _to_world(axes, found.T)
             put(tractions, e, q, T)
             for i in range(k):

@@ -6,11 +6,9 @@ direction stated on the undeformed body. Arrays as in kernels/contact_pairs.py.
 
 from numba import njit
 
-from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.contact_pairs import judged_traction, presses
 from fenics_contact.kernels.couplings import find
-from fenics_contact.kernels.deformable_element import Anchors, PointLaws, Slaves, place_apart
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.deformable_element import Pairs, PointLaws, place_apart
 from fenics_contact.kernels.law import direction_rate
 from fenics_contact.kernels.status import SLIP
 from fenics_contact.kernels.vectors import Vector, norm, row
@@ -21,24 +19,15 @@ Parts = tuple[Ints64, Floats]  # nodes (np, l) of the points' directions and the
 
 
 @njit(cache=True, error_model="numpy")
-def add_turning_tangents(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    projection: Projection,
-    anchors: Anchors,
-    law: PointLaws,
-    parts: Parts,
-    matrix: Matrix,
-) -> int:
+def add_turning_tangents(pairs: Pairs, law: PointLaws, parts: Parts, matrix: Matrix) -> int:
     """Add the derivative of the forces with the points' directions; returns the number of blocks that have no place in the
     matrix."""
-    nodes, weights, area, _ = slaves
-    k, corners, missing = nodes.shape[1], surface[0], 0
+    _, (nodes, weights, area, _), (corners, _), projection, anchors = pairs
+    k, missing = nodes.shape[1], 0
     for q in range(len(nodes)):
         if not presses(q, projection, law):
             continue
-        pair = place_apart(q, coords, slaves, surface, projection, anchors)
+        pair = place_apart(q, pairs)
         numbers, _, found = judged_traction(q, pair, law, anchors)
         length = norm(row(law[2].directions, q))
         if found.status != SLIP or length == 0.0:

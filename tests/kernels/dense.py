@@ -9,12 +9,11 @@ ALL_GAPS = np.empty(0)
 
 
 def evaluated(coords, slaves, surface, projection, anchors, law, judged=ALL_GAPS, want_tangent=True):
-    """Forces (3 nx,), tangent (3 nx, 3 nx), and per point status, traction (np, 3), excess."""
+    """Forces (3 nx,), tangent (3 nx, 3 nx), and per point status and traction (np, 3)."""
     n, points = len(coords), len(slaves[2])
-    pairs = coords, slaves, surface, projection, anchors, (*law, judged)
-    forces, status, excess = np.zeros((n, 3)), np.full(points, 7), np.full(points, np.nan)
-    traction = np.full((points, 3), np.nan)
-    add_forces(*pairs, (forces, status, traction, excess))
+    pairs = (coords, slaves, surface, projection, anchors), (*law, judged)
+    forces, status, traction = np.zeros((n, 3)), np.full(points, 7), np.full((points, 3), np.nan)
+    add_forces(*pairs, (forces, status, traction))
     values, used = np.zeros((n * n, 3, 3)), np.zeros(n * n, dtype=bool)
     if want_tangent:
         rows = np.arange(n) * n
@@ -22,4 +21,4 @@ def evaluated(coords, slaves, surface, projection, anchors, law, judged=ALL_GAPS
         assert add_tangents(*pairs, pattern, (values, used)) == 0
         assert not values[~used].any()
     tangent = values.reshape(n, n, 3, 3).transpose(0, 2, 1, 3).reshape(3 * n, 3 * n)
-    return forces.ravel(), tangent, status, traction, excess
+    return forces.ravel(), tangent, status, traction

@@ -62,7 +62,7 @@ class Pair:
             out,
         )
         pairs = (coords, self.slaves, self.surface, out, self.anchors, self.law)
-        residual, tangent, status, T, _ = evaluated(*pairs)
+        residual, tangent, status, T = evaluated(*pairs)
         gap = out[4]
         return residual, tangent, status[0], gap[0], T[0], out, point[0]
 
