@@ -32,7 +32,7 @@ class FacetPartner(OnFacets):
     places: PointPlaces
 
     def __init__(self, name: str, places: PointPlaces) -> None:
-        self.name, self.places, self.surface, self.timers = name, places, places.surface, places.timers
+        super().__init__(name, places)
         self.smooth = self.surface.gradients is None  # along the slave's normal even frictionless forces have no potential
         self.anchors = PointAnchors(self)
         self._pattern = self._new_pattern()
@@ -82,11 +82,6 @@ class FacetPartner(OnFacets):
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
         residual.reshape(-1, 3)[self.places.slave] += response.forces[: self.places.first]
         self.places.master.react(feet, response.forces, residual, tool_residual)
-
-    def on_slave(self, feet: FacetFeet, response: Response) -> tuple[Floats, Floats]:
-        """Places and forces (n, 3) at this rank's slave nodes."""
-        first = self.places.first
-        return feet.coords[:first], -response.forces[:first]
 
     def tangent(self, feet: FacetFeet, trial: Trial) -> Blocks:
         return Blocks(pairs=self._tangent(feet, trial), at=feet)

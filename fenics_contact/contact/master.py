@@ -112,6 +112,7 @@ class _Surface:
     """
 
     straight = True
+    index = -1  # row of a tool in the state's q
 
     def __init__(self, facets: Surface, X: Floats, count: int = 4) -> None:
         self.facets: Surface = np.ascontiguousarray(facets[0]), facets[1]

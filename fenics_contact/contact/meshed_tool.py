@@ -12,30 +12,15 @@ from fenics_contact.contact.master import Meeting
 from fenics_contact.contact.meeting import MortarFeet
 from fenics_contact.contact.mortar import MortarPartner
 from fenics_contact.contact.node_pattern import NodePattern
-from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.pair_pattern import PairPattern
-from fenics_contact.contact.point_places import FacetFeet, PointPlaces
-from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.scatter import motions_of_pairs
 from fenics_contact.types import Array, Floats, Ints64
 
-SLID_OFF = (
-    "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
-    "itself ends there, make its surface larger; or, where the body snaps past it, let damping carry it on: solve(..., "
-    "damping=True)"
-)
-
 
 class MeshedToolPartner(FacetPartner):
     """Slave points against a meshed tool: its forces act on its six coordinates."""
-
-    grounded = True
-    slid_off = SLID_OFF
-
-    def __init__(self, tool: MeshedTool, index: int, places: PointPlaces) -> None:
-        super().__init__(tool.name, places)
-        self.index, self.edge_kind = index, f"meshed, {len(tool.nodes)} facets"
 
     def _new_pattern(self) -> PairPattern:
         # what the tool's nodes are coupled by follows from the slave's: behind this rank's slave nodes they are one node
@@ -52,7 +37,7 @@ class MeshedToolPartner(FacetPartner):
         inside = (rows < slave) & (columns < slave)
         pairs = rows[inside], columns[inside], values[inside]
         at = feet.coords[:slave], self.response(feet, trial).forces[:slave]
-        tool = tool_blocks(self.index, pose, self.places.slave, at, _by_motions(pairs, pose.motions(at[0])))
+        tool = tool_blocks(self.places.master.index, pose, self.places.slave, at, _by_motions(pairs, pose.motions(at[0])))
         return Blocks(pairs=(*(self.places.slave[part] for part in pairs[:2]), pairs[2]), whole=False, tool=tool, at=feet)
 
     def couplings(self, feet: FacetFeet, trial: Trial) -> None:
@@ -61,13 +46,6 @@ class MeshedToolPartner(FacetPartner):
 
 class MeshedToolAverages(MortarPartner):
     """Slave nodes against a meshed tool, through samples of the facets around them."""
-
-    grounded = True
-    slid_off = SLID_OFF
-
-    def __init__(self, tool: MeshedTool, index: int, places: NodePlaces) -> None:
-        super().__init__(tool.name, places)
-        self.index, self.edge_kind = index, f"meshed, {len(tool.nodes)} facets"
 
     def _new_pattern(self) -> NodePattern:
         # what the tool's nodes are coupled by follows from the slave's: behind all blocks of the System they are one more
@@ -92,7 +70,8 @@ class MeshedToolAverages(MortarPartner):
         pairs = rows[inside], columns[inside], values[inside]
         numbered = *(np.searchsorted(self.places.skin.moving, part) for part in pairs[:2]), pairs[2]
         at = self.places.skin.each(feet.coords[:slave], self.response(feet, trial).forces[:slave])
-        tool = tool_blocks(self.index, pose, self.places.skin.owned, at, _by_motions(numbered, pose.motions(at[0])))
+        rates = _by_motions(numbered, pose.motions(at[0]))
+        tool = tool_blocks(self.places.master.index, pose, self.places.skin.owned, at, rates)
         border = np.stack([tool.columns, tool.rows.transpose(0, 2, 1)])
         self.places.comm.Allreduce(MPI.IN_PLACE, border)
         columns_here, rows_here = border[:, self.places.skin.mine]

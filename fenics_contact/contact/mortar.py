@@ -32,7 +32,7 @@ class MortarPartner(OnFacets):
     places: NodePlaces
 
     def __init__(self, name: str, places: NodePlaces) -> None:
-        self.name, self.places, self.surface, self.timers = name, places, places.surface, places.timers
+        super().__init__(name, places)
         self._laws = NodeLaws(places)
         self.anchors = NodeAnchors(places, self._laws)
         self._pattern = self._new_pattern()
@@ -79,10 +79,6 @@ class MortarPartner(OnFacets):
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
         self.places.skin.add_forces(response.forces[: self.places.first], residual)
         self.places.master.react(feet, response.forces, residual, tool_residual)
-
-    def on_slave(self, feet: MortarFeet, response: Response) -> tuple[Floats, Floats]:
-        """Places of all slave nodes and this rank's forces (n, 3) at them."""
-        return feet.coords[: self.places.first], -response.forces[: self.places.first]
 
     def tangent(self, feet: MortarFeet, trial: Trial) -> Blocks:
         rows, columns, blocks, at = self._tangent(feet, trial)

@@ -6,14 +6,13 @@ import numpy as np
 
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
+from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Watch
 from fenics_contact.contact.samples import Samples, SlaveFacets, samples_for
 from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.coverage import Ends, beyond_edges, coverage, surface_ends
@@ -40,8 +39,8 @@ class NodePlaces(PlacesOnFacets):
         self, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers
     ) -> None:
         search = SEARCH * max(surface.cell_height, master.longest)
-        super().__init__(surface, master, skin.owned, len(skin.X), search, skin.comm)
-        self.skin, self.timers = skin, timers
+        super().__init__(surface, master, skin.owned, len(skin.X), search, skin.comm, timers)
+        self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge))
         self._corners = master.corners[0] + self.first, master.corners[1]
@@ -155,10 +154,6 @@ class NodePlaces(PlacesOnFacets):
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Endless gaps (n,): means over samples leave nothing between them to ask for."""
         return np.full(len(nodes), np.inf)
-
-    def lost_depth(self, state: State, trial: Trial) -> float:
-        """Depth [length] of the deepest sample that is too deep in the master to have a partner, else zero. Collective."""
-        return deepest_lost(self, self.first, state, trial)
 
     def back_share(self, state: State) -> float:
         """Share of the samples that see the nearest facet of a tool from behind; those of bodies point out of them.

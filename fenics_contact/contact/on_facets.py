@@ -8,18 +8,26 @@ from mpi4py import MPI
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.joints import Directions
-from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.lost import deepest_lost
+from fenics_contact.contact.master import MasterSurface, Meeting, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
-from fenics_contact.contact.trial import Trial
+from fenics_contact.contact.trial import Response, Trial
+from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.facets import Surface
+from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 MARGIN = 0.5  # over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for
 # A slave point and the facet nearest to it say on which side of a tool the body is if their normals are this parallel.
 DECISIVE = 0.5
 SAMPLES = 300  # slave points of a rank that are asked for it
+SLID_OFF = (
+    "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
+    "itself ends there, make its surface larger; or, where the body snaps past it, let damping carry it on: solve(..., "
+    "damping=True)"
+)
 
 
 class PlacesOnFacets:
@@ -40,9 +48,10 @@ class PlacesOnFacets:
         first: int,
         search: float,
         comm: MPI.Comm,
+        timers: Timers,
     ) -> None:
         self.surface, self.master, self.slave, self.first = surface, master, slave, first
-        self.search, self.comm = search, comm
+        self.search, self.comm, self.timers = search, comm, timers
         self.facets: Surface = (master.facets[0] + first, master.facets[1])
         self.reach = float(np.abs(master.X).max(initial=0.0))
         self._directions: Directions | None = None
@@ -69,6 +78,10 @@ class PlacesOnFacets:
         """None: between slave nodes is not looked."""
         return np.empty(0)
 
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Depth [length] of the deepest point, or sample, too deep in the master to have a partner, or zero. Collective."""
+        return deepest_lost(self, self.first, state, trial)
+
     def passed(self, state: State, trial: Trial) -> tuple[Floats, Floats] | None:
         """None: points without a partner say so, see `lost_depth`."""
 
@@ -82,7 +95,13 @@ class PlacesOnFacets:
         at = np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)
         return np.where(keys < 0, -1, order[at] + self.first)
 
+    def feet(self, state: State) -> Any:
+        raise NotImplementedError
+
     def first_feet(self, state: State) -> Any:
+        raise NotImplementedError
+
+    def far(self, feet: Any, search: float) -> Projection:
         raise NotImplementedError
 
     def looks(self, state: State) -> Floats:
@@ -92,11 +111,15 @@ class PlacesOnFacets:
 class OnFacets(PointPressures):
     """What contacts with facets have in common besides `places`."""
 
-    edge_kind = "none"
     foresees = True
-    grounded = False
     softens = False
     places: PlacesOnFacets
+
+    def __init__(self, name: str, places: PlacesOnFacets) -> None:
+        self.name, self.places, self.surface, self.timers = name, places, places.surface, places.timers
+        self.grounded, self.edge_kind = places.master.index >= 0, "none"
+        if self.grounded:
+            self.edge_kind, self.slid_off = f"meshed, {len(places.facets[0])} facets", SLID_OFF
 
     @property
     def nodes(self) -> Ints:
@@ -106,6 +129,11 @@ class OnFacets(PointPressures):
     def gives(self, held: Array) -> bool:
         """Whether the master could move where the dofs `held` do not: a tool is held."""
         return not (self.grounded or np.isin(3 * self.places.master.owned[:, None] + np.arange(3), held).all())
+
+    def on_slave(self, feet: Meeting, response: Response) -> tuple[Floats, Floats]:
+        """Places of the slave nodes that are known here and this rank's forces (n, 3) at them."""
+        first = self.places.first
+        return feet.coords[:first], -response.forces[:first]
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
         """Axes along which the contact can hold a body: without friction, those its normals have a part in. Collective."""

@@ -95,6 +95,13 @@ def seek_closest(
     closest_points(points, normals, coords, facets, lists, search, FACING, out)
 
 
+def seek_on_quadratic(
+    points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+) -> None:
+    """Where facets of degree 2 are met along given unit normals (np, 3) out of the slave."""
+    quadratic_rays(points, -normals, coords, facets, lists, (search, 0.0, FACING), out)
+
+
 def seek_along(
     points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
 ) -> None:

@@ -159,6 +159,30 @@ class Partner(Protocol):
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
 
 
+class SingleAnchors:
+    """What anchors have in common where each slave point has its own, by itself."""
+
+    def _committed(self, feet: Any, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
+        """As `committed`; touch [length]: gaps up to it count as closed, None: those that the law says."""
+        raise NotImplementedError
+
+    def here(self, feet: Any, trial: Trial) -> Anchors:
+        """The points' places on the master."""
+        return self._committed(feet, trial, -np.inf)[0]
+
+    resting = here
+
+    def committed(self, feet: Any, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
+        return self._committed(feet, trial, None)
+
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some points (ne, nq), the others elsewhere."""
+        return tuple(
+            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
+        )
+
+
 class PointPressures:
     """What partners have in common whose slave points press each by itself; averages say otherwise."""
 

@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact.contact.on_facets import own
+from fenics_contact.contact.partner import SingleAnchors
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
-from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
+from fenics_contact.types import Anchors, Array, Floats, Ints, Ints64
 
 if TYPE_CHECKING:
     from fenics_contact.contact.facets import FacetPartner
 
 
-class PointAnchors:
+class PointAnchors(SingleAnchors):
     """(nodes (np, m), weights (np, m)): numbers among the coordinates, -1: none."""
 
     def __init__(self, partner: FacetPartner) -> None:
@@ -25,16 +26,6 @@ class PointAnchors:
     def none(self) -> tuple[Ints64, Floats]:
         shape = int(np.prod(self._shape)), self._places.facets[0].shape[1]
         return np.full(shape, -1, dtype=np.int64), np.zeros(shape)
-
-    def here(self, feet: FacetFeet, trial: Trial) -> Anchors:
-        """The points' places on the master."""
-        return self._committed(feet, trial, -np.inf)[0]
-
-    resting = here
-
-    def committed(self, feet: FacetFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
-        return self._committed(feet, trial, None)
 
     def _committed(self, feet: FacetFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = self.none(), np.empty(np.prod(self._shape))
@@ -60,12 +51,6 @@ class PointAnchors:
         pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
         nodes, weights, slips = anchors_since_rest(pairs, own(rests), laws, grown)
         return (nodes, weights), slips
-
-    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
-        """Our anchors at some points (ne, nq), the others elsewhere."""
-        return tuple(
-            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
-        )
 
     def packed(self, anchors: Anchors, feet: FacetFeet, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""

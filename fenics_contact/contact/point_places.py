@@ -7,12 +7,11 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.lost import FIRST_SEARCH, deepest_lost
+from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.quadratic import foot_shapes
@@ -63,8 +62,8 @@ class PointPlaces(PlacesOnFacets):
     ) -> None:
         slave = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         search = max(surface.cell_height, master.longest)
-        super().__init__(surface, master, slave, len(slave), search, space.mesh.comm)
-        self.space, self.timers = space, timers
+        super().__init__(surface, master, slave, len(slave), search, space.mesh.comm, timers)
+        self.space = space
         (_, nq, k), along = surface.a.shape, surface.gradients
         self.nodes = np.repeat(np.searchsorted(slave, surface.nodes), nq, axis=0).astype(np.int64)
         self.gradients = np.empty((0, 2, k)) if along is None else np.ascontiguousarray(along.reshape(-1, along.shape[2], k))
@@ -159,10 +158,6 @@ class PointPlaces(PlacesOnFacets):
         points = coords[np.searchsorted(self.slave, nodes)]
         gaps = self._closest.far(points, normals, coords, self.search)[4]
         return np.where(np.any(normals != 0.0, axis=1), gaps, np.inf)  # degree 2: a facet's normal is known at its corners
-
-    def lost_depth(self, state: State, trial: Trial) -> float:
-        """Depth [length] of the deepest slave point too deep in the master to have a partner, else zero. Collective."""
-        return deepest_lost(self, self.first, state, trial)
 
     def back_share(self, state: State) -> float:
         """Share of the slave points that see the nearest facet of a tool from behind; those of bodies point out of them.

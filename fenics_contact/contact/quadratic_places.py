@@ -6,11 +6,10 @@ from fenics_contact import compat
 from fenics_contact.assembly.facet_points import ACROSS
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.on_facets import unit
-from fenics_contact.contact.pairing import FACING, Seek
+from fenics_contact.contact.pairing import Pairing, Seek, seek_on_quadratic
 from fenics_contact.contact.point_places import PointPlaces
 from fenics_contact.kernels.closest_point import Lists, Projection
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.quadratic import quadratic_rays
 from fenics_contact.types import Floats, Ints
 
 
@@ -21,7 +20,7 @@ class QuadraticPlaces(PointPlaces):
         def seek(
             points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
         ) -> None:
-            quadratic_rays(points, -self._outward(coords), coords, facets, lists, (search, 0.0, FACING), out)
+            seek_on_quadratic(points, self._outward(coords), coords, facets, lists, search, out)
 
         return seek
 
@@ -44,9 +43,5 @@ class QuadraticPlaces(PointPlaces):
         compat.sum_to_owners(normal)
         compat.copy_to_ghosts(normal)
         places = coords[np.searchsorted(self.slave, nodes)]
-        n = len(nodes)
-        facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
-        found = facet, kind, feature, np.empty((n, 2)), np.empty(n), np.empty((n, 3))
-        lists = self.pairing.within(places, coords, self.search)
-        quadratic_rays(places, -unit(sums[nodes]), coords, self.facets, lists, (self.search, 0.0, FACING), found)
-        return found[4]
+        pairing = Pairing(self.facets, seek_on_quadratic, self.search, 0.0)
+        return pairing.far(places, unit(sums[nodes]), coords, self.search)[4]

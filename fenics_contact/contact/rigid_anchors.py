@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.contact.partner import SingleAnchors
 from fenics_contact.contact.rigid_places import RigidFeet
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.rigid_element import committed_anchors
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from fenics_contact.contact.rigid import RigidPartner
 
 
-class RigidAnchors:
+class RigidAnchors(SingleAnchors):
     """((ne, nq, 3),) [length]."""
 
     def __init__(self, partner: RigidPartner) -> None:
@@ -24,16 +25,6 @@ class RigidAnchors:
 
     def none(self) -> Anchors:
         return (np.zeros((*self._partner.surface.area.shape, 3)),)
-
-    def here(self, feet: RigidFeet, trial: Trial) -> Anchors:
-        """The points' places on the tool."""
-        return self._committed(feet, trial, -np.inf)[0]
-
-    resting = here
-
-    def committed(self, feet: RigidFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
-        return self._committed(feet, trial, None)
 
     def _committed(self, feet: RigidFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = np.empty_like(trial.history.anchors[0]), np.empty_like(trial.area)
@@ -60,12 +51,6 @@ class RigidAnchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         foot, anchor = self.here(feet, trial)[0], trial.history.anchors[0]
         return (foot - (foot - anchor + (factor - 1.0) * self._slip(feet, trial, rests)) / factor,)
-
-    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
-        """Our anchors at some points (ne, nq), the others elsewhere."""
-        return tuple(
-            np.where(points.reshape(one.shape[:-1])[..., None], one, two) for one, two in zip(ours, others, strict=True)
-        )
 
     def packed(self, anchors: Anchors, feet: RigidFeet, name: str) -> dict[str, Array]:
         """Anchors as arrays (ne, ...) that no partition changes."""

@@ -303,27 +303,21 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     master = stated.master
     if isinstance(master, RigidTool):
         return RigidPartner(surface, master, scene.tools.index(master))
-    index = scene.tools.index(master) if isinstance(master, MeshedTool) else 0
     met: MasterSurface | ToolSurface
     if isinstance(master, MeshedTool):
-        met = ToolSurface(master, index)
+        met = ToolSurface(master, scene.tools.index(master))
     elif isinstance(master, Tool):
         raise TypeError(f"no partner is known for a {type(master).__name__}")
     else:
         met = _master_surface(scene, stated, master, surface)
-    slave, name = scene.mesh.facets(*stated.slave), master_name(master)
+    slave, name, tool = scene.mesh.facets(*stated.slave), master_name(master), isinstance(met, ToolSurface)
     if stated.points == "averages":
         skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
-        samples = NodePlaces(surface, skin, met, timers)
-        if isinstance(master, MeshedTool):
-            return MeshedToolAverages(master, index, samples)
-        return MortarPartner(name, samples)
+        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, skin, met, timers))
     where = surface, oriented_facets(scene.space, slave), met, scene.space, timers
-    if isinstance(master, MeshedTool):
-        return MeshedToolPartner(master, index, PointPlaces(*where))
-    if scene.degree == 2:
+    if scene.degree == 2 and not tool:
         return QuadraticPartner(name, QuadraticPlaces(*where))
-    return FacetPartner(name, PointPlaces(*where))
+    return (MeshedToolPartner if tool else FacetPartner)(name, PointPlaces(*where))
 
 
 def _master_surface(
