@@ -11,10 +11,10 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.agreement import ends_together
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.contact.overlap import overlaps
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Steps, checkpoint_steps, stated_stages

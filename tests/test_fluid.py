@@ -104,18 +104,24 @@ CASES = {
 }
 
 
+def partly_open(name):
+    """A System, its fluid, of a pressure between those of two nodes in contact, and which nodes it acts on."""
+    system = CASES[name]()
+    fluid = next(term for term in system.terms if term.name.startswith("fluid"))
+    fluid.set_time(0.0)
+    pressed = fluid.contact_pressure(system.state)
+    on = np.isin(np.arange(len(pressed)), fluid.nodes) & fluid.reached
+    pressed = np.sort(pressed[on & (pressed > 0.0)])
+    fluid.set_time(pressed[len(pressed) // 2 - 1 : len(pressed) // 2 + 1].mean() / 0.1)
+    return system, fluid, on
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("name", CASES)
 def test_tangent_is_the_derivative(name):
     """On open nodes, on those that contact presses by less than the fluid and by more, with all that moves a contact."""
-    system = CASES[name]()
+    system, fluid, on = partly_open(name)
     state, contact = system.state, system.contacts[0]
-    fluid = next(term for term in system.terms if term.name.startswith("fluid"))
-    fluid.set_time(0.0)
-    pressed = fluid.contact_pressure(state)
-    on = np.isin(np.arange(len(pressed)), fluid.nodes) & fluid.reached
-    pressed = np.sort(pressed[on & (pressed > 0.0)])
-    fluid.set_time(pressed[len(pressed) // 2 - 1 : len(pressed) // 2 + 1].mean() / 0.1)  # between two nodes' pressures
     share = fluid.share(state)
     assert (share[on] == 1.0).any() and ((share[on] > 0.0) & (share[on] < 1.0)).any() and (share[on] == 0.0).any()
 
@@ -124,6 +130,20 @@ def test_tangent_is_the_derivative(name):
 
     assert orders(remainders(system, fluid, 1e-5, kept=kept)).min() > 1.97
     assert not forces(fluid, state)[state.u.x.array.size :].any()  # on the tool the contact's forces act alone
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", ["tool, nodes, stick", "slave, averages"])
+def test_a_tangent_with_other_trials_is_so_of_the_fluid_too(name):
+    """As if the contact itself had the other law: the fluid's share goes by what that presses with."""
+    system = partly_open(name)[0]
+    contact = system.contacts[0]
+    stiffer = contact.penalties.stiffened(system.state, 1.1)
+    system.assemble_tangent(trials={contact: stiffer})
+    tried = system.matrix.getValuesCSR()[2].copy()
+    contact.take(stiffer)
+    system.assemble_tangent()
+    assert np.array_equal(tried, system.matrix.getValuesCSR()[2])
 
 
 # ---- a block

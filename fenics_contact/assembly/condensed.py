@@ -121,7 +121,7 @@ class CondensedPressure(FormTerm):
         self._predicted.x.array[self._pressure_dofs] = values
         return values
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         self._evaluate()
         super().add_residual(state, residual, tool_residual)
 
@@ -142,7 +142,7 @@ class CondensedPressure(FormTerm):
         self._evaluate()
         return super().swelling()
 
-    def tangent(self, state: State, trial: Any = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         eliminated, own = self._evaluate(), self._follow(state)
         coupling = self._coupling.assemble()
         slope = self._inverse_mass @ (self._stiffness.assemble() @ (self._inverse_mass @ coupling))

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from fenics_contact.assembly.term import ContactTerm, State, Term
+from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.term import State, Term
 
 
 class Foresight:
@@ -16,8 +17,8 @@ class Foresight:
 
     def __init__(self, contacts: Sequence[ContactTerm]) -> None:
         self._all = contacts
-        self.contacts = [contact for contact in contacts if contact.unknowns.foresees]
-        self.settles = bool(contacts) and all(contact.unknowns.settles for contact in contacts)
+        self.contacts = [contact for contact in contacts if contact.partner.foresees]
+        self.settles = bool(contacts) and all(contact.partner.settles for contact in contacts)
         self.linearised: dict[Term, Any] = {}
         self._samples_held = False
 
@@ -25,17 +26,30 @@ class Foresight:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
         for contact in self.contacts:
             if contact in self.linearised:
-                contact.unknowns.foresee(state, self.linearised[contact])
+                feet, before = contact.places.feet(state), self.linearised[contact]
+                contact.take(contact.trial.judging(contact.partner.foreseen(feet, before, contact.trial)))
 
     def hold(self, share: float) -> None:
         """Let them take the pressures of the last accepted state, carried on by `share` of the last change, until then."""
         for contact in self.contacts:
-            contact.unknowns.hold(share)
+            contact.take(contact.trial.judging(contact.partner.carried_on(contact.trial, share)))
 
     def release(self) -> None:
         """Let all contacts judge by their gaps again, those too that softer penalties have pressing as before."""
         for contact in self._all:
-            contact.unknowns.release()
+            contact.take(contact.trial.judging())
+
+    @contextmanager
+    def trying(self, trials: Trials) -> Iterator[None]:
+        """Contacts, and all that goes by what they press with, are evaluated with these trials meanwhile."""
+        own = {contact: contact.trial for contact in trials}
+        try:
+            for contact, trial in trials.items():
+                contact.take(trial)
+            yield
+        finally:
+            for contact, trial in own.items():
+                contact.take(trial)
 
     def resample(self, state: State) -> bool:
         """Let averages take their samples where the surfaces lie at a state, until a rollback; the residual changes, and

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.supports import Supports
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.types import Floats, Ints, Ints64
 
 AXES = "xyz"

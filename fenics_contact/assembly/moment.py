@@ -46,7 +46,7 @@ class Moment(FormTerm):
         inverse = np.linalg.inv(J)
         return r, inverse, inverse @ self.moment
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         r, _, a = self._state(state)
         forces = self._weights[self._mine, None] * np.cross(a, r[self._mine])
         residual.reshape(-1, 3)[self._owned] -= forces
@@ -58,7 +58,7 @@ class Moment(FormTerm):
         self._told = True
         return (self._blocks[self._mine][:, None] * self._total + self._blocks).ravel()
 
-    def tangent(self, state: State, trial: Any = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         """df_i/dx_j = w_i ([a] (I d_ij - w_j/W) - [r_i] da/dx_j), da/dx_j = -J^-1 w_j (2 a r_j^T - (r_j.a) I - r_j a^T)."""
         (r, inverse, a), w = self._state(state), self._weights
         turned = 2.0 * np.einsum("c,jd->jcd", a, r) - np.einsum("jc,c->j", r, a)[:, None, None] * np.eye(3)

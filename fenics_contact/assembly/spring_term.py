@@ -1,7 +1,6 @@
 """Springs on all bodies and free tools as a term of a System: in it only while their share of stiffness is above zero."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -65,13 +64,13 @@ class SpringTerm(FormTerm):
     def _tool_pull(self, state: State) -> Floats:
         return np.where(self._free(), self.share * self._on_tools * (state.q - self._q), 0.0)
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         if self.share > 0.0:
             super().add_residual(state, residual, tool_residual)
             if self._first_rank:
                 tool_residual += self._tool_pull(state)
 
-    def tangent(self, state: State, trial: Any = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         if not self.share > 0.0:
             return Blocks()
         on_tools = np.where(self._free(), self.share * self._on_tools, 0.0).ravel() if self._first_rank else None

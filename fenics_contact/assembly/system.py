@@ -1,7 +1,6 @@
 """The nonlinear system R(u, q, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from petsc4py import PETSc
@@ -10,6 +9,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.acceptance import Acceptance
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.border import Border
+from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import Finding
@@ -123,11 +123,11 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: Mapping[Term, Any] | None = None) -> None:
+    def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: Trials | None = None) -> None:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
         whose motions are those of all nodes and tools, tied or not.
 
-        trials: {contact: what it is evaluated with in the place of its own trial}.
+        trials: what contacts are evaluated with in the place of their own.
         """
         with self.timers("insertion"):
             self.matrix = self.couplings.suited(self.matrix, self.state)
@@ -136,8 +136,8 @@ class System:
         if self.border is not None:
             self.border.clear()
         for term in self.terms if terms is None else terms:
-            with self.timers("bulk tangent"):
-                blocks = term.tangent(self.state, (trials or {}).get(term))
+            with self.timers("bulk tangent"), self.foresight.trying(trials or {}):
+                blocks = term.tangent(self.state)
             with self.timers("bulk tangent" if blocks.forms else "insertion"):
                 insert(blocks, self.matrix, self.border)
             self.foresight.linearised[term] = blocks.at

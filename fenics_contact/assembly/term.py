@@ -12,7 +12,7 @@ from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm, LinearForm
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.pose import Pose, Poses
-from fenics_contact.types import Array, Bools, Constant, Floats, Form, Function, Ints64
+from fenics_contact.types import Array, Constant, Floats, Form, Function, Ints64
 
 
 @dataclass
@@ -65,7 +65,8 @@ class Findings(Protocol):
 
 
 class Term(Protocol):
-    """A part of the virtual power. Evaluation depends on the state and the trial only; only commit writes history.
+    """A part of the virtual power. Evaluation depends on the state, of a contact on its trial too; only commit writes
+    history.
 
     symmetric: is its tangent so; condensed: has it unknowns of its own that are condensed out, for which
     add_followed_residual gives the residual at the values that they have by the last tangent's linearisation, where
@@ -80,7 +81,7 @@ class Term(Protocol):
     @property
     def findings(self) -> Findings: ...
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None: ...
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
 
     def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
 
@@ -90,7 +91,7 @@ class Term(Protocol):
         They come on top of the cells' own. Called on all ranks before every tangent; another rank may have other keys.
         """
 
-    def tangent(self, state: State, trial: Any = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         """Blocks of the tangent."""
 
     def commit(self, state: State) -> None: ...
@@ -109,120 +110,6 @@ class Term(Protocol):
 
     def spots(self) -> Floats:
         """Reference positions (n, 3) of these points."""
-
-
-class ContactForces(Protocol):
-    """What a contact's points exert at a state; trial: what it is evaluated with, None: the present one."""
-
-    def split_traction(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
-
-    def measures(self, state: State, trial: Any = None) -> dict[str, Any]: ...
-
-    def resultants(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
-
-    def limits(self, state: State) -> Floats: ...
-
-    def covered(self, state: State) -> Floats: ...
-
-    def press(self, state: State, residual: Floats, tool_residual: Floats) -> float: ...
-
-    def stored(self, state: State) -> float: ...
-
-    def grip(self, state: State) -> tuple[float, float]: ...
-
-    def holding(self, state: State, least: float) -> set[str]: ...
-
-    def could_hold(self, state: State) -> set[str]: ...
-
-
-class ContactUnknowns(Protocol):
-    """Contact pressures as unknowns beside the displacement, where a contact foresees them. at: where a tangent was made."""
-
-    @property
-    def foresees(self) -> bool: ...
-
-    @property
-    def settles(self) -> bool: ...
-
-    def foresee(self, state: State, at: Any) -> None: ...
-
-    def hold(self, share: float) -> None: ...
-
-    def release(self) -> None: ...
-
-
-class ContactFindings(Findings, Protocol):
-    """What ails a contact, beside what every term is asked for."""
-
-    def deep(self, state: State) -> Finding | None: ...
-
-    def drawn_inside(self, state: State) -> Finding | None: ...
-
-    def pressing_edge(self, state: State) -> Finding | None: ...
-
-    def never_met(self, state: State) -> str | None: ...
-
-
-class ContactLed(Protocol):
-    """What supports do to a contact's slave points."""
-
-    def fixed(self, state: State) -> Bools: ...
-
-
-class ContactParts(Protocol):
-    """The laws that can hold at a contact's points, and trials of some of them alone."""
-
-    def laws(self, frictionless: bool) -> dict[str, int]: ...
-
-    def part(self, mask: Bools, frictionless: bool = False) -> Any: ...
-
-    def branches(self, state: State, trial: Any = None) -> Array: ...
-
-
-class ContactTerm(Term, Protocol):
-    """What solvers and the output ask of a contact. Of what is the contact's own they know that it can be handed back:
-    a trial, and the places `at` of a tangent's points.
-
-    penetration: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
-    friction_stated: Coulomb's mu, or the numbers of a friction law by name; surface: SlaveSurface; partner: Partner; places:
-    Places; penalties, multipliers: what steppers let a contact be evaluated with.
-    """
-
-    penetration: float | None
-    master_name: str
-    friction_stated: float | dict[str, Any]
-    surface: Any
-    partner: Any
-    places: Any
-    penalties: Any
-    multipliers: Any
-    trial: Any
-
-    @property
-    def forces(self) -> ContactForces: ...
-
-    @property
-    def unknowns(self) -> ContactUnknowns: ...
-
-    @property
-    def findings(self) -> ContactFindings: ...
-
-    @property
-    def led(self) -> ContactLed: ...
-
-    @property
-    def parts(self) -> ContactParts: ...
-
-    @property
-    def rough(self) -> bool: ...
-
-    def response(self, state: State, trial: Any = None) -> Any: ...
-
-    def take(self, trial: Any) -> None: ...
-
-    def hold_sights(self, state: State) -> bool: ...
-
-    def resample(self, state: State) -> bool: ...
 
 
 class Energy(NamedTuple):
@@ -278,7 +165,7 @@ class FormTerm:
         self._by_field = [(field, compat.compile_form(rate)) for field, rate in (energy.by_field if energy else ())]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         for form in self._residuals:
             form.add(residual)
 
@@ -304,7 +191,7 @@ class FormTerm:
     def couplings(self, state: State) -> None:
         """None: the cells' own couplings are the pattern's base."""
 
-    def tangent(self, state: State, trial: Any = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         return Blocks(forms=tuple(self._tangents))
 
     def commit(self, state: State) -> None:

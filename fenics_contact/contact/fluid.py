@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks, ToolBlocks
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.facet_points import ACROSS, Skin, skin_of
 from fenics_contact.assembly.finding import foremost, spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.section import Section
-from fenics_contact.assembly.term import ContactTerm, FluidTerm, State
+from fenics_contact.assembly.term import FluidTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
 
@@ -121,14 +121,14 @@ class Fluid(FluidTerm):
         return most, np.where(self.reached, np.maximum(most - p, 0.0), 0.0)
 
     # -- the term -------------------------------------------------------------------------------------------------
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
         p, _, _ = self._pressed(state)
         most, share = self._acting(p)
         x = self._place(state)
         forces = most[:, None] * self._sums.areas(self._open, x) + share[:, None] * self._sums.areas(self._shared, x)
         residual[: 3 * self._owned] += forces[: self._owned].ravel()
 
-    def tangent(self, state: State, trial: Any = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         """The exact derivative: that of the area vectors, and rows of the contacts' tangents, which give dp."""
         p, R, H = self._pressed(state)
         most, share = self._acting(p)

@@ -5,6 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.contact_term import ContactPartner, ContactPlaces
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.meeting import Sights
@@ -13,7 +14,7 @@ from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 
-class Places(Protocol):
+class Places(ContactPlaces, Protocol):
     """Where the points are at a state, as the partner sees them: their feet, and how the bodies lie to each other there.
 
     search: gaps from this on are not told apart [length]; reach: largest length that gaps are differences of, beside the
@@ -28,28 +29,13 @@ class Places(Protocol):
         """Which facets look towards the samples of averages, where it has such."""
         ...
 
-    def point(self, state: State) -> Floats | None:
-        """Where moments are taken about (3,) [length]: the tool's reference point; None: there is no tool."""
-        ...
-
-    def feet(self, state: State) -> Any: ...
-
     def first_feet(self, state: State) -> Any: ...
 
     def normals(self, feet: Any) -> Floats: ...
 
-    def looks(self, state: State) -> Floats: ...
-
     def bare(self, feet: Any) -> Floats: ...
 
     def features(self, feet: Any) -> Array: ...
-
-    def cut_off(self, state: State) -> Floats:
-        """How much nearer (ne, nq) [length] round surfaces are to each other at the points than the facets that stand for
-        them, see `chords`. Collective."""
-        ...
-
-    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]: ...
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats: ...
 
@@ -63,8 +49,6 @@ class Places(Protocol):
         """How deep (n,) places of the slave have been led through the master and out of it behind them, and their reference
         positions (n, 3) [length]; None where points without a partner tell of that."""
         ...
-
-    def back_share(self, state: State) -> float: ...
 
 
 class Anchoring(Protocol):
@@ -91,21 +75,15 @@ class Anchoring(Protocol):
     def unpacked(self, values: dict[str, Array], name: str) -> Anchors: ...
 
 
-class Partner(Protocol):
+class Partner(ContactPartner, Protocol):
     """What the points meet, and the forces there, which depend on feet and a Trial alone.
 
-    grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
-    pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no increment need be
-    shortened; softens: may penalties be softer on the way to a solution; smooth: have forces without friction a potential;
-    edge_kind: what the output says of its edges; slid_off: what to do where the slave has left the master.
+    softens: may penalties be softer on the way to a solution; smooth: have forces without friction a potential; slid_off:
+    what to do where the slave has left the master.
     """
 
     name: str
     surface: SlaveSurface
-    edge_kind: str
-    grounded: bool
-    foresees: bool
-    settles: bool
     softens: bool
     smooth: bool
     slid_off: str
@@ -145,16 +123,7 @@ class Partner(Protocol):
 
     def couplings(self, feet: Any, trial: Trial) -> Ints64 | None: ...
 
-    def foreseen(self, feet: Any, before: Any, trial: Trial) -> Floats: ...
-
-    def carried_on(self, trial: Trial, share: float) -> Floats: ...
-
     def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats: ...
-
-    @property
-    def nodes(self) -> Ints: ...
-
-    def gives(self, held: Array) -> bool: ...
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
 

@@ -18,7 +18,6 @@ from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.parts import Parts
 from fenics_contact.contact.penalties import LARGEST, Penalties, Penalty
 from fenics_contact.contact.trial import DRAWN, History, Law, Response, Trial
-from fenics_contact.contact.unknowns import Unknowns
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.timing import Timers
@@ -33,7 +32,7 @@ class Contact:
     what leads nodes; state: the initial one, in which every point is anchored at its projection. Response and
     tangent depend on the state and a Trial alone: `accepted` is what the last accepted step left, `trial` what the present
     one is tried with. All methods that take a state are collective, and so are those of what others ask by: forces,
-    unknowns, led, parts, findings, penalties, multipliers.
+    led, parts, findings, penalties, multipliers.
     """
 
     condensed = False
@@ -59,7 +58,7 @@ class Contact:
         self.paired = (
             comm.allreduce(int(supports.pairs is not None and np.isin(surface.nodes, supports.pairs.nodes).any())) > 0
         )
-        self.led, self.forces, self.unknowns = Led(self, supports, comm), Forces(self), Unknowns(self)
+        self.led, self.forces = Led(self, supports, comm), Forces(self)
         self.parts, self.findings = Parts(self), Findings(self)
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(penetration)), Multipliers(self)
@@ -120,16 +119,16 @@ class Contact:
         """None, or keys of global blocks beyond those of the cells."""
         return self.partner.couplings(self.places.feet(state), self.trial)
 
-    def tangent(self, state: State, trial: Trial | None = None) -> Blocks:
+    def tangent(self, state: State) -> Blocks:
         """The exact derivative of the residual."""
         feet = self.places.feet(state)
         with self.timers("contact kernel"):
-            return self.partner.tangent(feet, trial or self.trial)
+            return self.partner.tangent(feet, self.trial)
 
     # -- history --------------------------------------------------------------------------------------------------
     def commit(self, state: State) -> None:
         """Accept the state: the only place where history changes for good."""
-        self.unknowns.release()
+        self.trial = self.trial.judging()
         if self.places.sights:
             self.places.sights.free()
         anchors, trial, response = self.partner.anchors, self.trial, self.response(state)

@@ -91,8 +91,13 @@ class Trial:
         """With some of the history changed."""
         return replace(self, history=replace(self.history, **changes))
 
-    def judging(self, gaps: Floats) -> "Trial":
-        return replace(self, judged=gaps)
+    def nearer(self, by: Floats) -> "Trial":
+        """All gaps smaller by (ne, nq) [length]."""
+        return self.remembering(shift=self.history.shift - by)
+
+    def judging(self, gaps: Floats = PRESENT) -> "Trial":
+        """Judged by these gaps; by the present ones it is the same object where it was so before."""
+        return replace(self, judged=gaps) if len(gaps) or len(self.judged) else self
 
     def only(self, points: Bools) -> "Trial":
         """In which the points (n,) of a mask alone exert forces."""

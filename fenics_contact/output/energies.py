@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm, State, Term
+from fenics_contact.assembly.term import State, Term
 from fenics_contact.kernels.status import SLIP
 from fenics_contact.types import Bools, Floats
 

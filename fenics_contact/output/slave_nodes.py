@@ -6,11 +6,11 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.facet_points import Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.facet_points import geometry_degree
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.holds import Holds
@@ -14,7 +15,7 @@ from fenics_contact.assembly.parts import connected_parts
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm, State
+from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool, cut_shapes

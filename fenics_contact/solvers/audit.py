@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.assembly.contact_term import ContactTerm, Trials
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm, Term
+from fenics_contact.assembly.term import Term
 from fenics_contact.types import Bools, Floats, Vec
 
 STEP = 1e-4  # of a cell, by which nodes are moved: far below penetrations at the default penalty, far above round-off
@@ -70,7 +70,7 @@ def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
     system.trail.rollback()
     move = _move(system)
     others = [term for term in system.terms if term not in system.contacts]
-    blocks = [_taylor(system, term, term.name, 0, move) for term in others]
+    blocks = [_taylor(system, term, term.name, 0, move, {}) for term in others]
     blocks += [block for contact in system.contacts for block in _blocks(system, contact, move)]
     system.assemble_residual()  # the terms' tractions are those of the state again
     return Audit(blocks, list(residuals), _order(residuals))
@@ -92,8 +92,8 @@ def _blocks(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> I
     for name, frictionless, mask in _parts(system, term, move):
         count = system.comm.allreduce(int(mask.sum()))
         if count:
-            trial = term.parts.part(mask, frictionless)
-            yield _taylor(system, term, f"{term.name}: {name}", count, move, trial)
+            trials = {term: term.parts.part(mask, frictionless)}
+            yield _taylor(system, term, f"{term.name}: {name}", count, move, trials)
 
 
 def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> Iterator[tuple[str, bool, Bools]]:
@@ -118,15 +118,15 @@ def _displace(system: System, move: tuple[Floats, Floats], share: float) -> None
     system.state.q[:] += share * move[1]
 
 
-def _taylor(system: System, term: Term, name: str, points: int, move: tuple[Floats, Floats], trial: Any = None) -> Block:
+def _taylor(system: System, term: Term, name: str, points: int, move: tuple[Floats, Floats], trials: Trials) -> Block:
     system.trail.rollback()
-    force, tool_force = _forces(system, term, trial)
-    linear, tool_linear = _rate(system, term, trial, *move)
+    force, tool_force = _forces(system, term, trials)
+    linear, tool_linear = _rate(system, term, trials, *move)
     size = _norm(linear, tool_linear)
     remainders = []
     for h in SHARES:
         _displace(system, move, h)
-        there, tool_there = _forces(system, term, trial)
+        there, tool_there = _forces(system, term, trials)
         there.axpy(-1.0, force)
         there.axpy(-h, linear)
         remainders.append(_norm(there, tool_there - tool_force - h * tool_linear))
@@ -141,20 +141,20 @@ def _norm(vector: Vec, tools: Floats) -> float:
     return float(np.hypot(vector.norm(PETSc.NormType.NORM_2), np.linalg.norm(tools)))
 
 
-def _forces(system: System, term: Term, trial: Any) -> tuple[Vec, Floats]:
+def _forces(system: System, term: Term, trials: Trials) -> tuple[Vec, Floats]:
     """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 6), at the state. Collective."""
     vector, tools = system.new_vector(), np.zeros_like(system.tool_residual)
-    with vector.localForm() as local:
+    with vector.localForm() as local, system.foresight.trying(trials):
         local.set(0.0)
-        term.add_residual(system.state, local.array_w, tools, trial)
+        term.add_residual(system.state, local.array_w, tools)
     sum_to_owners(vector)
     return vector, system.comm.allreduce(tools)
 
 
-def _rate(system: System, term: Term, trial: Any, du: Floats, dq: Floats) -> tuple[Vec, Floats]:
+def _rate(system: System, term: Term, trials: Trials, du: Floats, dq: Floats) -> tuple[Vec, Floats]:
     """Rate of the forces when the local dofs move by du and the tools by dq, by the term's tangent. Collective."""
     stiffness = system.scales.stiffness
-    system.assemble_tangent([term], {term: trial})
+    system.assemble_tangent([term], trials)
     system.scales.stiffness = stiffness
     move, rate = system.new_vector(), system.matrix.createVecLeft()
     move.array[:] = du[: move.getLocalSize()]

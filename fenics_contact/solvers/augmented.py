@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import TOO_SOFT
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.report import StepperTo, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 

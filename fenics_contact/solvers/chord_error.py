@@ -1,12 +1,10 @@
 """What straight cells cost where they stand for round surfaces: how loads would change with what these cut off."""
 
-from typing import Any
-
 import numpy as np
 
+from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial
 from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.penalty_error import least_load
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 
@@ -14,10 +12,8 @@ from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 def rounder(system: System) -> Vary:
     """All gaps smaller by s times what facets cut off there: with s = 1 those of the round surfaces, on average."""
 
-    def vary(term: ContactTerm, s: float) -> Any:
-        trial = term.penalties.stiffened(system.state, 1.0)
-        nearer = term.places.cut_off(system.state)
-        return trial.remembering(shift=trial.history.shift - s * nearer) if s else trial
+    def vary(term: ContactTerm, s: float) -> ContactTrial:
+        return term.penalties.stiffened(system.state, 1.0).nearer(s * term.places.cut_off(system.state))
 
     return vary
 

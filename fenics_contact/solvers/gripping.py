@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearSolver, Solution
 from fenics_contact.solvers.reuse import TIGHTEST

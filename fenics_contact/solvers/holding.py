@@ -1,16 +1,16 @@
 """Bodies and pushed tools that nothing holds any more: free rigid motions, and those that friction alone resists."""
 
 from collections.abc import Collection, Sequence
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.contact_term import ContactTerm, Trials
 from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm, Term
+from fenics_contact.assembly.term import Term
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
 from fenics_contact.solvers.softness import damping
 from fenics_contact.types import Floats, Mat, Vec
@@ -292,11 +292,10 @@ def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
 def _energies(system: System, rough: list[ContactTerm], motions: Motions, frictions: dict[ContactTerm, float]) -> Floats:
     """Work of motions with each other's resistance if rough contacts had other coefficients of friction: endless ones, but
     for those of `frictions`. Collective."""
-    trials: dict[Term, Any] = {contact: contact.trial.with_friction(frictions.get(contact, ENDLESS)) for contact in rough}
-    return _resisted(system, motions, trials)
+    return _resisted(system, motions, {c: c.trial.with_friction(frictions.get(c, ENDLESS)) for c in rough})
 
 
-def _resisted(system: System, motions: Motions, trials: dict[Term, Any]) -> Floats:
+def _resisted(system: System, motions: Motions, trials: Trials) -> Floats:
     """Work of motions with each other's resistance by the tangent, with these trial states of contacts. Collective."""
     system.assemble_tangent(trials=trials)
     matrix = supported(system)

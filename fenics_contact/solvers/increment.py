@@ -1,13 +1,10 @@
 """One tangent solve, from the residual assembled last to the next state."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import Term
 from fenics_contact.solvers.linear import LinearSolver, Solution
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
@@ -24,7 +21,7 @@ def solve_once(
     du: Floats,
     dq: Floats,
     tolerance: float = TIGHTEST,
-    trials: Mapping[Term, Any] | None = None,
+    trials: Trials | None = None,
 ) -> Solution:
     """One tangent solve with the assembled residual, and the update of the state. trials: see System.assemble_tangent."""
     system.assemble_tangent(trials=trials)

@@ -178,7 +178,7 @@ def _extrapolate(system: System, owed: Floats) -> bool:
     foresight, accepted, state = system.foresight, system.trail.accepted, system.state
     if not foresight.contacts or system.condensed or len(system.tools):
         return False
-    settles = any(contact.unknowns.settles for contact in foresight.contacts)
+    settles = any(contact.partner.settles for contact in foresight.contacts)
     u, _, t = system.trail.last
     for count in (3, 2):
         step = _onwards(accepted[-count:], state.t) if len(accepted) >= count else None

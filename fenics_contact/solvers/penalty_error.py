@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 from fenics_contact.types import Floats
 
@@ -23,7 +23,7 @@ def stiffer(system: System) -> Vary:
     under the same traction. Changes of the contact area and of the path before are left out.
     """
 
-    def vary(term: ContactTerm, s: float) -> Any:
+    def vary(term: ContactTerm, s: float) -> ContactTrial:
         return term.penalties.stiffened(system.state, 1.0 + s)
 
     return vary

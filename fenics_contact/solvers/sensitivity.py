@@ -1,13 +1,13 @@
 """How forces and pressures of contacts change with what these are evaluated with: first derivatives in an accepted state."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial, Trials
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Vec
 
@@ -15,7 +15,7 @@ NUDGE = 1e-4  # over which forces are differenced: few statuses change, far abov
 LINEAR = 1e-4  # relative residual of an iterative solve: an extrapolation itself is good to some percent
 
 # The trial of a contact where a parameter differs by a number from that of the accepted state
-Vary = Callable[[ContactTerm, float], Any]
+Vary = Callable[[ContactTerm, float], ContactTrial]
 
 
 class Change(NamedTuple):
@@ -71,37 +71,30 @@ def _at(system: System, vary: Vary, s: float, u: Floats, q: Floats) -> list[tupl
     return found
 
 
-def _out_of_balance(system: System, trials: Sequence[Any]) -> tuple[Vec, Floats]:
+def _out_of_balance(system: System, trials: Trials) -> tuple[Vec, Floats]:
     """The residual and that of the tools where the contacts are evaluated with these trials. Collective."""
-    _take(system, trials)
-    system.assemble_residual()
+    with system.foresight.trying(trials):
+        system.assemble_residual()
     return system.residual_vector.copy(), system.tool_residual.copy()
-
-
-def _take(system: System, trials: Sequence[Any]) -> None:
-    for term, trial in zip(system.contacts, trials, strict=True):
-        term.take(trial)
 
 
 def _rates(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list[tuple[Floats, Floats]] | None:
     """du/ds, a local array, and dq/ds of the tools' coordinates by each parameter; None where the tangent is singular."""
-    own = [term.trial for term in system.contacts]
-    trials = [[[vary(term, s) for term in system.contacts] for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
+    trials = [[{term: vary(term, s) for term in system.contacts} for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
     sides, none = [], np.zeros_like(system.state.q)
     for ahead, _, behind in trials:
         (force, tools), (less, tools_less) = (_out_of_balance(system, at) for at in (ahead, behind))
         force.axpy(-1.0, less)
         force.scale(0.5 / NUDGE)
         sides.append((force, (tools - tools_less) / (2.0 * NUDGE), np.zeros(len(system.supports.dofs)), none))
-    _take(system, trials[0][1])
-    system.assemble_residual()
-    system.assemble_tangent()
+    with system.foresight.trying(trials[0][1]):
+        system.assemble_residual()
+        system.assemble_tangent()
     try:
         return [(_local(system, du), dq) for du, dq in linear.solve_sides(sides, LINEAR)]
     except LinearFailure:
         return None
     finally:
-        _take(system, own)
         system.assemble_residual()
 
 

@@ -1,7 +1,7 @@
 """Steps that stiff penalties keep Newton from solving: solved with softer ones first, from where the full ones take few."""
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import ContactTerm
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed

@@ -1,0 +1,263 @@
+"""What solvers and the output ask of a contact; of what is its own they know that it can be handed back: `Any`."""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.term import Findings, State, Term
+from fenics_contact.types import Array, Bools, Floats, Ints
+
+
+class ContactLaw(Protocol):
+    """Normal and tangential penalties (ne,) [pressure/length]; touch [length]: gaps up to it are round-off."""
+
+    @property
+    def eps_n(self) -> Floats: ...
+
+    @property
+    def eps_t(self) -> Floats: ...
+
+    @property
+    def touch(self) -> float: ...
+
+
+class ContactHistory(Protocol):
+    """Of points (ne, nq): the ways slid [length], and whether they have been in contact."""
+
+    @property
+    def slip_path(self) -> Floats: ...
+
+    @property
+    def met(self) -> Bools: ...
+
+
+class ContactTrial(Protocol):
+    """What a contact is evaluated with: a law, a history, and gaps that decide in the place of the present ones."""
+
+    @property
+    def law(self) -> ContactLaw: ...
+
+    @property
+    def history(self) -> ContactHistory: ...
+
+    @property
+    def asks_pressure(self) -> bool: ...
+
+    def with_friction(self, mu: float) -> "ContactTrial": ...
+
+    def nearer(self, by: Floats) -> "ContactTrial":
+        """All gaps smaller by (ne, nq) [length]."""
+        ...
+
+    def judging(self, gaps: Floats = ...) -> "ContactTrial":
+        """Judged by these gaps (ne nq,), by default the present ones."""
+        ...
+
+
+class ContactResponse(Protocol):
+    """Gaps [length] and status codes (ne, nq) of the points."""
+
+    @property
+    def gap(self) -> Floats: ...
+
+    @property
+    def status(self) -> Ints: ...
+
+
+class ContactSurface(Protocol):
+    """Slave points, by elements: local nodes (ne, k), their weights (ne, nq, k), areas (ne, nq) [length^2], reference
+    positions X (ne, k, 3) of nodes; count of the points and largest height [length] of a cell beneath; whether points are
+    nodes, and which (gradients: None), or lie in corners."""
+
+    nodes: Ints
+    a: Floats
+    area: Floats
+    X: Floats
+    cell_height: float
+    gradients: Floats | None
+    corners: bool
+    linear: bool
+
+    @property
+    def count(self) -> int: ...
+
+
+class ContactPartner(Protocol):
+    """What the points meet. `feet`, `before`: where points and master were, of which the contact's places know.
+
+    grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
+    pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no increment need be
+    shortened; edge_kind: what the output says of its edges.
+    """
+
+    edge_kind: str
+    grounded: bool
+    foresees: bool
+    settles: bool
+
+    @property
+    def nodes(self) -> Ints: ...
+
+    def gives(self, held: Array) -> bool: ...
+
+    def foreseen(self, feet: Any, before: Any, trial: Any) -> Floats: ...
+
+    def carried_on(self, trial: Any, share: float) -> Floats: ...
+
+
+class ContactPlaces(Protocol):
+    """Where the points are at a state, as the partner sees them. Collective."""
+
+    def feet(self, state: State) -> Any: ...
+
+    def looks(self, state: State) -> Floats: ...
+
+    def point(self, state: State) -> Floats | None:
+        """Where moments are taken about (3,) [length]: the tool's reference point; None: there is no tool."""
+        ...
+
+    def cut_off(self, state: State) -> Floats:
+        """How much nearer (ne, nq) [length] round surfaces are to each other at the points than the facets that stand for
+        them, see `chords`. Collective."""
+        ...
+
+    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]: ...
+
+    def back_share(self, state: State) -> float: ...
+
+
+class ContactPenalties(Protocol):
+    """Trials with other penalties."""
+
+    def raised(self, state: State) -> tuple[ContactTrial, str] | None: ...
+
+    def held_back(self) -> ContactTrial: ...
+
+    def raise_factor(self, state: State) -> float: ...
+
+    def softness(self, state: State) -> float: ...
+
+    def softened(self, state: State, part: float) -> ContactTrial: ...
+
+    def holding_up(self, state: State) -> ContactTrial: ...
+
+    def stiffened(self, state: State, factor: float) -> ContactTrial: ...
+
+
+class ContactMultipliers(Protocol):
+    """What they leave of the error, and trials with other ones."""
+
+    def misfit(self, state: State) -> float: ...
+
+    def augmented(self, state: State, pressure: float = 1.0, friction: float = 1.0) -> ContactTrial: ...
+
+
+class ContactForces(Protocol):
+    """What a contact's points exert at a state; trial: what it is evaluated with, None: the present one."""
+
+    def split_traction(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
+
+    def measures(self, state: State, trial: Any = None) -> dict[str, Any]: ...
+
+    def resultants(self, state: State, trial: Any = None) -> tuple[Floats, Floats]: ...
+
+    def limits(self, state: State) -> Floats: ...
+
+    def covered(self, state: State) -> Floats: ...
+
+    def press(self, state: State, residual: Floats, tool_residual: Floats) -> float: ...
+
+    def stored(self, state: State) -> float: ...
+
+    def grip(self, state: State) -> tuple[float, float]: ...
+
+    def holding(self, state: State, least: float) -> set[str]: ...
+
+    def could_hold(self, state: State) -> set[str]: ...
+
+
+class ContactFindings(Findings, Protocol):
+    """What ails a contact, beside what every term is asked for."""
+
+    def deep(self, state: State) -> Finding | None: ...
+
+    def drawn_inside(self, state: State) -> Finding | None: ...
+
+    def pressing_edge(self, state: State) -> Finding | None: ...
+
+    def never_met(self, state: State) -> str | None: ...
+
+
+class ContactLed(Protocol):
+    """What supports do to a contact's slave points."""
+
+    def fixed(self, state: State) -> Bools: ...
+
+
+class ContactParts(Protocol):
+    """The laws that can hold at a contact's points, and trials of some of them alone."""
+
+    def laws(self, frictionless: bool) -> dict[str, int]: ...
+
+    def part(self, mask: Bools, frictionless: bool = False) -> ContactTrial: ...
+
+    def branches(self, state: State, trial: Any = None) -> Array: ...
+
+
+class ContactTerm(Term, Protocol):
+    """A contact.
+
+    penetration: how deep a point may lie in the master [length], None: as the penalty alone gives; rough: is there friction;
+    friction_stated: Coulomb's mu, or the numbers of a friction law by name; trial: what it is evaluated with where no other
+    trial is given.
+    """
+
+    penetration: float | None
+    master_name: str
+    friction_stated: float | dict[str, Any]
+
+    @property
+    def surface(self) -> ContactSurface: ...
+
+    @property
+    def partner(self) -> ContactPartner: ...
+
+    @property
+    def places(self) -> ContactPlaces: ...
+
+    @property
+    def penalties(self) -> ContactPenalties: ...
+
+    @property
+    def multipliers(self) -> ContactMultipliers: ...
+
+    @property
+    def trial(self) -> ContactTrial: ...
+
+    @property
+    def forces(self) -> ContactForces: ...
+
+    @property
+    def findings(self) -> ContactFindings: ...
+
+    @property
+    def led(self) -> ContactLed: ...
+
+    @property
+    def parts(self) -> ContactParts: ...
+
+    @property
+    def rough(self) -> bool: ...
+
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Any = None) -> None: ...
+
+    def response(self, state: State, trial: Any = None) -> ContactResponse: ...
+
+    def take(self, trial: Any) -> None: ...
+
+    def hold_sights(self, state: State) -> bool: ...
+
+    def resample(self, state: State) -> bool: ...
+
+
+Trials = Mapping[ContactTerm, ContactTrial]  # with what contacts are evaluated in the place of their own
