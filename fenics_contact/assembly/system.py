@@ -190,6 +190,14 @@ class System:
         way = max(self.comm.allgather(np.abs(self.state.u.x.array - u).max(initial=0.0)))
         return max(way, np.abs(self.state.q - q).max(initial=0.0))
 
+    def length(self, du: Vec, dq: Floats) -> float:
+        """Of a motion: root of the mean square over the nodes, tools on top [length]. Collective."""
+        return float(np.sqrt(du.dot(du) / (du.getSize() / 3) + np.sum(dq**2)))
+
+    def still(self) -> tuple[Floats, Floats]:
+        """Increments of the supports' dofs and of the tools' coordinates that stay where they are."""
+        return np.zeros(len(self.supports.dofs)), np.zeros_like(self.state.q)
+
     def strain_energy(self) -> float:
         """Of the bodies at the state, over that at rest [force x length]. Collective."""
         return self.comm.allreduce(self.terms[0].strain_energy()) - self._at_rest

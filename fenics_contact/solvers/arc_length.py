@@ -23,6 +23,7 @@ from fenics_contact.solvers.newton import (
     _forcing,
     balanced,
     relative_residual,
+    upright,
 )
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
@@ -94,10 +95,6 @@ class ArcLength:
 
     def norm(self, a: Increment) -> float:
         return float(np.sqrt(self.dot(a, a)))
-
-    def extent(self, way: Increment) -> float:
-        """Distance [length] that a way spans in displacement and tools' coordinates."""
-        return float(np.sqrt(way.du.dot(way.du) / (way.du.getSize() / 3) + np.sum(way.dq**2)))
 
     def weigh(self, moved: float, load: float) -> None:
         """Give load and displacement the same extent: `moved` [length] stands for a change of the load by `load`."""
@@ -201,8 +198,7 @@ class ArcLength:
         """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
         system.assemble_tangent()
         total = self.made(system)
-        resting = np.zeros(len(system.supports.dofs)), np.zeros_like(total.dq)
-        balance = (system.residual_vector, system.tool_residual, *resting)
+        balance = (system.residual_vector, system.tool_residual, *system.still())
         (du, dq), (du_t, dq_t) = self.linear.solve_sides([balance, side], tolerance)
         rate = Increment(du_t, dq_t, 1.0)
         step = Increment(du, dq, 0.0)
@@ -246,9 +242,7 @@ def _shorten(system: System, made: Increment, before: float) -> float:
             break
         made.add(half)
         share, size = 0.5 * share, shorter
-    if not np.isfinite(size):
-        raise StepFailed("an element turned inside out")
-    return size
+    return upright(size)
 
 
 def depends_on_load(system: System) -> bool:

@@ -254,7 +254,7 @@ class Path:
             self.gone = arrival.increment.times(0.0)
         self.gone.add(arrival.increment)
         self.highest = max(self.highest, self._load)
-        self.furthest = max(self.furthest, self.arc.extent(self.gone))
+        self.furthest = max(self.furthest, self.system.length(self.gone.du, self.gone.dq))
         self.taken += 1
         self._measure(leg)
         self.verdict.accept(arrival.report, self.system)

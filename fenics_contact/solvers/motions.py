@@ -80,10 +80,9 @@ def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Mo
 def _iterated(system: System, mode: Motion) -> Motion | None:
     """What inverse iteration makes of a motion: of the size |du|^2 / nodes + |dq|^2 = 1, or None. Collective."""
     linear, nodes = LinearSolver(system, "direct", afresh=True, singular=True), system.vector.getSize() / 3
-    resting = np.zeros(len(system.supports.dofs))
     for sweep in range(SWEEPS):
         system.supports.put(mode.du.array_w, 0.0)
-        size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))
+        size = system.length(*mode)
         if not (np.isfinite(size) and size > 0.0):
             return None
         mode.du.scale(1.0 / size)
@@ -91,11 +90,11 @@ def _iterated(system: System, mode: Motion) -> Motion | None:
         side = mode.du.copy()
         side.scale(-1.0 / nodes)
         try:
-            increment = linear.solve_sides([(side, -mode.dq, resting, np.zeros_like(mode.dq))], again=sweep > 0)
+            increment = linear.solve_sides([(side, -mode.dq, *system.still())], again=sweep > 0)
         except LinearFailure:
             return None
         mode = Motion(*increment[0])
-    size = np.sqrt(mode.du.dot(mode.du) / nodes + np.sum(mode.dq**2))
+    size = system.length(*mode)
     mode.du.scale(1.0 / size)
     return Motion(mode.du, mode.dq / size) if np.isfinite(size) else None
 

@@ -84,8 +84,8 @@ class Newton:
             left = 0.0
             if foresight.settles and not np.isfinite(size):
                 size, left = self._upright(system, du, dq)
-            if solve == 1 and not np.isfinite(size):
-                raise StepFailed("an element turned inside out")
+            if solve == 1:
+                upright(size)
             shorten = size > before and not foresight.settles
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
@@ -125,9 +125,8 @@ class Newton:
         Where Newton converges the tangent has hardly changed, and this costs far less than a new one (Shamanskii 1967), also
         with an iterative solver: no assembly, and a preconditioner that fits.
         """
-        zeros = np.zeros(len(system.supports.dofs)), np.zeros_like(dq)
         try:
-            du, dq = self.linear.solve(*zeros, _forcing(size, self.tolerance), again=True)
+            du, dq = self.linear.solve(*system.still(), _forcing(size, self.tolerance), again=True)
         except LinearFailure:
             return size
         report.corrections += 1
@@ -157,9 +156,7 @@ class Newton:
                 _move(system, du, dq, 0.5 * share, share)
                 break
             share, size = 0.5 * share, shorter
-        if not np.isfinite(size):
-            raise StepFailed("an element turned inside out")
-        return size
+        return upright(size)
 
 
 def _cut_back(system: System, t: float) -> bool:
@@ -265,12 +262,16 @@ def _forcing(residual: float, tolerance: float) -> float:
     return float(np.clip(wanted, TIGHTEST, LOOSEST))
 
 
-def relative_residual(system: System, followed: bool = False) -> float:
-    """Out-of-balance norm over its scale; StepFailed where it is not a number."""
-    size = system.assemble_residual(followed)
+def upright(size: float) -> float:
+    """An out-of-balance norm as it is; StepFailed where it is no number, or endless."""
     if not np.isfinite(size):
         raise StepFailed("an element turned inside out")
-    scale = system.scales.balance
+    return size
+
+
+def relative_residual(system: System, followed: bool = False) -> float:
+    """Out-of-balance norm over its scale; StepFailed where it is not a number."""
+    size, scale = upright(system.assemble_residual(followed)), system.scales.balance
     return size / scale if scale > 0.0 else size
 
 

@@ -1,7 +1,5 @@
 """Negative pivots of the tangent along load steps: a bifurcation passed is said, Newton's method goes on."""
 
-import numpy as np
-
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
@@ -44,7 +42,7 @@ class PivotWatch:
         system.assemble_residual()
         system.assemble_tangent()
         try:
-            self.linear.solve(np.zeros(len(system.supports.dofs)), np.zeros_like(system.state.q), LOOSEST)
+            self.linear.solve(*system.still(), LOOSEST)
         except LinearFailure:
             return None, False
         return self._seen()

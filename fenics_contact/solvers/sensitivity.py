@@ -81,12 +81,12 @@ def _out_of_balance(system: System, trials: Trials) -> tuple[Vec, Floats]:
 def _rates(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list[tuple[Floats, Floats]] | None:
     """du/ds, a local array, and dq/ds of the tools' coordinates by each parameter; None where the tangent is singular."""
     trials = [[{term: vary(term, s) for term in system.contacts} for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
-    sides, none = [], np.zeros_like(system.state.q)
+    sides = []
     for ahead, _, behind in trials:
         (force, tools), (less, tools_less) = (_out_of_balance(system, at) for at in (ahead, behind))
         force.axpy(-1.0, less)
         force.scale(0.5 / NUDGE)
-        sides.append((force, (tools - tools_less) / (2.0 * NUDGE), np.zeros(len(system.supports.dofs)), none))
+        sides.append((force, (tools - tools_less) / (2.0 * NUDGE), *system.still()))
     with system.foresight.trying(trials[0][1]):
         system.assemble_residual()
         system.assemble_tangent()

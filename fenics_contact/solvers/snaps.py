@@ -120,7 +120,7 @@ def _place(system: System, u: Floats | None = None, q: Floats | None = None) -> 
 
 
 def _distance(system: System, one: Place, other: Place) -> float:
-    """Root of the mean square over the nodes, tools on top [length]. Collective."""
-    (u, q), (v, other_q) = one, other
-    square = system.comm.allreduce(float(np.sum((u - v) ** 2))) / (system.vector.getSize() / 3)
-    return float(np.sqrt(square + np.sum((q - other_q) ** 2)))
+    """Of the way between two places [length]. Collective."""
+    du = system.new_vector()
+    du.array[:] = one[0] - other[0]
+    return system.length(du, one[1] - other[1])

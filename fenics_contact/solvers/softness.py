@@ -231,7 +231,7 @@ def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
         arc.start(system)
     except StepFailed:
         return 0.0
-    moved = np.sqrt(step.dot(step) / (step.getSize() / 3) + np.sum((tools_now - tools) ** 2))
+    moved = system.length(step, tools_now - tools)
     q = (arc.per_load or 0.0) * (t_now - t) / moved if moved > 0.0 else np.inf
     return (t_now - t) / (4.0 * q * (q - 1.0)) if q > 1.0 else np.inf
 

@@ -2,12 +2,9 @@
 
 from typing import Any
 
-import numpy as np
-
 from fenics_contact.assembly.system import System
 from fenics_contact.plans import STEPPERS
-from fenics_contact.solvers.newton import Newton
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.newton import Newton, upright
 from fenics_contact.types import Floats, Vec
 
 
@@ -15,9 +12,7 @@ class FullSteps(Newton):
     """Newton's method without a line search."""
 
     def _shorten(self, system: System, du: Vec, dq: Floats, before: float, size: float, strict: bool) -> float:
-        if not np.isfinite(size):
-            raise StepFailed("an element turned inside out")
-        return size
+        return upright(size)
 
 
 STEPPERS["full steps"] = FullSteps
