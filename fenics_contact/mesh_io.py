@@ -206,26 +206,10 @@ def _drawn(source: Source, parameters: dict[str, Any], comm: MPI.Comm, take: Cal
 
 
 def _sides(group: str | None) -> tuple[Ints64, Floats]:
-    entities = [tag for _, tag in gmsh.model.getEntities(1)]
-    if group is not None:
-        groups = gmsh_model.group_entities(1)
-        _, entities = groups[known_group(group, groups, "curve")]
-    rows: list[Ints64] = [np.empty((0, 2), dtype=np.int64)]
-    for _, name, _, nodes in (one for entity in entities for one in gmsh_model.elements(1, entity)):
-        if name != "Line 2":
-            raise ValueError(f"sides of type '{name}' are not supported for a tool; mesh its curve with order 1")
-        rows.append(nodes)
-    sides = np.concatenate(rows)
-    _, first = np.unique(key(sides), return_index=True)
-    tags, places = np.unique(sides[np.sort(first)], return_inverse=True)
-    if not len(tags):
-        what = f"curve group '{group}'" if group else "it"
-        raise ValueError(f"{what} has no sides; mesh a curve with gmsh.model.mesh.generate(1)")
-    X = gmsh_model.places(tags)
+    sides, tags, X = _tool_elements(1, group, "curve", "sides", {"Line 2": [0, 1]})
     if np.abs(X[:, 2]).max() > 1e-9 * np.ptp(X, axis=0).max():
         raise ValueError("a curve that is a tool of a plane scene lies in z = 0; draw it there")
-    _refuse_no_number(X)
-    return _leaving_on_the_left(places.reshape(-1, 2).astype(np.int64), tags), X
+    return _leaving_on_the_left(sides, tags), X
 
 
 def _leaving_on_the_left(sides: Ints64, tags: Ints64) -> Ints64:
@@ -249,32 +233,35 @@ def _refusal(source: Source, error: BaseException) -> str:
 
 
 def _facets(group: str | None) -> tuple[Ints64, Ints64, Floats]:
-    entities = [tag for _, tag in gmsh.model.getEntities(2)]
+    rings = {"Triangle 3": [0, 1, 2, 2], "Quadrilateral 4": [0, 1, 2, 3]}
+    nodes, _, X = _tool_elements(2, group, "surface", "facets", rings)
+    return nodes, np.where(nodes[:, 2] == nodes[:, 3], 3, 4).astype(np.int64), X
+
+
+def _tool_elements(
+    dim: int, group: str | None, of: str, what: str, rings: dict[str, list[int]]
+) -> tuple[Ints64, Ints64, Floats]:
+    """Elements of a group, or all, as rows of numbers, by what `rings` take of their nodes; these nodes' tags and places
+    X (nm, 3). ValueError where there are none, or others, and where a place is none: of bodies their Jacobians say it."""
+    entities = [tag for _, tag in gmsh.model.getEntities(dim)]
     if group is not None:
-        groups = gmsh_model.group_entities(2)
-        _, entities = groups[known_group(group, groups, "surface")]
-    corners = {"Triangle 3": 3, "Quadrilateral 4": 4}
-    rows: list[Ints64] = [np.empty((0, 4), dtype=np.int64)]
-    for _, name, _, nodes in (one for entity in entities for one in gmsh_model.elements(2, entity)):
-        if name not in corners:
-            raise ValueError(f"facets of type '{name}' are not supported for a tool; mesh its surface with order 1")
-        rows.append(nodes if corners[name] == 4 else nodes[:, [0, 1, 2, 2]])
-    facets = np.concatenate(rows)
-    _, first = np.unique(key(facets), return_index=True)  # a file may hold a facet once for each of its groups
-    tags, places = np.unique(facets[np.sort(first)], return_inverse=True)
+        groups = gmsh_model.group_entities(dim)
+        _, entities = groups[known_group(group, groups, of)]
+    rows: list[Ints64] = [np.empty((0, len(next(iter(rings.values())))), dtype=np.int64)]
+    for _, name, _, nodes in (one for entity in entities for one in gmsh_model.elements(dim, entity)):
+        if name not in rings:
+            raise ValueError(f"{what} of type '{name}' are not supported for a tool; mesh its {of} with order 1")
+        rows.append(nodes[:, rings[name]])
+    found = np.concatenate(rows)
+    _, first = np.unique(key(found), return_index=True)  # a file may hold a facet once for each of its groups
+    tags, numbers = np.unique(found[np.sort(first)], return_inverse=True)
     if not len(tags):
-        what = f"surface group '{group}'" if group else "it"
-        raise ValueError(f"{what} has no facets; mesh a surface with gmsh.model.mesh.generate(2)")
-    X = gmsh_model.places(tags)
-    _refuse_no_number(X)
-    nodes = np.ascontiguousarray(places.reshape(-1, 4), dtype=np.int64)
-    return nodes, np.where(nodes[:, 2] == nodes[:, 3], 3, 4).astype(np.int64), np.ascontiguousarray(X)
-
-
-def _refuse_no_number(X: Floats) -> None:
-    """Of a tool; of a body the cells' Jacobians say it."""
+        whose = f"{of} group '{group}'" if group else "it"
+        raise ValueError(f"{whose} has no {what}; mesh a {of} with gmsh.model.mesh.generate({dim})")
+    X = np.ascontiguousarray(gmsh_model.places(tags))
     if wrong := int((~np.isfinite(X)).any(axis=1).sum()):
         raise ValueError(f"{wrong} of its {len(X)} nodes have a coordinate that is no finite number; mesh it again")
+    return np.ascontiguousarray(numbers.reshape(-1, found.shape[1]), dtype=np.int64), tags, X
 
 
 def _owners(cells: dict[str, int], ranks: dict[str, int], size: int) -> Ints64:
