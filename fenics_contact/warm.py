@@ -128,18 +128,18 @@ def warm(kind: str | None = None) -> str:
         with TemporaryDirectory() as folder:
             KINDS[kind](Path(folder) / "out")
         return f"compiled: {kind}"
-    mark, state = _caches()[0] / "warm.json", _state()
+    mark, state = cache_folders()[0] / "warm.json", _state()
     if _is_warm(mark, state):
         return f"nothing to compile ({mark})"
     start = time.perf_counter()
     compileall.compile_dir(PACKAGE, quiet=2)  # where Python itself keeps nothing, PYTHONDONTWRITEBYTECODE: 0.25 s per start
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(tqdm(pool.map(_run, KINDS), "compiling", len(KINDS)))
+        list(tqdm(pool.map(compile_kind, KINDS), "compiling", len(KINDS)))
     mark.write_text(json.dumps({"state": state, "files": [str(file) for file in _compiled()]}))
     return f"compiled in {time.perf_counter() - start:.0f} s: scenes start at once"
 
 
-def _run(kind: str) -> None:
+def compile_kind(kind: str) -> None:
     command = [sys.executable, "-m", "fenics_contact", "warm", kind]
     alone = os.environ | {"OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, capture_output=True, text=True, env=alone)
@@ -147,13 +147,13 @@ def _run(kind: str) -> None:
         raise RuntimeError(f"the scene '{kind}' failed:\n{done.stderr}")
 
 
-def _caches() -> tuple[Path, Path]:
+def cache_folders() -> tuple[Path, Path]:
     """Where Numba keeps the kernels and FFCx the forms."""
     return compat.kernels_folder(traction), compat.forms_folder()
 
 
 def _compiled() -> list[Path]:
-    kernels, forms = _caches()
+    kernels, forms = cache_folders()
     return sorted([*kernels.glob("*.nbi"), *forms.glob("*.so")])
 
 

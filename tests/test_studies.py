@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 from fenics_contact.studies import Study, answer, curves, expand, failures, grid, speed, stability_map, work_precision
 from fenics_contact.studies.__main__ import NAMES, run
-from fenics_contact.studies.charts import StudyError, _short_panels, cheapest, hold_slope, medians, pareto, savings
+from fenics_contact.studies.charts import StudyError, cheapest, hold_slope, medians, pareto, savings, short_panels
 from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
 from fenics_contact.studies.runner import read
 from fenics_contact.studies.speed import race
@@ -204,7 +204,7 @@ def test_charts(folder):
     with pytest.raises(StudyError, match="neither errors nor values"):
         work_precision(folder / "none.png", [row | {"value": float("nan")} for row in apart], base, panels)
     assert "no reference" in answer(apart, base, panels, ["h", "way"])
-    many = _short_panels({"many": dict.fromkeys("abcdefghi", {}), "few": {"a": {}}})
+    many = short_panels({"many": dict.fromkeys("abcdefghi", {}), "few": {"a": {}}})
     assert [len(curves) for curves in many.values()] == [3, 3, 3, 1]
     failed = case(1.0, "diverges") | {"h": 1.0, "way": "a"}
     stability_map(folder / "map.png", [failed, *rows[1:]], "h", "way", title="where it fails")

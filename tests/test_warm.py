@@ -33,8 +33,8 @@ def caches(tmp_path, monkeypatch):
         (folders[0] / f"{kind}.nbi").touch()
         (folders[1] / f"{kind}.so").touch()
 
-    monkeypatch.setattr(warm, "_caches", lambda: folders)
-    monkeypatch.setattr(warm, "_run", compiled)
+    monkeypatch.setattr(warm, "cache_folders", lambda: folders)
+    monkeypatch.setattr(warm, "compile_kind", compiled)
     return folders, run
 
 
@@ -63,7 +63,7 @@ def test_another_text_or_version_is_compiled_again(caches, monkeypatch):
 def test_a_scene_that_fails_is_named(monkeypatch):
     monkeypatch.setattr(warm.sys, "executable", "false")
     with pytest.raises(RuntimeError, match="the scene 'tool' failed"):
-        warm._run("tool")
+        warm.compile_kind("tool")
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ def _in_frame(tool: RigidTool, size: float, centre: Floats, sag: float) -> Facet
         angle = np.linspace(2 * np.pi, 0.0, 4 * _quarter(tube, sag) + 1)
         return _turned(ring + tube * np.cos(angle), tube * np.sin(angle), _quarter(ring + tube, sag))
     if tool.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION):
-        line = _profile(tool.shape.reshape(-1, rigid_profiles.PIECE), size, sag)
+        line = profile_line(tool.shape.reshape(-1, rigid_profiles.PIECE), size, sag)
         if tool.kind == rigid_shapes.REVOLUTION:
             radius, height = line[line[:, 0] >= 0.0].T
             return _turned(radius, height, _quarter(radius.max(), sag))
@@ -117,7 +117,7 @@ def _cone(shape: Floats, size: float, sag: float) -> Facets:
     return _turned(radius, height, around)
 
 
-def _profile(pieces: Floats, size: float, sag: float) -> Floats:
+def profile_line(pieces: Floats, size: float, sag: float) -> Floats:
     """Points (n, 2) of a profile on its way, lines without end as long as `size` beyond their last corner."""
     line = []
     for code, *numbers in pieces:

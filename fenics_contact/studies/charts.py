@@ -151,7 +151,7 @@ def work_precision(
     if not good:
         raise StudyError("the rows have neither errors nor values: give metrics(result, value=...)")
     front = pareto([(_seconds(r) / unit, r["error"]) for r in good]) if key == "error" else []
-    parts = _short_panels(panels)
+    parts = short_panels(panels)
     figure = figures.Figure(figsize=(WIDTH, 0.6 + 2.6 * len(parts)), layout="constrained")
     axes = figure.subplots(len(parts), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for axis, (name, curves) in zip(axes, parts.items(), strict=True):
@@ -169,7 +169,7 @@ def work_precision(
     return [good[i] for i in front]
 
 
-def _short_panels(panels: Panels) -> Panels:
+def short_panels(panels: Panels) -> Panels:
     """The panels, those with more than MOST curves in parts of nearly equal size."""
     found: dict[str, Mapping[str, Values]] = {}
     for name, curves in panels.items():

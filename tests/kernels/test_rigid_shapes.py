@@ -22,7 +22,7 @@ from fenics_contact.kernels.rigid_shapes import (
     meets_face,
     signed_distance,
 )
-from fenics_contact.output.tool_surfaces import _profile
+from fenics_contact.output.tool_surfaces import profile_line
 
 pytestmark = pytest.mark.serial
 
@@ -221,7 +221,7 @@ def test_a_hollow_is_the_rest_of_space(kind):
 
 def lines_of(tool):
     """Places (n, 2) of a profile cut into short lines, of a turned one on one side of its axis."""
-    line = _profile(tool.shape.reshape(-1, PIECE), 20.0, 1e-9)
+    line = profile_line(tool.shape.reshape(-1, PIECE), 20.0, 1e-9)
     return line[line[:, 0] >= 0.0] if tool.kind == REVOLUTION else line
 
 
