@@ -80,6 +80,6 @@ class SpringTerm(FormTerm):
         """(sum of the forces' sizes [force], their work on the way from u_0 at these forces [force length]). Collective."""
         local, moved = np.zeros_like(state.u.x.array), state.u.x.array - self._reference.x.array
         FormTerm.add_residual(self, state, local, np.zeros_like(self._q))
-        tools, comm = self._tool_pull(state), state.u.function_space.mesh.comm
+        tools, comm = self._tool_pull(state), state.comm
         force, work = comm.allreduce(np.array([np.abs(local).sum(), local @ moved]))
         return force + np.abs(tools).sum(), work + float((tools * (state.q - self._q)).sum())

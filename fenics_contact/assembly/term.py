@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
@@ -28,6 +29,11 @@ class State:
     poses: Poses
     t: float = 0.0
     share: float = 1.0
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Of all ranks that have a part of the state."""
+        return self.u.function_space.mesh.comm
 
     @property
     def travel(self) -> Floats:

@@ -48,7 +48,7 @@ def worst(
 
 def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
     """(share of the area that has been in contact and has left the master, in words, place). Collective."""
-    comm, h = state.u.function_space.mesh.comm, contact.trial.history
+    comm, h = state.comm, contact.trial.history
     bare, area = contact.places.bare(contact.places.feet(state)), np.where(h.met, contact.surface.area, 0.0).ravel()
     # a tool that is led along a surface leaves more and more of it, and meets as much anew
     gone, left = area * bare, comm.allreduce((area * (1.0 - bare)).sum())
@@ -69,12 +69,12 @@ def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
 
 def deepest_point(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
     """(penetration [length], place) of the deepest point, the place of one deeper than `above` [length]. Collective."""
-    return worst(contact, state.u.function_space.mesh.comm, contact.led.depths(state).ravel(), above=above)
+    return worst(contact, state.comm, contact.led.depths(state).ravel(), above=above)
 
 
 def _led_note(contact: Contact, state: State) -> str | None:
     """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
-    comm = state.u.function_space.mesh.comm
+    comm = state.comm
     force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
     on_led = np.where(contact.led.points(state), force, 0.0)
     led, total = comm.allreduce(np.array([on_led.sum(), force.sum()]))
@@ -91,7 +91,7 @@ def _led_note(contact: Contact, state: State) -> str | None:
 def _lean(contact: Contact, state: State) -> float | None:
     """Angle [degrees] between the slave's normals, along which pressure acts, and the master's; None: none to speak of.
     Collective."""
-    *apart, total = state.u.function_space.mesh.comm.allreduce(contact.led.lean(state))
+    *apart, total = state.comm.allreduce(contact.led.lean(state))
     lean = np.linalg.norm(apart)
     return float(np.degrees(2.0 * np.arcsin(min(0.5 * lean / total, 1.0)))) if total > 0.0 and lean > LEANS * total else None
 
@@ -111,7 +111,7 @@ def _lean_note(contact: Contact, state: State) -> str | None:
 def _edge_note(contact: Contact, state: State) -> str | None:
     """None, or that nodes on edges of the slave, whose areas are those of all faces there, carry load under a law that asks
     for pressures. Collective."""
-    facets, comm = contact.surface.between, state.u.function_space.mesh.comm
+    facets, comm = contact.surface.between, state.comm
     if facets is None or not contact.trial.asks_pressure:
         return None
     edges = facets.on_edges(contact.surface.nodes[:, 0])
@@ -168,7 +168,7 @@ def _held_better(contact: Contact) -> str:
 def _between(contact: Contact, state: State, above: float) -> tuple[float, str, str]:
     """(how far a facet hangs into a tool between slave nodes over their distance, in words, place of more than `above`).
     Collective."""
-    comm, facets = state.u.function_space.mesh.comm, contact.surface.between
+    comm, facets = state.comm, contact.surface.between
     shares = spots = np.empty((0, 3))
     if facets and len(sags := contact.places.sags(state)):
         shares, spots = sags / facets.spacing, facets.X.mean(axis=1)
@@ -195,7 +195,7 @@ def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[
 
     Zero where points are nodes themselves, which the penetration measures. Collective.
     """
-    s, comm = contact.surface, state.u.function_space.mesh.comm
+    s, comm = contact.surface, state.comm
     if s.gradients is None or s.corners:
         return 0.0, ""
     near = (contact.places.bare(contact.places.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
@@ -211,7 +211,7 @@ def _depth_beside(contact: Contact, state: State, above: float) -> tuple[float, 
     if (beside := contact.places.beside(state)) is None:
         return 0.0, "", False
     nodes, X, inner = beside
-    comm, depths = state.u.function_space.mesh.comm, -contact.places.node_gaps(state, nodes, X)
+    comm, depths = state.comm, -contact.places.node_gaps(state, nodes, X)
     at_skin, within = (worst(contact, comm, depths[part], X[part], above) for part in (~inner, inner))
     depth, place = max(at_skin, within)
     return max(depth, 0.0), place, within > at_skin
@@ -234,7 +234,7 @@ def _passed(contact: Contact, state: State) -> Finding | None:
     """None, or the Finding that a tool has come out behind the slave surface in this step. Collective."""
     if (passed := contact.places.passed(state, contact.trial)) is None:
         return None
-    depth, place = worst(contact, state.u.function_space.mesh.comm, *passed, above=0.0)
+    depth, place = worst(contact, state.comm, *passed, above=0.0)
     if depth <= 0.0:
         return None
     text = f"'{contact.master_name}' was passed through by {depth:.3g} in one step: it has come out behind the surface"
@@ -248,7 +248,7 @@ def _beyond_the_law(contact: Contact, state: State) -> Finding | None:
         return None
     pressure = contact.forces.split_traction(state)[0] / np.maximum(contact.forces.covered(state), TINY)
     allowed = (known := np.exp(table[-1, 1])) * (1.0 + TINY)
-    largest, place = worst(contact, state.u.function_space.mesh.comm, pressure.ravel(), above=allowed)
+    largest, place = worst(contact, state.comm, pressure.ravel(), above=allowed)
     if largest <= allowed:
         return None
     needed, given = told_apart(largest, known)
@@ -275,7 +275,7 @@ class Findings:
         """Why this state, evaluated last, must not be accepted: bodies have passed through one another, a body has folded
         over a tool, a point is held by nothing, mu(p) is not known, or penetrations are round-off beside the coordinates."""
         contact = self._contact
-        comm, trial = state.u.function_space.mesh.comm, contact.trial
+        comm, trial = state.comm, contact.trial
         depth = contact.places.lost_depth(state, trial)
         if depth > DRAWN * contact.surface.cell_height:
             text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
@@ -346,7 +346,7 @@ class Findings:
     def never_met(self, state: State) -> str | None:
         """How far away the master is after a run in which no point has touched it."""
         contact = self._contact
-        comm, search = state.u.function_space.mesh.comm, contact.places.search
+        comm, search = state.comm, contact.places.search
         if comm.allreduce(int(contact.trial.history.met.sum())):
             return None
         nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))

@@ -33,7 +33,7 @@ def deepest_lost(seeker: Seeker, first: int, state: State, trial: Trial) -> floa
     master when the last state was accepted, no farther than the bodies have moved since: what has slid off and sprung back
     lies behind the master, too. Collective.
     """
-    now, then, comm = seeker.feet(state), trial.history.feet, state.u.function_space.mesh.comm
+    now, then, comm = seeker.feet(state), trial.history.feet, state.comm
     unpaired = now.projection[1] == NONE
     if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
         return 0.0

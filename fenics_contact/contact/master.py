@@ -14,6 +14,7 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.chords import arches, cut_off
 from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.facets import MAX_NODES, Surface
 from fenics_contact.kernels.quadratic import LINE, STRIP, TRIANGLE
 from fenics_contact.kernels.vectors import Vector
@@ -29,13 +30,17 @@ NORMAL = 1e-6  # of a direction of length one: what lies less in a facet is norm
 
 
 class Meeting(Protocol):
-    """Where slave and master are: coords (nx, 3) of the slave's nodes, then the master's [length]; of a tool its pose."""
+    """Where slave and master are: coords (nx, 3) of the slave's nodes, then the master's [length]; of a tool its pose; which
+    facets points meet there."""
 
     @property
     def coords(self) -> Floats: ...
 
     @property
     def pose(self) -> Pose | None: ...
+
+    @property
+    def projection(self) -> Projection: ...
 
 
 def oriented_facets(space: Space, facets: Ints) -> tuple[Ints64, Ints64, Ints64]:

@@ -26,7 +26,7 @@ Project = Callable[[Floats, Floats, Floats], Projection]
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
 
-class NodePlaces(PlacesOnFacets):
+class NodePlaces(PlacesOnFacets[MortarFeet]):
     """Of slave nodes that meet a master through samples of the facets around them.
 
     surface: SlaveSurface of nodes; skin: all facets of the slave. Each process evaluates all samples around its own nodes
@@ -49,7 +49,6 @@ class NodePlaces(PlacesOnFacets):
         self._beyond = beyond_edges(master.corners)
         self._ends: Ends = starts, edges + self.first, sides, smooth
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
-        self._feet: MortarFeet | None = None
         self.use(Samples(self.around, self.around.whole))
 
     def resampled(self, then: MortarFeet, now: MortarFeet) -> MortarFeet:
@@ -65,15 +64,8 @@ class NodePlaces(PlacesOnFacets):
         self.samples, self._feet = samples, None
         self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge)
 
-    def feet(self, state: State) -> MortarFeet:
-        """The places at a state; the same object while these do not change on any rank. Collective."""
-        moved, feet = self._watch.moved(state), self._feet
-        if moved or feet is None:
-            with self.timers("projection"):
-                feet = self._feet = self._feet_at(
-                    state, lambda x, n, coords: self.sights.pairing.project(x, n, coords, self.timers)
-                )
-        return feet
+    def _met(self, state: State) -> MortarFeet:
+        return self._feet_at(state, lambda x, n, coords: self.sights.pairing.project(x, n, coords, self.timers))
 
     def first_feet(self, state: State) -> MortarFeet:
         """The places of the first search, which looks farther. Collective."""

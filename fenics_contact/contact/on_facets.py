@@ -1,6 +1,6 @@
 """What holds of any master of facets, however the slave meets it."""
 
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -11,6 +11,7 @@ from fenics_contact.contact.joints import Directions
 from fenics_contact.contact.lost import deepest_lost
 from fenics_contact.contact.master import MasterSurface, Meeting, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import Sights
+from fenics_contact.contact.pairing import Watch
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
@@ -30,8 +31,11 @@ SLID_OFF = (
 )
 
 
-class PlacesOnFacets:
-    """Where a slave lies to the facets of a master; `feet`, `first_feet` and the rest depend on how it meets them.
+Feet = TypeVar("Feet", bound=Meeting)
+
+
+class PlacesOnFacets(Generic[Feet]):
+    """Where a slave lies to the facets of a master; `first_feet` and the rest depend on how it meets them.
 
     surface: SlaveSurface; master: the facets, which each rank knows in full; slave (n,): this rank's nodes of the slave;
     first: where the master's nodes begin among the coordinates, facets: their nodes and sizes there; search: gaps from this
@@ -39,6 +43,8 @@ class PlacesOnFacets:
     """
 
     sights: Sights | None = None
+    _watch: Watch  # over the nodes that positions rest on
+    _feet: Feet | None = None
 
     def __init__(
         self,
@@ -95,13 +101,20 @@ class PlacesOnFacets:
         at = np.minimum(np.searchsorted(self.master.keys[order], keys), len(order) - 1)
         return np.where(keys < 0, -1, order[at] + self.first)
 
-    def feet(self, state: State) -> Any:
+    def feet(self, state: State) -> Feet:
+        """The places at a state; the same object while these do not change on any rank. Collective."""
+        if self._watch.moved(state) or self._feet is None:
+            with self.timers("projection"):
+                self._feet = self._met(state)
+        return self._feet
+
+    def _met(self, state: State) -> Feet:
         raise NotImplementedError
 
-    def first_feet(self, state: State) -> Any:
+    def first_feet(self, state: State) -> Feet:
         raise NotImplementedError
 
-    def far(self, feet: Any, search: float) -> Projection:
+    def far(self, feet: Feet, search: float) -> Projection:
         raise NotImplementedError
 
     def looks(self, state: State) -> Floats:
@@ -113,9 +126,9 @@ class OnFacets(PointPressures):
 
     foresees = True
     softens = False
-    places: PlacesOnFacets
+    places: PlacesOnFacets[Any]
 
-    def __init__(self, name: str, places: PlacesOnFacets) -> None:
+    def __init__(self, name: str, places: PlacesOnFacets[Any]) -> None:
         self.name, self.places, self.surface, self.timers = name, places, places.surface, places.timers
         self.grounded, self.edge_kind = places.master.index >= 0, "none"
         if self.grounded:

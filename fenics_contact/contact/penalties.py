@@ -85,7 +85,7 @@ class Penalties:
         if not self._adapts[0]:
             return None
         contact, trial = self._contact, self._contact.trial
-        comm = state.u.function_space.mesh.comm
+        comm = state.comm
         depth, place = self._depth(contact.led.depths(state), comm)
         raised = trial.history.raised
         room = min(comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
@@ -107,7 +107,7 @@ class Penalties:
     def raise_factor(self, state: State) -> float:
         """By how much the penalties are greater than at first, on all ranks. Collective."""
         raised = self._contact.trial.history.raised
-        return max(state.u.function_space.mesh.comm.allgather(raised[:, 0].max(initial=1.0)))
+        return max(state.comm.allgather(raised[:, 0].max(initial=1.0)))
 
     def _depth(self, depths: Floats, comm: MPI.Comm) -> tuple[float, str]:
         """(deepest point [of a cell's height], its place). Collective."""
@@ -129,7 +129,7 @@ class Penalties:
         if not self._contact.partner.softens:
             return 1.0
         depths = self._contact.led.depths(state, self._contact.trial.history.shift)
-        depth = self._depth(depths, state.u.function_space.mesh.comm)[0]
+        depth = self._depth(depths, state.comm)[0]
         part = max(depth / (AIM * DEEPEST), SOFTEST)
         return part if part < WORTH else 1.0
 
@@ -146,7 +146,7 @@ class Penalties:
         """Penalties so great that the deepest point of an accepted state would lie AIM * DEEPEST deep; points press and rub
         as they do all the same. Collective."""
         contact, trial = self._contact, self._contact.trial
-        depth, _ = self._depth(contact.led.depths(state), state.u.function_space.mesh.comm)
+        depth, _ = self._depth(contact.led.depths(state), state.comm)
         factor, shift, response = max(depth / (AIM * DEEPEST), 1.0), trial.history.shift, contact.response(state)
         gap = np.where(response.status != OPEN, response.gap, 0.0)
         trial = self.friction_kept(trial, factor).remembering(shift=(gap + shift) / factor - gap)

@@ -44,7 +44,7 @@ class FacetFeet(NamedTuple):
         return self.placed.pose
 
 
-class PointPlaces(PlacesOnFacets):
+class PointPlaces(PlacesOnFacets[FacetFeet]):
     """Of slave points that seek the master along their own facet's normal, or of nodes that seek the closest point on it.
 
     facets: oriented facets (nodes (nf, 4) local, size (nf,), ...) of the slave group, whose normals say where nodes look;
@@ -73,20 +73,14 @@ class PointPlaces(PlacesOnFacets):
         self._watch = Watch(self.comm, watched)
         self.pairing = Pairing(self.facets, self._seek(), search, MARGIN * master.edge)
         self._closest = Pairing(self.facets, seek_closest, search, 0.0)  # of nodes between Gauss points
-        self._feet: FacetFeet | None = None
 
     def _seek(self) -> Seek:
         s = self.surface
         return seek_closest if s.gradients is None else seek_along_normals(self.nodes, self.gradients, s.corners)
 
-    def feet(self, state: State) -> FacetFeet:
-        """The places at a state; the same object while these do not change on any rank. Collective."""
-        moved, feet = self._watch.moved(state), self._feet
-        if moved or feet is None:
-            with self.timers("projection"):
-                coords, points, normals, _ = placed = self._placed(state)
-                feet = self._feet = FacetFeet(placed, self.pairing.project(points, normals, coords, self.timers))
-        return feet
+    def _met(self, state: State) -> FacetFeet:
+        coords, points, normals, _ = placed = self._placed(state)
+        return FacetFeet(placed, self.pairing.project(points, normals, coords, self.timers))
 
     def first_feet(self, state: State) -> FacetFeet:
         """The places of the first search, which looks farther. Collective."""

@@ -106,6 +106,5 @@ class RigidPartner(PointPressures):
         if gap.size:
             nearest = np.unravel_index(gap.argmin(), gap.shape)
             here = (gap[nearest], self.places.looks(state)[nearest])
-        comm = state.u.function_space.mesh.comm
-        normal = np.abs(min(comm.allgather(here), key=lambda pair: pair[0])[1])
+        normal = np.abs(min(state.comm.allgather(here), key=lambda pair: pair[0])[1])
         return {axis for axis, part in zip("xyz", normal, strict=True) if rough or part > 1e-6}

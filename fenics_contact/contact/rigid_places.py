@@ -90,7 +90,7 @@ class RigidPlaces:
         gap = np.empty(len(X))
         distances(X, self.tool_at(state.pose(self.index)), gap)
         here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
-        at_surface, behind = np.max(state.u.function_space.mesh.comm.allgather(here), axis=0)
+        at_surface, behind = np.max(state.comm.allgather(here), axis=0)
         return float(at_surface), float(behind)
 
     def cut_off(self, state: State) -> Floats:

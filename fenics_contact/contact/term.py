@@ -53,7 +53,7 @@ class Contact:
         self.key, self.friction_stated = surface.key, stated(friction)
         self.partner, self.places, self.master_name = partner, partner.places, partner.name
         self.penetration = penetration
-        comm = state.u.function_space.mesh.comm
+        comm = state.comm
         # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
         self.paired = (
             comm.allreduce(int(supports.pairs is not None and np.isin(surface.nodes, supports.pairs.nodes).any())) > 0
@@ -80,7 +80,7 @@ class Contact:
 
         One that is closed with a greater gap would pull, and its partners rub: what nothing holds would creep.
         """
-        far = max(state.u.function_space.mesh.comm.allgather(np.abs(self.surface.X).max(initial=0.0)))
+        far = max(state.comm.allgather(np.abs(self.surface.X).max(initial=0.0)))
         return ROUNDED * (far + self.places.reach)
 
     def _close_drawn_gaps(self, state: State) -> None:
@@ -148,7 +148,7 @@ class Contact:
     def _facing(self, state: State, feet: Any, met: Bools) -> float:
         """Area [length^2] of the points that have been in contact which lies over the master. Collective."""
         over = self.surface.area.ravel() * (1.0 - self.places.bare(feet))
-        return float(state.u.function_space.mesh.comm.allreduce(over[met.ravel()].sum()))
+        return float(state.comm.allreduce(over[met.ravel()].sum()))
 
     def take(self, trial: Trial) -> None:
         """Go on with other penalties or multipliers, until the next rollback or commit."""

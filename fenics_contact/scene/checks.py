@@ -193,7 +193,7 @@ def refuse_across(contacts: Sequence[ContactTerm], state: State) -> None:
     """What meets a plane mesh must be the same on both sides of its plane. Collective."""
     for contact in contacts:
         leaning = float(np.abs(contact.places.looks(state)[..., 2]).max(initial=0.0))
-        if max(state.u.function_space.mesh.comm.allgather(leaning)) > LEANING:
+        if max(state.comm.allgather(leaning)) > LEANING:
             raise SceneError(
                 f"contact '{contact.name}': '{contact.master_name}' is not the same on both sides of the plane z = 0 of the "
                 "mesh; centre it there, lay a cylinder along z, turn the normal of a plane into the plane"
