@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Forces:
-    """Of the points of a contact. trial: what they are evaluated with, by default the present one."""
+    """Of the points of a contact."""
 
     def __init__(self, contact: Contact) -> None:
         self._contact = contact
@@ -28,7 +28,8 @@ class Forces:
         return self._contact.places.normals(self._contact.places.feet(state))
 
     def split_traction(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
-        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]."""
+        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]; trial: by
+        default the present one."""
         response = self._contact.response(state, trial)
         if response.split is not None:
             return response.split
@@ -36,13 +37,13 @@ class Forces:
         pressure = -np.einsum("eqc,eqc->eq", traction, normal)
         return pressure, -traction - pressure[..., None] * normal
 
-    def measures(self, state: State, trial: Trial | None = None) -> dict[str, Any]:
+    def measures(self, state: State) -> dict[str, Any]:
         """Sums over all ranks, see `contact_measures`."""
-        return contact_measures(self._contact, state, trial or self._contact.trial)
+        return contact_measures(self._contact, state)
 
-    def resultants(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
+    def resultants(self, state: State) -> tuple[Floats, Floats]:
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""
-        return self.measures(state, trial)["force"], self.split_traction(state, trial)[0].ravel()
+        return self.measures(state)["force"], self.split_traction(state)[0].ravel()
 
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
@@ -72,7 +73,7 @@ class Forces:
         closed, pressing = response.status != OPEN, np.linalg.norm(response.traction, axis=2) * self._contact.surface.area
         along = np.abs(self.normals(state)[closed]).max(axis=0, initial=0.0) > 1e-6
         along = along | (self._contact.rough and bool(closed.any()))
-        sums = state.u.function_space.mesh.comm.allreduce(np.append(along.astype(float), pressing.sum()))
+        sums = state.comm.allreduce(np.append(along.astype(float), pressing.sum()))
         return {letter for letter, count in zip("xyz", sums, strict=False) if count and sums[3] > least}
 
     def could_hold(self, state: State) -> set[str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
 
-def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, Any]:
+def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
     """Sums over a contact's points, by name. Collective.
 
     force (3,), moment (3,): of the forces that act at the slave body's nodes, about point (3,), the tool's own or the slave
@@ -23,10 +23,10 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
     integrated over the surface [force]; slip: (greatest, mean over what has been in contact) way slid [length];
     penetration [length]; active, sticking, points: counts.
     """
-    s, comm, response = contact.surface, state.u.function_space.mesh.comm, contact.response(state, trial)
+    s, comm, response = contact.surface, state.comm, contact.response(state)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-    pressure, friction = contact.forces.split_traction(state, trial)
-    closed, h = response.status != OPEN, trial.history
+    pressure, friction = contact.forces.split_traction(state)
+    closed, h = response.status != OPEN, contact.trial.history
     # at the nodes: an average acts through the samples around its node, and not where that is
     places, forces = contact.partner.on_slave(contact.places.feet(state), response)
     met = np.where(h.met, s.area, 0.0)
@@ -60,7 +60,7 @@ def contact_measures(contact: Contact, state: State, trial: Trial) -> dict[str, 
 
 def _penetration(contact: Contact, state: State, response: Response, shift: Floats) -> float:
     """How far [length] the deepest point lies in the master. Collective."""
-    comm, closed = state.u.function_space.mesh.comm, response.status != OPEN
+    comm, closed = state.comm, response.status != OPEN
     whole = closed & (response.cover >= 1.0)  # points half out over an end are meant to sink in
     if not comm.allreduce(int(whole.sum())):  # of all of them what the penalty gives way, without the body's spring
         whole = closed

@@ -103,7 +103,8 @@ def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> It
         trial, branches = term.parts.part(np.ones(term.surface.count, dtype=bool), frictionless), []
         for h in (0.0, *SHARES):
             _displace(system, move, h)
-            branches.append(term.parts.branches(system.state, trial))
+            with system.foresight.trying({term: trial}):
+                branches.append(term.parts.branches(system.state))
         system.trail.rollback()
         same = np.all([(b == branches[0]).all(axis=1) for b in branches], axis=0)
         status = branches[0][:, 0]

@@ -64,9 +64,10 @@ def _along(system: System, vary: Vary, du: Floats, dq: Floats) -> Sensitivity:
 def _at(system: System, vary: Vary, s: float, u: Floats, q: Floats) -> list[tuple[Floats, Floats]]:
     """Resultants of the contacts at a parameter, a displacement and tools' coordinates. Collective."""
     state, place = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
-    trials = [vary(term, s) for term in system.contacts]
+    trials = {term: vary(term, s) for term in system.contacts}
     state.u.x.array[:], state.q[:] = u, q
-    found = [term.forces.resultants(state, trial) for term, trial in zip(system.contacts, trials, strict=True)]
+    with system.foresight.trying(trials):
+        found = [term.forces.resultants(state) for term in system.contacts]
     state.u.x.array[:], state.q[:] = place
     return found
 
