@@ -45,8 +45,16 @@ def integral(measure: Measure, section: Section | None) -> "Measure | Deep":
 
 
 def deformation_gradient(u: Function, section: Section | None = None) -> Expr:
-    """F = I + grad u (3, 3) of a displacement [length]."""
-    return ufl.Identity(3) + gradient(u, section)
+    """F = I + grad u (3, 3) of a displacement [length].
+
+    What has gone through the axis of turning has a negative way round, and det F would not show it where the plane is turned
+    over as well: its way round is none, so that det F is zero, and stresses are not finite.
+    """
+    F = ufl.Identity(3) + gradient(u, section)
+    if section is None or not section.axisymmetric:
+        return F
+    around = 0.5 * (F[2, 2] + abs(F[2, 2]))
+    return ufl.as_tensor([[F[0, 0], F[0, 1], 0], [F[1, 0], F[1, 1], 0], [0, 0, around]])
 
 
 def kirchhoff_and_rate(material: Material, F: Expr, h: Expr) -> tuple[Expr, Expr]:

@@ -23,7 +23,7 @@ class VolumeRatio:
     ) -> None:
         cell = getattr(basix.CellType, compat.cell_name(mesh.domain))
         points, _ = basix.make_quadrature(cell, 2 * degree + 1)
-        self._mesh, self._bodies = mesh, bodies
+        self._mesh, self._bodies, self._turns = mesh, bodies, section is not None and section.axisymmetric
         self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(vp.deformation_gradient(u, section)), points)
 
     def smallest(self) -> float:
@@ -45,6 +45,8 @@ class VolumeRatio:
         place = spot(found.place)
         remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
+        if smallest == 0.0 and self._turns:
+            what = "goes through the axis"
         if 0.0 < smallest <= CRUSHING:
             what = "is squeezed to nothing"
             remedy = f"end the path before what presses on it leaves it no room; where that is one place alone, {remedy}"
