@@ -26,6 +26,7 @@ from fenics_contact.output.history import (
     energy_line,
     energy_notes,
     energy_summary,
+    greatest_loads,
     limit_points,
     penalty_lines,
     penalty_notes,
@@ -155,10 +156,13 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     system, verdict = built.system, kept.verdict
     kept.remark(verdict.cut_notes())
     if verdict.converged:
-        kept.remark([note for contact in system.contacts if (note := contact.findings.never_met(system.state))])
+        loads, noise = greatest_loads(kept.history, [c.name for c in system.contacts], scene.units), system.scales.noise
+        unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
+        kept.remark([note for note in unmet if note])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
         kept.remark(overlaps(system))
-        at_nodes = [c.name for c in system.contacts if c.surface.gradients is None or c.surface.corners]
+        loaded = [c for c in system.contacts if loads[c.name] > noise]
+        at_nodes = [c.name for c in loaded if c.surface.gradients is None or c.surface.corners]
         kept.remark(sparse_notes(kept.history, at_nodes, 2 if scene.section else 3, scene.units))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
@@ -173,7 +177,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary["energy"] = energy_summary(kept.history, scene.units, along_slave)
     kept.remark(kept.results.notes())
     taken = len(kept.history)
-    unknown = taken * TOLERANCE * system.scales.balance * system.scales.moved
+    unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest
     kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps) if verdict.converged else [])
     return summary
 

@@ -1,10 +1,12 @@
 """Of what a run says at its end: a body inside another one where no contact keeps it out, a contact that few nodes carry."""
 
+import math
+
 import gmsh
 import pytest
 
-from fenics_contact import Body, Scene, Stage, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
-from fenics_contact.meshes import box, rectangles, two_blocks
+from fenics_contact import Body, Motion, Scene, Stage, coulomb, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
+from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
 
 pytestmark = pytest.mark.parallel
 SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}
@@ -115,3 +117,43 @@ def test_nodes_on_edges_of_the_slave_are_told_where_the_law_asks_for_pressures(p
         result = solve(scene, stages=stages, progress=False).require()
         told[walls, law == 0.8] = any("nodes at edges between faces of the slave" in n for n in result.verdict.notes)
     assert told == {(True, False): True, (False, False): False, (True, True): False}
+
+
+# -- rounding is nothing to remark on ---------------------------------------------------------------------------------
+def test_a_stage_in_which_nothing_moves_jumps_nowhere():
+    mesh = read_gmsh(rectangles.build, rectangles={"lower": ((0.0, -4.0), (10.0, 4.0), (10, 4))})
+    scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 3.0)), plane="strain")
+    scene.fix("lower_ymin")
+    lid = rigid_plane((0.0, 0.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+    scene.contact("lower_ymax", lid, 0.3, name="c")
+    moves = [((0, -0.6, 0), 3), ((0.5, 0, 0), 3), ((0, 0, 0), 4)]
+    stages = [Stage(name, move={lid: way}, steps=steps) for name, (way, steps) in zip("pdh", moves, strict=True)]
+    result = solve(scene, stages=stages, progress=False)
+    force = result.column("c_force_x_N")
+    assert result.verdict.converged and force[-1] == pytest.approx(force[5], rel=1e-9)
+    assert not [note for note in result.verdict.notes if "snap" in note or "jump" in note], result.verdict.notes
+
+
+def test_a_body_that_turns_without_strain_misses_no_energy():
+    mesh = read_gmsh(rectangles.build, rectangles={"lower": LOWER})
+    scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 5.0)), plane="strain")
+    hub = rigid_hub("hub", (-2.0, -1.0, 0.0))
+    scene.tie("lower_xmin", hub)
+    result = solve(scene, move={hub: Motion(rz=4 * math.pi)}, steps=24, progress=False)
+    assert result.verdict.converged and abs(result.column("hub_moment_z_Nmm")[-1]) < 1e-9
+    assert not [note for note in result.verdict.notes if "energy" in note], result.verdict.notes
+
+
+def test_a_contact_that_touches_by_rounding_alone_never_closed():
+    """The lower end of the bow lies on the plane and slides along it; nothing presses it there."""
+    mesh = read_gmsh(ring_sector.build, radii=(5.0, 6.0), cells=(2, 12), order=2)
+    scene = Scene(Body(mesh, "ring", neo_hooke(1.0, 10.0)), plane="strain", degree=2, element="mixed")
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    lid, middle = rigid_plane((0, 6.0, 0), (0, -1, 0), name="lid"), rigid_plane((0, 0, 0), (0, 1, 0), name="middle")
+    scene.contact("outer", lid, name="l")
+    scene.contact("inner", middle, name="m")
+    result = solve(scene, move={lid: (0, -0.5, 0)}, steps=2, progress=False)
+    assert result.verdict.converged and result.column("m_load_N")[-1] < 1e-12
+    said = [note for note in result.verdict.notes if "'m'" in note or "supports prescribe" in note]
+    assert len(said) == 1 and "never closed" in said[0], result.verdict.notes

@@ -14,12 +14,12 @@ class Scales:
 
     displacement: as a PETSc vector; reach: largest length of which gaps are differences [length]. forces: largest norm of a
     single term, reactions included, at the state assembled last, accepted: in any accepted state [force]; stiffness: largest
-    diagonal entry of any tangent [force/length].
+    diagonal entry of any tangent [force/length]; farthest: the greatest `moved` of any accepted state [length].
     """
 
     def __init__(self, displacement: Vec, reach: float) -> None:
         self._displacement, self._reach = displacement, reach
-        self.forces = self.accepted = self.stiffness = 0.0
+        self.forces = self.accepted = self.stiffness = self.farthest = 0.0
         self._accepted_stiffness = 0.0
 
     @property
@@ -46,8 +46,9 @@ class Scales:
         return max(self.largest, 1e-4 * self.stiffness * self.moved, self.noise / TOLERANCE)
 
     def commit(self) -> None:
-        """The state is accepted."""
+        """The state is accepted. Collective."""
         self.accepted, self._accepted_stiffness = self.largest, self.stiffness
+        self.farthest = max(self.farthest, self.moved)
 
     def rollback(self) -> None:
         """Back to the accepted state: the stiffness of an iterate gone astray must not loosen what counts as balance."""

@@ -65,7 +65,7 @@ class Findings(Protocol):
     def trouble(self, state: State) -> Finding | None:
         """None, or the Finding that keeps the step after this accepted state from converging."""
 
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+    def remarks(self, state: State, said: Collection[str], noise: float) -> dict[str, str]:
         """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
         ...
 
@@ -137,7 +137,7 @@ class Silent:
     def trouble(self, state: State) -> Finding | None:
         """None."""
 
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
+    def remarks(self, state: State, said: Collection[str], noise: float) -> dict[str, str]:
         """Nothing."""
         return {}
 

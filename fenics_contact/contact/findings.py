@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,13 +73,13 @@ def deepest_point(contact: Contact, state: State, above: float = -np.inf) -> tup
     return worst(contact, state.comm, contact.led.depths(state).ravel(), above=above)
 
 
-def _led_note(contact: Contact, state: State) -> str | None:
+def _led_note(contact: Contact, state: State, noise: float) -> str | None:
     """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
     comm = state.comm
     force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
     on_led = np.where(contact.led.points(state), force, 0.0)
     led, total = comm.allreduce(np.array([on_led.sum(), force.sum()]))
-    if not led > LED * total:
+    if not led > max(LED * total, noise):
         return None
     _, place = worst(contact, comm, on_led.ravel())
     return (
@@ -323,16 +324,21 @@ class Findings:
         remedy = "start it outside and bring it in along its path, in steps, or let a body swell into its place, swell()"
         return Finding(UNKNOWN, text, place, remedy)
 
-    def remarks(self, state: State, said: Collection[str]) -> dict[str, str]:
-        """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
+    def remarks(self, state: State, said: Collection[str], noise: float) -> dict[str, str]:
+        """{kind: what is to be said of an accepted state}, of the kinds that have not been said.
+
+        noise: see Scales [force].
+        """
         contact = self._contact
-        kinds = {
-            "led": _led_note,
+        kinds: dict[str, Callable[[Contact, State], str | None]] = {
+            "led": partial(_led_note, noise=noise),
             "deep": _depth_note,
             "between": _between_note,
             "leans": _lean_note,
             "edges": _edge_note,
-        } | ({"out of its cell": _cell_note} if contact.paired else {})
+        }
+        if contact.paired:
+            kinds["out of its cell"] = _cell_note
         return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
 
     def pressing_edge(self, state: State) -> Finding | None:
@@ -343,15 +349,19 @@ class Findings:
         text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {angle:.2g} degrees"
         return Finding(UNKNOWN, text, f"contact '{contact.name}'", f"{ROUND}, or finer cells along it")
 
-    def never_met(self, state: State) -> str | None:
-        """How far away the master is after a run in which no point has touched it."""
+    def never_met(self, state: State, greatest: float, noise: float) -> str | None:
+        """How far away the master is after a run in which no point has touched it but by rounding; greatest: load of a step,
+        and noise, see Scales [force]."""
         contact = self._contact
         comm, search = state.comm, contact.places.search
-        if comm.allreduce(int(contact.trial.history.met.sum())):
+        if comm.allreduce(int(contact.trial.history.met.sum())) and not 0.0 < greatest <= noise:
             return None
         nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
         beyond = "more than " if nearest >= search else ""
+        ends = f"'{contact.master_name}' ends {beyond}{nearest:.3g} away"
+        if nearest <= 0.0:
+            ends = f"what touches '{contact.master_name}' carries no more than rounding"
         return (
-            f"contact '{contact.name}' never closed: '{contact.master_name}' ends {beyond}{nearest:.3g} away; see that both "
+            f"contact '{contact.name}' never closed: {ends}; see that both "
             "are in the same units and in their places, and that the path is long enough and comes from the slave's side"
         )

@@ -140,6 +140,12 @@ def energy_summary(rows: Sequence[HistoryRow], units: Units, contacts: Sequence[
     }  # fmt: skip
 
 
+def greatest_loads(history: Sequence[HistoryRow], contacts: Sequence[str], units: Units) -> dict[str, float]:
+    """The greatest load of each of these contacts in any step [force]."""
+    columns = {name: f"{plain_name(name)}_load_{units.force}" for name in contacts}
+    return {name: max((row[column] for row in history), default=0.0) for name, column in columns.items()}
+
+
 def sparse_notes(history: Sequence[HistoryRow], contacts: Sequence[str], most: int, units: Units) -> list[str]:
     """A note for each of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest."""
     notes = []

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.linear import LinearSolver
@@ -23,7 +24,8 @@ Reached = tuple[float, Place]  # t, and the state in balance there
 def wandered(system: System, report: StepReport) -> bool:
     """Whether a step took so many solves, but multipliers take many anyway, or went so far that it may have passed a snap.
 
-    Not where the step goes on as the one before it, but for less than a jump would have of it. Collective.
+    Not where the step goes on as the one before it, but for less than a jump would have of it, nor where nothing moves by
+    more than rounding. Collective.
     """
     many = not report.augmentations and sum(size > FAR for size in report.residuals) >= WANDERING
     if len(system.trail.accepted) < 2:
@@ -33,6 +35,8 @@ def wandered(system: System, report: StepReport) -> bool:
     start, end = _place(system, u, q), _place(system)
     foreseen = _place(system, u + ratio * (u - old), q + ratio * (q - old_q))
     way, on = _distance(system, end, start), _distance(system, foreseen, start)
+    if not way > TOLERANCE * max(system.scales.farthest, system.scales.moved):
+        return False
     return _distance(system, end, foreseen) > (1.0 - MOST) * way and (many or 0.0 < LEAP * on < way)
 
 

@@ -93,7 +93,7 @@ class Verdict:
         notes = report.said
         for term in system.terms:
             said = self.remarked.setdefault(term.name, [])
-            remarks = term.findings.remarks(system.state, said)
+            remarks = term.findings.remarks(system.state, said, system.scales.noise)
             notes += remarks.values()
             said += remarks
         for note in notes:
