@@ -42,12 +42,20 @@ def demos() -> dict[str, str]:
     return {path.stem: path.read_text().split('"""')[1].split("\n")[0] for path in sorted(DEMOS.glob("*.py"))}
 
 
+def _listed(known: dict[str, str]) -> list[str]:
+    return [f"  python3 -m fenics_contact {demo:16} {words}" for demo, words in known.items()]
+
+
 def main(name: str | None = None, kind: str | None = None) -> None:
-    """Run the demo of this name or `warm`, or without one check the installation and list the demos."""
+    """Run the demo of this name or `warm`, tell what there is (`--help`), or check the installation and list the demos."""
     if name == "warm":
         print(warm(kind))
         return
     known = demos()
+    if name in ("-h", "--help"):
+        print(__doc__)
+        print("\n".join(_listed(known)))
+        return
     if name is not None:
         if name not in known:
             raise SystemExit(f"no demo '{name}'; there are: {', '.join(known)}")
@@ -56,8 +64,7 @@ def main(name: str | None = None, kind: str | None = None) -> None:
         return
     print(f"fenics_contact {__version__}: " + ", ".join(f"{what} {version}" for what, version in versions().items()))
     print(check())
-    for demo, words in known.items():
-        print(f"  python3 -m fenics_contact {demo:16} {words}")
+    print("\n".join(_listed(known)))
 
 
 if __name__ == "__main__":

@@ -163,7 +163,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(overlaps(system))
         loaded = [c for c in system.contacts if loads[c.name] > noise]
         at_nodes = [c.name for c in loaded if c.surface.gradients is None or c.surface.corners]
-        kept.remark(sparse_notes(kept.history, at_nodes, 2 if scene.section else 3, scene.units))
+        kept.remark(sparse_notes(kept.history, at_nodes, 3 if scene.section else 4, scene.units))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {})

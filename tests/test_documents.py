@@ -108,6 +108,14 @@ def test_the_package_checks_its_installation(capsys):
     assert len(re.findall(r"^  python3 -m fenics_contact \w+ +\S", said, re.M)) == len(list((ROOT / "demos").glob("*.py")))
 
 
+def test_help_names_the_demos(capsys):
+    itself.main("--help")
+    said = capsys.readouterr().out
+    assert "compiles ahead" in said and len(re.findall(r"^  python3 -m fenics_contact \w+ +\S", said, re.M)) == len(
+        itself.demos()
+    )
+
+
 def test_what_is_out_of_balance_is_told(monkeypatch):
     monkeypatch.setattr(itself, "SHUT", -1.0)
     with pytest.raises(SystemExit, match="something is wrong: the plate presses with .* N"):

@@ -45,7 +45,7 @@ static inline double lanes_entry(const lanes* A, int i, int a, int j, int b, int
 static void lanes_add(lanes_kernel* kernel, int64_t n, const int32_t* cells, const double* w, const double* c,
                       const double* x, const int32_t* geometry, const int32_t* places, double* out)
 {
-  lanes A[ROWS * HIGH * COLUMNS * WIDE], W[WEIGHTS + 1], X[3 * NODES];
+  lanes A[ROWS * HIGH * COLUMNS * WIDE], W[WEIGHTS + 1] = {0}, X[3 * NODES] = {0};
   for (int64_t first = 0; first < n; first += LANES)
   {
     const int count = n - first < LANES ? n - first : LANES;
@@ -75,7 +75,7 @@ static void lanes_add(lanes_kernel* kernel, int64_t n, const int32_t* cells, con
 /* What dolfinx calls with the numbers of one cell. */
 static void lanes_of_one(lanes_kernel* kernel, double* A, const double* w, const double* c, const double* x)
 {
-  lanes all[ROWS * HIGH * COLUMNS * WIDE] = {0}, W[WEIGHTS + 1], X[3 * NODES];
+  lanes all[ROWS * HIGH * COLUMNS * WIDE] = {0}, W[WEIGHTS + 1] = {0}, X[3 * NODES];
   for (int i = 0; i < WEIGHTS; ++i)
     W[i] = ALL(w[i]);
   for (int i = 0; i < 3 * NODES; ++i)

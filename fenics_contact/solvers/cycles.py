@@ -72,5 +72,5 @@ class StatusWatch:
         here = [(names[i], *spots[j]) for j, i in enumerate(np.flatnonzero(moving))]
         points = sorted(point for part in self.system.comm.allgather(here) for point in part)
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
-        text = f"the status of {len(points)} points repeats every {period} iterations"
+        text = f"the status of {len(points)} point{'s' * (len(points) > 1)} repeats every {period} iterations"
         return Finding(CYCLING, text, place, CALMER)

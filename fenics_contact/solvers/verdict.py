@@ -67,8 +67,8 @@ class Verdict:
         self.cuts += 1
         self.causes[cause] = self.causes.get(cause, 0) + 1
         line = f"{what} cut back: {reason}, {place}" if place else f"{what} cut back: {reason}"
-        if kind == CYCLING:
-            self.notes.append(line)
+        if kind == CYCLING and not any(" cut back: " in note and note.endswith(place) for note in self.notes):
+            self.notes.append(line)  # of each place once: the log has the others
         else:
             self.said.append(line)
 
