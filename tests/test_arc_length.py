@@ -4,6 +4,7 @@ import importlib.util
 import json
 from pathlib import Path
 
+import gmsh
 import numpy as np
 import pytest
 from by_node import displacements
@@ -24,6 +25,7 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_cylinder,
     rigid_extrusion,
     rigid_hub,
     rigid_plane,
@@ -33,6 +35,7 @@ from fenics_contact import (
 from fenics_contact.meshes import box, dome, rectangles, sphere_shell
 from fenics_contact.solvers.arc_length import Arc, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.softness import soft_motion
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -260,6 +263,59 @@ def test_pushed_through_a_snap_with_friction():
     np.testing.assert_allclose(moved.column("top_force_z_N"), force, rtol=0, atol=1e-6 * np.abs(force).max())
     t = pushed.column("t")
     np.testing.assert_allclose(-force, t, rtol=0, atol=1e-7 * t.max())  # the ball's balance
+
+
+def arch(thickness):
+    """A roller on half an arch of radius 20, clamped at its foot."""
+    across = ((0.0, -thickness / 2), (np.radians(35.0), thickness))
+
+    def build():
+        rectangles.build(rectangles={"arch": (*across, (24, 2))})
+        gmsh.model.mesh.setOrder(2)
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        for tag, (angle, y, _) in zip(tags, places.reshape(-1, 3), strict=True):
+            gmsh.model.mesh.setNode(tag, (20.0 + y) * np.array([np.sin(angle), np.cos(angle), 0.0]), [])
+
+    scene = Scene(Body(read_gmsh(build), "arch", neo_hooke(1.0, 20.0)), plane="strain", degree=2, element="mixed")
+    scene.fix("arch_xmax")
+    scene.fix("arch_xmin", "x")
+    roller = rigid_cylinder(4.0, (0, 24.0 + thickness / 2, 0), (0, 0, 1), name="roller")
+    scene.contact("arch_ymax", roller, 0.3, name="top")
+    return scene, roller
+
+
+@pytest.mark.parametrize("thickness", [0.8, 0.4])
+def test_a_thin_arch_is_pushed_past_its_limit_load(thickness):
+    """Against a roller that contact grips it is a hundred thousand times softer from the start: at its limit point less is
+    left than of what meets no resistance at all. The same path with the roller moved."""
+    scene, roller = arch(thickness)
+    touch = Stage("touch", move={roller: (0, -0.3, 0)}, steps=2)
+    forces, points = [], []
+    for way in ({"move": {roller: (0, -5.7, 0)}}, {"push": {roller: (0, -0.02, 0)}}):
+        steps = ArcSteps(first=0.1, largest=0.4, stations=[Travel(roller, "y", -y) for y in (1.0, 2.0, 3.0, 4.0, 5.0)])
+        until = Travel(roller, "y", -6.0)
+        onward = Stage("onward", **way, method="arc_length", steps=steps, until=until)
+        result = solve(scene, stages=[touch, onward], progress=False).require()
+        assert result.verdict.cuts == 0, result.verdict.notes
+        forces.append(result.column("top_force_y_N")[[i for i, at in enumerate(result.column("station")) if at > 0]])
+        points.append([p["kind"][:3] for p in result.summary["limit_points"]])
+    assert points == [[], ["max", "min"]]
+    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-5)
+
+
+def test_no_part_of_an_arch_is_loose_at_its_limit_load():
+    """Its softest motion is resisted by nothing, and strains the arch."""
+    scene, roller = arch(0.8)
+    touch = Stage("touch", move={roller: (0, -0.3, 0)}, steps=2)
+    most = 12
+    for _ in range(2):  # the second run ends at the limit point
+        way = {"steps": ArcSteps(first=0.1, most=most), "until": Travel(roller, "y", -6.0)}
+        onward = Stage("onward", push={roller: (0, -0.02, 0)}, method="arc_length", **way)
+        result = solve(scene, stages=[touch, onward], progress=False)
+        most = result.summary["limit_points"][0]["step"] - 2
+    assert result.history[-1]["limit_point"] == 1
+    found = soft_motion(result.system)
+    assert found.kind == "limit point" and "tool 'roller'" in found.place, found
 
 
 def numbers():

@@ -26,6 +26,10 @@ SWEEPS, DAMPING = 2, 0.9
 # Of the stiffest node's, or of those between which it is the difference: less resistance is round-off. At a limit point,
 # located to 1e-6 of the way, 1e-7 is left.
 LOOSE = 1e-12
+# Where the bodies alone give way, soft as a thin arch is beside its contact's penalties, a limit point may leave less. There
+# the contact still resists the tool: more than this of the stiffest node's, by the bodies that stand still; and less than
+# this resistance, round-off of either sign, tells the direction of a path and not how far the tool goes.
+GRIPPED, LEAST = 1e-6, 1e-15
 
 # Whether an eigenvalue has become negative: solves to these relative residuals, error of the eigenvector that is borne
 INVERSE, ROUGHLY, TURNED = 2, 1e-4, 0.5
@@ -52,7 +56,7 @@ class LinearSolver:
         if method not in ("auto", "direct", "iterative"):
             raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
         self.system = system
-        self._loose = 0.0 if singular else LOOSE
+        self._loose, self._turns = 0.0 if singular else LOOSE, afresh
         size = system.vector.getSize()
         self._forced = method == "iterative"
         choice = Choice(system.comm, foreseen_costs(system)) if method == "auto" else None
@@ -184,8 +188,12 @@ class LinearSolver:
         self, du: Vec, dq: Floats, right: Floats, free: Array, held: "_Held", rows: list[Vec], columns: list[Vec]
     ) -> Solution:
         """The pushed tools' share of an increment. What nothing resists and nothing loads stays where it is."""
-        moved, unheld = held.solve(right - [row.dot(du) for row in rows])
-        if np.abs(unheld).max(initial=0.0) > max(TOLERANCE * self.system.scales.balance, self.system.scales.noise):
+        right = right - [row.dot(du) for row in rows]
+        moved, unheld = held.solve(right)
+        borne = max(TOLERANCE * self.system.scales.balance, self.system.scales.noise)
+        if self._turns and np.abs(unheld).max(initial=0.0) > borne:
+            moved, unheld = held.solve(right, turning=True)
+        if np.abs(unheld).max(initial=0.0) > borne:
             raise self._unheld(free[np.abs(unheld) > 0.3 * np.abs(unheld).max()])
         for amount, column in zip(moved, columns, strict=True):
             du.axpy(amount, column)
@@ -291,6 +299,8 @@ class _Held:
         parts: tuple[Floats, Floats, Floats] = np.linalg.svd(self._scaled)
         self._left, self._values, self._right = parts
         self._least, self._loose = loose, self._values < loose
+        scaled = self._scale[:, None] * corner * self._scale
+        self._gripped = np.abs(np.einsum("ia,ij,aj->a", self._left, scaled, self._right)) > GRIPPED
 
     def negative(self, symmetric: bool) -> int | None:
         """Negative eigenvalues of S; where it is not symmetric whether they are odd; None where that is not known."""
@@ -300,13 +310,18 @@ class _Held:
             return int(np.sum(np.linalg.eigvalsh(0.5 * (self._scaled + self._scaled.T)) < -self._least))
         return None if self._loose.any() else int(np.linalg.det(self._scaled) < 0.0)
 
-    def solve(self, right: Floats) -> tuple[Floats, Floats]:
-        """(motions, forces) (n,): S on these motions makes up for `right`, but for the forces that nothing resists."""
+    def solve(self, right: Floats, turning: bool = False) -> tuple[Floats, Floats]:
+        """(motions, forces) (n,): S on these motions makes up for `right`, but for the forces that nothing resists.
+
+        turning: a path may pass a limit point, where the bodies give way to a tool that contact grips all the same: there
+        what is left of S counts, however little.
+        """
         if not self._known:
             return np.full(len(right), np.nan), np.zeros(len(right))
-        parts = self._left.T @ (self._scale * right)
-        unheld = self._left @ np.where(self._loose, parts, 0.0) / self._scale
-        motions = np.divide(parts, self._values, out=np.zeros_like(parts), where=~self._loose)
+        parts, loose = self._left.T @ (self._scale * right), self._loose & ~(self._gripped & turning)
+        unheld = self._left @ np.where(loose, parts, 0.0) / self._scale
+        values = np.maximum(self._values, LEAST) if turning else self._values
+        motions = np.divide(parts, values, out=np.zeros_like(parts), where=~loose)
         return self._scale * (self._right.T @ motions), unheld
 
 

@@ -39,22 +39,22 @@ def soft_motion(system: System, goal: float | None = None) -> Finding | None:
     """
     if (soft := _soft(system)) is None:
         return None
-    mode, now, share = soft
-    if found := _sinking(system, now) or _loose(system, mode, share):
+    mode, now, alone = soft
+    if found := _sinking(system, now) or _loose(system, mode, now, alone):
         return found
     springs = system.grounding
     if springs is None or not springs.engaged:
         return limit_point(system, mode, now, goal)
     springs.engaged = False  # what folds is the path without them
     soft = _soft(system)
-    found = limit_point(system, soft[0], soft[1], goal) if soft and abs(soft[2]) >= LOOSE else None
+    found = limit_point(system, soft[0], soft[1], goal) if soft and not _moves_freely(system, *soft) else None
     springs.engaged = True
     return found
 
 
 def _soft(system: System) -> tuple[Motion, float, float] | None:
-    """The softest motion, what it resists, and that over what its nodes resist each alone; None where there is none to be
-    had. Collective."""
+    """The softest motion, what it resists, and what its nodes resist each alone; None where there is none to be had.
+    Collective."""
     system.assemble_tangent()
     diagonal = system.matrix.getDiagonal()
     mode = softest(system)
@@ -62,7 +62,7 @@ def _soft(system: System) -> tuple[Motion, float, float] | None:
         return None
     now, alone = mode.dot(resistance(system, mode, system.matrix)), diagonal.copy()
     alone.pointwiseMult(diagonal, mode.du)
-    return mode, now, now / max(abs(alone.dot(mode.du)), 1e-300)
+    return mode, now, max(abs(alone.dot(mode.du)), 1e-300)
 
 
 # -- a penalty too soft -----------------------------------------------------------------------------------------------
@@ -83,15 +83,15 @@ def _sinking(system: System, now: float) -> Finding | None:
 
 
 # -- a part that is loose or topples ----------------------------------------------------------------------------------
-def _loose(system: System, mode: Motion, share: float) -> Finding | None:
+def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | None:
     """A finding if a part that is not joined to the rest moves freely, or a body that contact alone holds topples."""
-    if abs(share) < LOOSE:
+    if _moves_freely(system, mode, now, alone):
         name, place, _ = _where(system, mode)
         text = f"a part around {place} moves without resistance: it is not joined to the rest of its body"
         remedy = "join it to the rest (fragment in the gmsh script), fix a surface of it, or close its gap to what holds it"
         remedy += "" if system.stabilised else ", also by solve(..., stabilise=True)"
         return Finding(RIGID_MOTION, text, f"body '{name}' around {place}", remedy)
-    if not share < TOPPLES or not system.contacts:
+    if not now < TOPPLES * alone or not system.contacts:
         return None
     name, part, how = _rigid_part(system, mode)
     if part < RIGID:
@@ -100,6 +100,17 @@ def _loose(system: System, mode: Motion, share: float) -> Finding | None:
     return Finding(
         RIGID_MOTION, text, f"body '{name}'", "fix a surface, use a symmetry plane, or support it by another contact"
     )
+
+
+def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> bool:
+    """Whether a motion is resisted by nothing since it strains nothing: at a limit point the softest one strains the bodies,
+    and is resisted as little. Collective.
+
+    now, alone: what it resists, and its nodes each alone. A part that has turned far is known by its rigid motions.
+    """
+    if not abs(now) < LOOSE * alone:
+        return False
+    return _rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
 
 
 def _rigid_part(system: System, mode: Motion) -> tuple[str, float, str]:
