@@ -17,6 +17,7 @@ from fenics_contact import (
     coulomb,
     from_elastic,
     mooney_rivlin,
+    neo_hooke,
     read_gmsh,
     rigid_plane,
     solve,
@@ -427,6 +428,58 @@ def test_an_edge_of_the_slave_that_presses_aside_is_named():
     ratio, notes, edge = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
     np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
     assert not notes and edge is None
+
+
+def dragged_block(slave, degree=1):
+    """A block pressed on a softer pad by a tenth of that and drawn over it: |H/V| where all slides, notes on its edge."""
+    sizes = {"pad": ((0.0, -5.0), (20.0, 5.0), (20, 5)), "block": ((4.0, 0.0), (8.0, 3.0), (7, 3))}
+    mesh = read_gmsh(rectangles.build, rectangles=sizes)
+    bodies = Body(mesh, "pad", neo_hooke(1.0, 10.0)), Body(mesh, "block", neo_hooke(3.0, 10.0))
+    scene = Scene(*bodies, plane="strain", degree=degree)
+    scene.fix("pad_ymin")
+    scene.fix("block_ymax")
+    scene.contact(slave, {"block_ymin": "pad_ymax", "pad_ymax": "block_ymin"}[slave], friction=0.4, name="c")
+    stages = [
+        Stage("press", prescribe={("block_ymax", "y"): -0.5}, steps=4),
+        Stage("drag", prescribe={("block_ymax", "x"): 2.0}, steps=16),
+    ]
+    result = solve(scene, stages=stages, progress=False).require()
+    ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
+    return ratio[-6:], [note for note in result.verdict.notes if "lean" in note]
+
+
+def test_a_sharp_block_that_slides_is_told_how_far_its_friction_is_off():
+    """With edges rounded by 0.5 to 2 it has 0.416, either the slave, to 1 %: the energies balance there."""
+    for degree, aside in ((1, 2.0), (2, 3.3)):
+        ratio, (note,) = dragged_block("block_ymin", degree)
+        share = float(note.split("slave is what touches, and ")[1].split("%")[0])
+        assert share == pytest.approx(aside, abs=0.2)
+        assert 0.5 * share < 100.0 * (0.416 - ratio.mean()) < 2.0 * share
+        assert "the side without that edge be the slave" in note and "round the edge" in note
+    ratio, notes = dragged_block("pad_ymax")  # what the note advises
+    np.testing.assert_allclose(ratio, 0.416, rtol=5e-3)
+    assert not notes
+    ratio, (note,) = dragged_block("pad_ymax", 2)  # there its edge makes the force ripple as it passes nodes
+    assert 0.02 < np.abs(ratio - 0.416).max() < float(note.split("up to ")[1].split("%")[0]) / 100.0
+    assert "an edge of which digs in" in note and "round the edge" in note
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_edges_of_a_block_that_is_pressed_alone_are_no_matter(half):
+    """What acts aside at both of its edges cancels, in half a block against the plane of symmetry, where it sticks."""
+    pad, block = (((0, -5), (10, 5), (10, 5)), ((0, 0), (4, 3), (4, 3))) if half else (
+        ((0, -5), (20, 5), (20, 5)), ((6, 0), (8, 3), (7, 3)))  # fmt: skip
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": pad, "block": block})
+    bodies = Body(mesh, "pad", neo_hooke(1.0, 10.0)), Body(mesh, "block", neo_hooke(3.0, 10.0))
+    scene = Scene(*bodies, plane="strain", degree=2)
+    scene.fix("pad_ymin")
+    for name in ("pad_xmin", "block_xmin") if half else ("block_ymax",):
+        scene.fix(name, "x")
+    scene.contact("block_ymin", "pad_ymax", friction=0.05, name="c")
+    scene.prescribe("block_ymax", "y", -0.8)
+    result = solve(scene, steps=4, progress=False).require()
+    assert result.history[-1]["c_sticking_points"] < result.history[-1]["c_active_points"]
+    assert not [note for note in result.verdict.notes if "lean" in note]
 
 
 @pytest.mark.serial

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, foremost, spot
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.trial import DRAWN
+from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
@@ -31,6 +32,13 @@ LED = 0.01  # of a contact's force: what more of it acts on prescribed points is
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
+# Likewise where all of a rough contact slides, so that its tangential force is friction's, and not what halves of a pressed
+# body hold against each other: sharp blocks dragged over pads have 0.02 ... 0.05 and are off by 0.02 ... 0.06 of their load.
+# Where the master's edge is what touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002
+# of the load, with 0.12 they are off by 0.04
+ASIDE = 0.02
+SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
+SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
 SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
 
@@ -89,24 +97,40 @@ def _led_note(contact: Contact, state: State, noise: float) -> str | None:
     )
 
 
-def _lean(contact: Contact, state: State) -> float | None:
-    """Angle [degrees] between the slave's normals, along which pressure acts, and the master's; None: none to speak of.
-    Collective."""
-    *apart, total = state.comm.allreduce(contact.led.lean(state))
-    lean = np.linalg.norm(apart)
-    return float(np.degrees(2.0 * np.arcsin(min(0.5 * lean / total, 1.0)))) if total > 0.0 and lean > LEANS * total else None
+def _lean(contact: Contact, state: State) -> tuple[float, float]:
+    """Shares of the contact's load by which what acts along the slave's normals, as pressure does, would change along the
+    master's: where an edge of the slave touches, and all over. Collective."""
+    sums = state.comm.allreduce(contact.led.lean(state))
+    at_ends, all_over = np.linalg.norm(sums[:6].reshape(2, 3), axis=1) / (sums[6] if sums[6] > 0.0 else np.inf)
+    return float(at_ends), float(all_over)
+
+
+def _degrees(lean: float) -> str:
+    """The angle between normals that stands for a share as of `_lean`."""
+    return f"{np.degrees(2.0 * np.arcsin(min(0.5 * lean, 1.0))):.2g} degrees"
 
 
 def _lean_note(contact: Contact, state: State) -> str | None:
     """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
-    angle = _lean(contact, state)
-    if angle is None:
+    (at_ends, all_over), comm = _lean(contact, state), state.u.function_space.mesh.comm
+    if max(at_ends, all_over) <= ASIDE:
         return None
-    return (
-        f"contact '{contact.name}': its pressure acts along normals of the slave that lean by {angle:.2g} degrees from "
-        f"those of '{contact.master_name}': an edge of the slave is what touches, and pressure and friction are off by that "
-        f"angle; {ROUND}, or let it meet an analytic tool"
-    )
+    status = contact.response(state).status
+    sticks, slips = comm.allreduce(np.array([np.count_nonzero(status == STICK), np.count_nonzero(status == SLIP)]))
+    slides = contact.rough and slips >= SEVERAL and not sticks
+    text = f"contact '{contact.name}': its pressure acts along normals of the slave that lean by"
+    if at_ends > (ASIDE if slides else LEANS):
+        return (
+            f"{text} {_degrees(at_ends)} from those of '{contact.master_name}': an edge of the slave is what touches, and "
+            f"{at_ends:.1%} of the load acts aside; by so much, or up to twice that, its tangential force is off; {SMOOTH}, "
+            f"{ROUND}, or let it meet an analytic tool"
+        )
+    if slides and all_over > LEANS:
+        return (
+            f"{text} {_degrees(all_over)} from those of '{contact.master_name}', an edge of which digs in: its tangential "
+            f"force may be off by up to {all_over:.1%} of the load, changing as the edge passes the slave's nodes; {ROUND}"
+        )
+    return None
 
 
 def _edge_note(contact: Contact, state: State) -> str | None:
@@ -343,10 +367,10 @@ class Findings:
 
     def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""
-        contact, angle = self._contact, _lean(self._contact, state)
-        if angle is None:
+        contact, (lean, _) = self._contact, _lean(self._contact, state)
+        if lean <= LEANS:
             return None
-        text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {angle:.2g} degrees"
+        text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {_degrees(lean)}"
         return Finding(UNKNOWN, text, f"contact '{contact.name}'", f"{ROUND}, or finer cells along it")
 
     def never_met(self, state: State, greatest: float, noise: float) -> str | None:

@@ -143,8 +143,9 @@ class MortarPartner(OnFacets):
         return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
 
     def lean(self, feet: MortarFeet, trial: Trial, held: Bools) -> Floats:
-        """Sums over this rank's samples: beside the slave's ends and creases of pressure times the difference of their
-        normals from the master's, a vector, and last of all the pressure [force]. held (ns,): nodes whose ends are none.
+        """Sums over this rank's samples of pressure times the difference of their normals from the master's, a vector of
+        those beside the slave's ends and creases and one of all, and last of the pressure, (7,) [force]. held (ns,): nodes
+        whose ends are none.
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
@@ -158,5 +159,6 @@ class MortarPartner(OnFacets):
         along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], x) for i in (1, 2))
         ours, theirs = feet.projection[5], unit(np.cross(along, across))
         theirs = theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
+        apart = np.where(pressed[:, None] > 0.0, ours - theirs, 0.0)
         at_ends = np.where(beside[slaves.facet], pressed, 0.0)
-        return np.append(at_ends @ np.where(at_ends[:, None] > 0.0, ours - theirs, 0.0), pressed.sum())
+        return np.concatenate([at_ends @ apart, pressed @ apart, [pressed.sum()]])

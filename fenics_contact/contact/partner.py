@@ -177,4 +177,4 @@ class PointPressures:
 
     def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
         """Nothing: it is asked of averages alone."""
-        return np.zeros(4)
+        return np.zeros(7)

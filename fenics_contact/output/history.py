@@ -30,8 +30,8 @@ STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it pene
 MOST = 0.5
 EDGE = (
     "they act along the slave's normals, which are not the master's where a sharp edge digs in and slides; more steps, "
-    "finer cells and multipliers do not mend that: round the edge over some cells, or in space give the contact "
-    'points="nodes"'
+    "finer cells and multipliers do not mend that: let the side without that edge be the slave, round the edge over some "
+    'cells, or in space give the contact points="nodes"'
 )
 
 Summary = dict[str, Any]  # what JSON can hold
