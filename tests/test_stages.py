@@ -369,6 +369,96 @@ def test_what_was_pushed_stays_pushed_and_can_be_let_go():
     np.testing.assert_allclose(result.column("top_force_z_N"), [-1, -2, -3, -2, -1], rtol=1e-8)
 
 
+# -- loads taken back to zero -----------------------------------------------------------------------------------------
+def under_a_lid():
+    """A block in plane strain under a rigid plane, with friction."""
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (10.0, 4.0), (5, 2))})
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 3.0)), plane="strain")
+    scene.fix("box_ymin")
+    lid = rigid_plane((0, 4, 0), (0, -1, 0), name="lid")
+    scene.contact("box_ymax", lid, 0.3, name="top")
+    return scene, lid, Stage("touch", move={lid: (0, -0.1, 0)}, steps=1)
+
+
+def under_a_ball():
+    scene, ball = pressed()
+    return scene, ball, Stage("touch", move={ball: (0, 0, -0.6)}, steps=1)
+
+
+TAKEN_BACK = {  # each stage's force; where it is zero the tool is free as before
+    "plane": (under_a_lid, [(0.5, -3.0, 0), (0, -3.0, 0), (0, 0, 0)]),
+    "space": (under_a_ball, [(0.4, 0.2, -3.0), (0, 0.2, -3.0), (0, 0, -2.0)]),
+}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("where", TAKEN_BACK)
+def test_a_force_taken_back_by_a_motion_is_that_taken_back_by_push(where, folder):
+    """In one run, in one that starts from where the force acts, and in one resumed there."""
+    build, forces = TAKEN_BACK[where]
+    scene, tool, touch = build()
+    names = ["load", "shear off", "less"]
+    pushed = [Stage(name, push={tool: force}, steps=2) for name, force in zip(names, forces, strict=True)]
+    moved = [Stage(name, move={tool: Motion(force=force)}, steps=2) for name, force in zip(names, forces, strict=True)]
+    whole = solve(scene, stages=[touch, *pushed], **TIGHT).require()
+    one = solve(scene, stages=[touch, *moved], **TIGHT).require()
+    same(one, whole)
+    for name, force in zip(names, forces, strict=True):
+        for axis, of in zip("xyz", force, strict=True):
+            if (column := f"top_force_{axis}_N") in one.history[0]:
+                np.testing.assert_allclose(one.column(column, name)[-1], of, atol=1e-8)
+    first = solve(scene, stages=[touch, moved[0]], out=folder, checkpoint=True, **TIGHT).require()
+    for start in (first, folder):
+        assert goes_on(solve(scene, stages=moved[1:], start=start, **TIGHT).require(), whole)
+    resumed = solve(scene, stages=[touch, *moved], out=folder, checkpoint=True, resume=True, **TIGHT).require()
+    same(resumed, whole, 1e-8)
+
+
+def bent():
+    """A strip in plane strain on a hub that may turn, its other end on springs."""
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((-5.0, -0.5), (10.0, 1.0), (8, 1))})
+    scene, hub = Scene(Body(mesh, "strip", LAW), plane="strain"), rigid_hub("hub", (-5, 0, 0))
+    scene.tie("strip_xmin", hub)
+    scene.spring("strip_xmax", 0.01, direction=(0, 1, 0))
+    return scene, hub, (0, 0, 0.02), "rz"
+
+
+def twisted():
+    """A block whose top is tied to a hub that may turn about all axes."""
+    scene, hub = Scene(Body(block(), "box", LAW)), rigid_hub("hub", (4, 4, 4.0))
+    scene.fix("zmin")
+    scene.tie("zmax", hub)
+    return scene, hub, (0.5, 1.0, 2.0), "rx ry rz"
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("build", [bent, twisted])
+def test_a_moment_taken_back_is_that_of_a_hub_that_is_said_to_be_free(build, folder):
+    scene, hub, moment, free = build()
+    on = Stage("on", move={hub: Motion(moment=moment)}, steps=2)
+    named = Stage("off", move={hub: Motion(moment=(0, 0, 0), free=free)}, steps=2)
+    off = Stage("off", move={hub: Motion(moment=(0, 0, 0))}, steps=2)
+    whole, one = (solve(scene, stages=[on, last], **TIGHT).require() for last in (named, off))
+    same(one, whole)
+    assert abs(one.column("hub_angle_z_rad", "on")[-1]) > 1e-3
+    assert max(abs(one.history[-1][f"hub_moment_{axis[1]}_Nmm"]) for axis in free.split()) < 1e-8
+    first = solve(scene, stages=[on], out=folder, checkpoint=True, **TIGHT).require()
+    for start in (first, folder):
+        assert goes_on(solve(scene, stages=[off], start=start, **TIGHT).require(), whole)
+
+
+@pytest.mark.parallel
+def test_a_force_of_zero_on_what_is_held_or_moved():
+    """What was held stays so, and so does what the motion itself names; where a stage states nothing else it is refused."""
+    scene, ball = pressed()
+    press, pushed = Stage("press", move={ball: (0, 0, -0.6)}, steps=1), Stage("push", push={ball: (0, 0, -3.0)}, steps=1)
+    aside = Stage("aside", move={ball: Motion(x=0.2, z=0.0, force=(0, 0, 0))}, steps=1)
+    result = solve(scene, stages=[press, pushed, aside], **TIGHT).require()
+    z = result.column("ball_travel_z_mm")
+    np.testing.assert_allclose([result.column("ball_travel_x_mm")[-1], z[-1]], [0.2, z[-2]], atol=1e-12)
+    assert result.column("top_force_z_N")[-1] < -1.0
+
+
 # -- arc length as a stage --------------------------------------------------------------------------------------------
 def faces(tension):
     return {f"{a}max": tension * np.eye(3)[i] * (1 + BIAS if a == "x" else 1.0) for i, a in enumerate("xyz")}
@@ -809,6 +899,15 @@ WRONG = {
         lambda b: [Stage("a", push={b: (0, 0, -0.9)}, method="arc_length", until=Load(1.0)),
                    Stage("b", push={b: lambda s: (0, 0, -0.9 - s)})],
         "stage 'b': the force on 'ball'", "component z", "arc length may end anywhere", "as numbers",
+    ),
+    "no force on what is held": (
+        lambda b: [Stage("a", move={b: (0, 0, -0.6)}), Stage("b", move={b: Motion(force=(0, 0, 0))})],
+        "stage 'b': motion of 'ball' has no force or moment in any direction", 'free="z"',
+    ),
+    "a turn taken back under another one": (
+        lambda b: [Stage("a", move={b: Motion(z=-0.6, moment=(0, 0, 1.0))}),
+                   Stage("b", move={b: Motion(moment=(1.0, 0, 0))})],
+        "rx and rz may move freely", "rz was free before", "rz=0",
     ),
     "a motion in push": (lambda b: [Stage("a", push={b: Motion(rz=1.0)})], "stage 'a'", "give it in move="),
     "mixed rotations": (lambda b: [Stage("a", move={b: Motion(rz=1.0, free="rx")})], "stage 'a': motion of 'ball'", "order"),

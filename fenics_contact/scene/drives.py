@@ -229,7 +229,7 @@ def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:
     if tool in stage.move:
         way = stage.move[tool]
         if isinstance(way, Motion):
-            return driven(comm, stage.says(f"motion of '{tool.name}'"), way)
+            return driven(comm, stage.says(f"motion of '{tool.name}'"), way, free)
         travel = ramp(comm, way, stage.says(f"move of '{tool.name}'"))
         return Driven(lambda s: np.append(travel(s), np.zeros(3)), (None, None), np.zeros(6, dtype=bool))
     force, what = stage.push[tool], stage.says(f"push of '{tool.name}'")

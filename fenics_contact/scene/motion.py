@@ -23,7 +23,8 @@ class Motion:
     components of the rotation vector in space, whose direction is the axis and whose length the angle [radians]. Each is a
     number reached at t = 1 or a function of t. force, moment (3,): loads on the tool, of fixed direction, at t = 1 or
     functions of t [force, force x length]; where they have a component the tool is free to move, and so it is along and
-    about the axes named in free="x rz". Of rotations, all three may be free, or one while the others stay.
+    about the axes named in free="x rz", and where it was free in the stage before and the load stated now is zero. Of
+    rotations, all three may be free, or one while the others stay.
     """
 
     about: Sequence[float] | Floats | None = None
@@ -59,8 +60,9 @@ class Driven:
     about: Floats | None = None
 
 
-def driven(comm: MPI.Comm, what: str, motion: Motion) -> Driven:
-    """What a Motion states, `what` in words. SceneError on all ranks. Collective."""
+def driven(comm: MPI.Comm, what: str, motion: Motion, before: Bools) -> Driven:
+    """What a Motion states, `what` in words; before (6,): what was free in the stage before. SceneError on all ranks.
+    Collective."""
     if not isinstance(motion.free, str) or (unknown := set(motion.free.split()) - set(COMPONENTS)):
         wrong = shown(motion.free) if not isinstance(motion.free, str) else f"'{sorted(unknown)[0]}'"
         known = ", ".join(COMPONENTS)
@@ -76,9 +78,18 @@ def driven(comm: MPI.Comm, what: str, motion: Motion) -> Driven:
         return np.array([0.0 if way is None else float(way(s)) for way in paths])
 
     pushed = np.concatenate([loaded(force), loaded(moment)])
-    free = pushed | np.isin(COMPONENTS, motion.free.split())
+    moved = [way is not None for way in paths]
+    said = np.repeat([motion.force is not None, motion.moment is not None], 3)
+    kept = before & said & ~np.array(moved) & ~pushed  # else a load stated as zero would be held as it was, not taken back
+    free = pushed | kept | np.isin(COMPONENTS, motion.free.split())
+    numbers = isinstance(force, Ramp) and isinstance(moment, Ramp)  # functions may act between: only_free
+    if said.any() and numbers and not (free.any() or any(moved)):
+        raise SceneError(
+            f"{what} has no force or moment in any direction, nor does it move or free anything: name what it does, as in "
+            'force=(0, 0, -1.0), z=-0.1 or free="z"'
+        )
     force, moment = only_free(force, free[:3], f"{what}: force"), only_free(moment, free[3:], f"{what}: moment")
-    _refuse(what, [key for key, way in zip(COMPONENTS, paths, strict=True) if way is not None], pushed, free)
+    _refuse(what, [key for key, way in zip(COMPONENTS, moved, strict=True) if way], pushed, free, kept)
     about = None if motion.about is None else finite(motion.about, f"{what}: about", (3,))
     return Driven(path, (force, moment), free, about)
 
@@ -107,16 +118,20 @@ def only_free(load: Path, free: Bools, what: str) -> Path:
     return checked
 
 
-def _refuse(what: str, moved: list[str], pushed: Bools, free: Bools) -> None:
-    """A component has one drive, and rotations are coordinates only where all, one or none of them are free."""
+def _refuse(what: str, moved: list[str], pushed: Bools, free: Bools, kept: Bools) -> None:
+    """A component has one drive, and rotations are coordinates only where all, one or none of them are free; kept (6,): free
+    for they were so before."""
     for key, load, loose in zip(COMPONENTS, pushed, free, strict=True):
         if key in moved and loose:
             how = "pushed" if load else "free"
             raise SceneError(f"{what}: {key} is both moved and {how}; choose one")
     turning, loose = [key for key in moved if key in COMPONENTS[3:]], int(free[3:].sum())
     if loose == 2 or (loose == 1 and turning):
+        still = [key for key, one in zip(COMPONENTS[3:], kept[3:], strict=True) if one]
+        before = f"; {' and '.join(still)} was free before and stays so under the moment stated" if still else ""
+        before += f": to hold it, name it, {still[0]}=0, or leave moment= out" if still else ""
         raise SceneError(
             f"{what}: of its rotations {' and '.join(np.array(COMPONENTS)[3:][free[3:]])} may move freely while others are "
             "held or moved: rotations about several axes depend on their order; let all three be free, or one alone while "
-            "the others stay"
+            f"the others stay{before}"
         )
