@@ -16,8 +16,11 @@ from fenics_contact import (
     Body,
     Displacement,
     Motion,
+    Penalty,
     Scene,
     SceneError,
+    Stage,
+    from_elastic,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
@@ -229,6 +232,41 @@ def tipping(drive="force"):
     return scene, {"steps": 8, "stabilise": True}
 
 
+def wedge():
+    """Between y = 0 and a slope of 20 degrees that meet at x = 20, which narrows from x = 0 to 12."""
+    slope = np.tan(np.radians(20.0))
+    corners = [(0, 0), (12, 0), (12, 8 * slope), (0, 20 * slope)]
+    points = [gmsh.model.geo.addPoint(x, y, 0) for x, y in corners]
+    lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+    surface = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
+    for line, cells in zip(lines, (8, 4, 8, 4), strict=True):
+        gmsh.model.geo.mesh.setTransfiniteCurve(line, cells + 1)
+    gmsh.model.geo.mesh.setTransfiniteSurface(surface)
+    gmsh.model.geo.mesh.setRecombine(2, surface)
+    gmsh.model.geo.synchronize()
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [surface]), "wedge")
+    for line, name in zip(lines, ("floor", "tip", "slope", "back"), strict=True):
+        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), name)
+    gmsh.model.mesh.generate(2)
+
+
+def drawn_wedge(drive="forces", penalty=None, **options):
+    """A wedge that is pushed in, let go, which friction holds, and drawn out, to which that resists by a fifteenth of the
+    push and ever less once it slides."""
+    scene = Scene(Body(read_gmsh(wedge), "wedge", from_elastic(100.0, 0.3)), plane="strain")
+    angle = np.radians(20.0)
+    top = rigid_plane((20, 0, 0), (-np.sin(angle), -np.cos(angle), 0), name="top")
+    scene.contact("floor", rigid_plane((0, 0, 0), (0, 1, 0), name="bottom"), 0.3, name="f", penalty=penalty)
+    scene.contact("slope", top, 0.3, name="s", penalty=penalty)
+    if drive == "forces":
+        scene.force("back", (0, 0, 0))
+        ways = {"in": {"back": (60.0, 0, 0)}, "let go": {"back": (0, 0, 0)}, "out": {"back": (-5.0, 0, 0)}}
+    else:
+        scene.fix("back", "x")
+        ways = {"in": {("back", "x"): 0.3}, "out": {("back", "x"): -0.4}}
+    return scene, {"stages": [Stage(name, **{drive: way}) for name, way in ways.items()], "steps": 6, **options}
+
+
 def drawn_blade():
     """Its foot lets go at T = mu N and flips: no longer steps than these, or Newton's method leads them through the snap."""
     return blade(), {"steps": 20}
@@ -347,6 +385,24 @@ CATALOGUE = {
     ),
     "on an incline": (on_an_incline, "friction used up", "contact 'c'", "raise friction="),
     "on a steep slope": (on_a_steep_slope, "no convergence", "most at (", "solve(..., stabilise=True)"),
+    "wedge on springs": (
+        lambda: drawn_wedge(stabilise=True),
+        "friction used up",
+        "contact 'f', contact 's'",
+        "raise friction=",
+    ),
+    "wedge on springs in short steps": (
+        lambda: drawn_wedge(steps=20, stabilise=True),
+        "friction used up",
+        "contact 'f', contact 's'",
+        "raise friction=",
+    ),
+    "soft wedge": (
+        lambda: drawn_wedge(penalty=Penalty(share=0.02)),
+        "friction used up",
+        "contact 'f', contact 's'",
+        "raise friction=",
+    ),
     "seen to slide": (lambda: on_a_steep_slope(stabilise=True), "friction used up", "contact 'c'", "raise friction="),
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
@@ -399,6 +455,7 @@ CURES = {
     "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
     "too great a push on a hub": [lambda: dragged_by_a_hub(friction=0.31), lambda: dragged_by_a_hub(drive="move")],
     "loose half": [lambda: with_options(loose_half, stabilise=True)],
+    "wedge on springs": [lambda: drawn_wedge("prescribe")],
     "on an incline": [lambda: on_an_incline(0.6)],
     "on a node": [lambda: on_a_node(3, None)],
     "pushed over a limit": [lambda: pushed_through("move")],

@@ -19,7 +19,15 @@ from fenics_contact.assembly.finding import (
 )
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.holding import MOSTLY, closed, contacts_of, rigid_motion, sliding, turns_freely
+from fenics_contact.solvers.holding import (
+    MOSTLY,
+    closed,
+    contacts_of,
+    rigid_motion,
+    sliding,
+    slipping_away,
+    turns_freely,
+)
 from fenics_contact.solvers.softness import damping, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -53,7 +61,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return lifted
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
-    found = sliding(system) or rigid_motion(system) or turns_freely(system)
+    found = sliding(system) or rigid_motion(system) or turns_freely(system) or slipping_away(system)
     found = found or (_on_few_points(system) if system.stabilised else None)
     found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:

@@ -24,6 +24,9 @@ MOSTLY = 0.25  # the same where nothing else explains a failure: held by little 
 # Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
 # cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
 USED_UP = 0.99
+# Of what it resists where all points stick: a motion that the tangent drives by more goes on by itself. Bodies that slide on
+# a flat floor have none, but for round-off and what their own shape changes; wedges a tenth and more.
+AWAY = 0.01
 NEARLY = 0.9  # the same, of contacts that slide one instead of the other as the steps happen to fall
 PULLS = 0.1  # of the largest work of a contact: what does less has no part in a motion
 ALIKE = 0.95  # of the share of its friction that one side carries: how near the other one's must be for either to slide
@@ -146,14 +149,20 @@ def contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
 
 def _lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues and vectors of the symmetric part of energy against weight."""
+    reduced, axes = _against(energy, weight)
+    values, vectors = np.linalg.eigh(0.5 * (reduced + reduced.T))
+    vectors = axes @ vectors
+    return values, vectors / np.linalg.norm(vectors, axis=0)
+
+
+def _against(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """Energy in coordinates in which weight is one, and their axes."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(weight), 1e-300))
     energy, weight = (scale[:, None] * part * scale for part in (energy, weight))
     sizes, axes = np.linalg.eigh(weight)
     good = sizes > 1e-12 * sizes.max()
     whiten = axes[:, good] / np.sqrt(sizes[good])
-    values, vectors = np.linalg.eigh(whiten.T @ (0.5 * (energy + energy.T)) @ whiten)
-    vectors = whiten @ vectors
-    return values, vectors / np.linalg.norm(vectors, axis=0)
+    return whiten.T @ energy @ whiten, whiten
 
 
 # -- friction used up -------------------------------------------------------------------------------------------------
@@ -162,36 +171,71 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
 
     rest: share of what resists that way with endless friction, of which less must be left without any.
     """
-    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
-    if not rough:
-        return None
-    grips = {contact: system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough}
-    least = ALLOWED * system.scales.largest
-    used = [contact for contact, (taken, most) in grips.items() if taken > USED_UP * most > USED_UP * least]
+    rough, used = _used_up(system)
     if not used:
         return None
     motions = rigid_motions(system)
-    smooth, stuck = (_energies(system, rough, motions, {contact: 0.0 for contact in some}) for some in (used, []))
+    smooth, stuck = (_energies(system, rough, motions, {contact: 0.0 for contact in some}) for some in (list(used), []))
     values, vectors = _lowest(smooth, stuck)
     held = vectors[:, np.abs(values) < rest]
     if not held.size:
         return None
-    parts = _parts(motions, held)
     reliant = {system.bodies[i][0] for i in system.holds.reliant}
-    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in parts):
+    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in _parts(motions, held)):
         return None  # supports hold them, though more softly than endless friction would
+    how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
+    end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
+    return _slides(system, motions, held, used, how, end)
+
+
+def slipping_away(system: System) -> Finding | None:
+    """A finding if bodies or pushed tools, whose friction is used up, would go on by themselves: along some way they press
+    less and friction falls with that, as of a wedge that is drawn out, so that the tangent resists less than nothing.
+    Collective."""
+    rough, used = _used_up(system)
+    if not used:
+        return None
+    motions = rigid_motions(system)
+    now, stuck = _resisted(system, motions, {}), _energies(system, rough, motions, {})
+    reduced, axes = _against(now, stuck)
+    # of slip the tangent is not symmetric, and its symmetric part is indefinite where the eigenvalues are not
+    values, vectors = np.linalg.eig(reduced)
+    away = np.isreal(values) & (values.real < -AWAY)
+    if not away.any():
+        return None
+    end = "what holds it falls as it slides: a greater push has no balance"
+    return _slides(system, motions, axes @ vectors[:, away].real, used, "friction holds", end)
+
+
+def _used_up(system: System) -> tuple[list[ContactTerm], dict[ContactTerm, Floats]]:
+    """Closed contacts with friction, and {contact: (friction taken, the most of it)} of those that can take no more of it.
+    Collective."""
+    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
+    grips = {contact: system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough}
+    least = ALLOWED * system.scales.largest
+    used = {contact: grip for contact, grip in grips.items() if grip[0] > USED_UP * grip[1] > USED_UP * least}
+    return rough, used
+
+
+def _slides(
+    system: System, motions: Motions, held: Floats, used: dict[ContactTerm, Floats], how: str, end: str
+) -> Finding | None:
+    """The finding that friction, used up in these contacts, holds combinations of motions: in words how, and what follows
+    where a load pushes; None where none does and nothing is left to try, or where these have no part in it. Collective."""
+    parts = _parts(motions, held)
     contacts = [contact for contact in contacts_of(system, {name for name, _ in parts}) if contact in used]
-    taken, most = np.sum([grips[contact] for contact in contacts], axis=0)
+    if not contacts:
+        return None
+    taken, most = np.sum([used[contact] for contact in contacts], axis=0)
     names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
-    alone = "alone" if rest == HELD else f"gives all but {np.abs(values).min():.0%} of what"
-    text = f"friction {alone} holds {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
+    text = f"{how} {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
+        reliant = {system.bodies[i][0] for i in system.holds.reliant}
         springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damped)
         remedy = " or ".join((["solve(..., stabilise=True)"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
-    end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
     return Finding(SLIDES, f"{text}; {end}", where, remedy)
 
 
