@@ -112,7 +112,7 @@ def _degrees(lean: float) -> str:
 
 def _lean_note(contact: Contact, state: State) -> str | None:
     """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
-    (at_ends, all_over), comm = _lean(contact, state), state.u.function_space.mesh.comm
+    (at_ends, all_over), comm = _lean(contact, state), state.comm
     if max(at_ends, all_over) <= ASIDE:
         return None
     status = contact.response(state).status
