@@ -386,7 +386,7 @@ def under_a_ball():
 
 
 TAKEN_BACK = {  # each stage's force; where it is zero the tool is free as before
-    "plane": (under_a_lid, [(0.5, -3.0, 0), (0, -3.0, 0), (0, 0, 0)]),
+    "plane": (under_a_lid, [(0.5, -3.0, 0), (0, -3.0, 0), (0, -1.0, 0)]),
     "space": (under_a_ball, [(0.4, 0.2, -3.0), (0, 0.2, -3.0), (0, 0, -2.0)]),
 }
 
@@ -457,6 +457,9 @@ def test_a_force_of_zero_on_what_is_held_or_moved():
     z = result.column("ball_travel_z_mm")
     np.testing.assert_allclose([result.column("ball_travel_x_mm")[-1], z[-1]], [0.2, z[-2]], atol=1e-12)
     assert result.column("top_force_z_N")[-1] < -1.0
+    off = Stage("off", move={ball: Motion(force=(0, 0, 0))}, steps=2)
+    result = solve(scene, stages=[press, pushed, off], **TIGHT).require()
+    np.testing.assert_allclose(result.column("top_force_z_N", "off"), [-1.5, 0.0], atol=1e-6)
 
 
 # -- arc length as a stage --------------------------------------------------------------------------------------------
