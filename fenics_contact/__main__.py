@@ -42,8 +42,8 @@ def demos() -> dict[str, str]:
     return {path.stem: path.read_text().split('"""')[1].split("\n")[0] for path in sorted(DEMOS.glob("*.py"))}
 
 
-def _listed(known: dict[str, str]) -> list[str]:
-    return [f"  python3 -m fenics_contact {demo:16} {words}" for demo, words in known.items()]
+def _listed(known: dict[str, str]) -> str:
+    return "\n".join(f"  python3 -m fenics_contact {demo:16} {words}" for demo, words in known.items())
 
 
 def main(name: str | None = None, kind: str | None = None) -> None:
@@ -54,7 +54,7 @@ def main(name: str | None = None, kind: str | None = None) -> None:
     known = demos()
     if name in ("-h", "--help"):
         print(__doc__)
-        print("\n".join(_listed(known)))
+        print(_listed(known))
         return
     if name is not None:
         if name not in known:
@@ -64,7 +64,7 @@ def main(name: str | None = None, kind: str | None = None) -> None:
         return
     print(f"fenics_contact {__version__}: " + ", ".join(f"{what} {version}" for what, version in versions().items()))
     print(check())
-    print("\n".join(_listed(known)))
+    print(_listed(known))
 
 
 if __name__ == "__main__":

@@ -135,12 +135,13 @@ class System:
             self.matrix.zeroEntries()
         if self.border is not None:
             self.border.clear()
-        for term in self.terms if terms is None else terms:
-            with self.timers("bulk tangent"), self.foresight.trying(trials or {}):
-                blocks = term.tangent(self.state)
-            with self.timers("bulk tangent" if blocks.forms else "insertion"):
-                insert(blocks, self.matrix, self.border)
-            self.foresight.linearised[term] = blocks.at
+        with self.foresight.trying(trials or {}):
+            for term in self.terms if terms is None else terms:
+                with self.timers("bulk tangent"):
+                    blocks = term.tangent(self.state)
+                with self.timers("bulk tangent" if blocks.forms else "insertion"):
+                    insert(blocks, self.matrix, self.border)
+                self.foresight.linearised[term] = blocks.at
         with self.timers("insertion"):
             self.matrix.assemble()
             largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)

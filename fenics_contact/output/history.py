@@ -147,13 +147,14 @@ def greatest_loads(history: Sequence[HistoryRow], contacts: Sequence[str], units
 
 
 def sparse_notes(history: Sequence[HistoryRow], contacts: Sequence[str], most: int, units: Units) -> list[str]:
-    """A note for each of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest."""
+    """A note for each of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest, and
+    not zero."""
     notes = []
     for name in contacts:
         plain = plain_name(name)
-        heaviest = max(history, key=lambda row: row[f"{plain}_load_{units.force}"], default={})
-        carrying = heaviest.get(f"{plain}_active_points", 0)
-        if 0 < carrying <= most and heaviest[f"{plain}_load_{units.force}"] > 0.0:
+        heaviest = max(history, key=lambda row: row[f"{plain}_load_{units.force}"])
+        carrying = heaviest[f"{plain}_active_points"]
+        if carrying <= most:
             carry = "node carries" if carrying == 1 else "nodes carry"
             notes.append(
                 f"contact '{name}': {carrying:.0f} slave {carry} all of its greatest load: so few know pressures and "

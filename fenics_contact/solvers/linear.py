@@ -48,7 +48,8 @@ class LinearSolver:
     system: System; method: "direct" (MUMPS: Cholesky where the tangent is symmetric, else LU), "iterative" (CG or GMRES with
     smoothed aggregation and the rigid-body modes), or "auto", see `Choice`. Either is kept from tangent to tangent while it
     pays,
-    unless `afresh`: a continuation's tangents are nearly singular, and what an old one tells of the softest motion is wrong.
+    unless `afresh`: a continuation's tangents are nearly singular, and what an old one tells of the softest motion is wrong;
+    there a tool that contact grips counts as held, however little the bodies resist it.
     singular: the tangents are so on purpose, and what hardly resists a tool moves it all the further.
     """
 
