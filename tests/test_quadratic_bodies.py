@@ -152,6 +152,25 @@ def test_tangent_is_the_derivative_of_the_residual(kind, friction, led, status, 
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("friction, led, status", STATES)
+@pytest.mark.parametrize("kind", ["hexahedra", "tetrahedra", "rectangles"])
+def test_the_tangent_is_exact_where_samples_press_along_the_masters_normals(kind, friction, led, status):
+    """Beside the slave's ends, once the samples have been taken where the bodies lie; forces are in balance there."""
+    system, contact, size = pressed(kind, friction, led, "averages")
+    system.foresight.resample(system.state)
+    slaves = contact.places.feet(system.state).samples.slaves
+    assert np.abs(slaves.aside).max() > 1e-3 / size
+    contact.response(system.state)
+    assert (contact.statuses() == status).sum() > 0.9 * len(contact.statuses())
+    way = random_way(system)
+    if kind == "rectangles":
+        way[2::3] = 0.0
+    assert orders(remainders(system, contact, 1e-4 * size, way)).min() > 1.99
+    turns = [rotation(np.array([0.0, 0.0, 2 * np.pi * step / 8])) for step in range(1, 9)]
+    turned_about(system, contact, turns)
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("kind, points", [("hexahedra", 3), ("rings", 3), ("tetrahedra", "averages"), ("rings", "averages")])
 def test_forces_balance_and_a_turn_of_everything_changes_no_traction(kind, points):
     system, contact, _ = pressed(kind, 5.0, 0.02, points)
@@ -215,6 +234,49 @@ def test_squeezed_blocks(triangles, points, scatter):
     assert found[0][1] < 1e-9
     assert found[1][0] == pytest.approx(found[0][0], rel=2e-4)
     assert found[1][1] < scatter
+
+
+# -- edges ----------------------------------------------------------------------------------------------------------------
+@pytest.mark.serial
+def test_a_block_lets_go_at_mu_n():
+    """Pressed on a larger one by a dead load and drawn along by another: sliding on, it leaves the energy of the large one
+    as it is, so that friction alone resists, but for how the large one's surface is strained, and for the cells."""
+    cells = {"lower": ((0, -8), (30.0, 8.0), (10, 3)), "upper": ((10, 0), (10.0, 5.0), (4, 2))}
+    mesh = read_gmsh(rectangles.build, rectangles=cells)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), degree=2, plane="strain")
+    scene.fix("lower_ymin")
+    scene.contact("upper_ymin", "lower_ymax", 0.3, name="c")
+    scene.traction("upper_ymax", lambda X, t: [[0.018 * max(t - 0.3, 0.0) / 0.7, -0.05 * min(t / 0.3, 1.0), 0.0]] * len(X))
+    result = solve(scene, steps=20, progress=False, smallest_step=1e-3)
+    assert result.verdict.kind == "friction used up"
+    row = result.history[-1]
+    assert abs(row["c_force_x_N"] / row["c_force_y_N"]) == pytest.approx(0.3, rel=0.015)
+
+
+def unlike_tetrahedra():
+    """Cells of 4 below, of 2.5 above."""
+    for name, lowest, size, cell in (("lower", (0, 0, -8), (20, 20, 8), 4.0), ("upper", (5, 5, 0), (10, 10, 6), 2.5)):
+        tag = gmsh.model.occ.addBox(*lowest, *size)
+        gmsh.model.occ.synchronize()
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
+        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
+            if abs(gmsh.model.getNormal(face, [0.5, 0.5])[2]) > 0.9:
+                side = "top" if gmsh.model.occ.getCenterOfMass(2, face)[2] > lowest[2] + 1 else "bottom"
+                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{side}")
+        gmsh.model.mesh.setSize(gmsh.model.getBoundary([(3, tag)], recursive=True), cell)
+    gmsh.model.mesh.generate(3)
+
+
+@pytest.mark.serial
+def test_a_master_ends_on_triangles():
+    """A tenth of its height into the larger block, the slave, whose samples pass the master's edges as that bulges."""
+    mesh = read_gmsh(unlike_tetrahedra)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER), degree=2)
+    scene.fix("lower_bottom"), scene.fix("upper_top", "xy")
+    scene.prescribe("upper_top", "z", -0.6)
+    scene.contact("lower_top", "upper_bottom", name="c")
+    result = solve(scene, steps=4, progress=False).require()
+    assert result.verdict.cuts == 0 and result.verdict.iterations <= 4 * 4
 
 
 # -- round bodies --------------------------------------------------------------------------------------------------------

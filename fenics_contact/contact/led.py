@@ -27,8 +27,6 @@ class Led:
         # (ne, k, 3, 3): directions, by rows, in which supports let the slave nodes go; None on all ranks where all do
         led = int((~free.any(axis=3)).any())
         self._free = free if comm.allreduce(led) else None
-        ways = free.any(axis=3).sum(axis=2)[:, 0]  # in which the first node of each element may go
-        self._guided = ways < max(comm.allgather(int(ways.max(initial=0))))
 
     def fixed(self, state: State) -> Bools:
         """Which points (ne, nq) supports prescribe along the contact's normal."""
@@ -51,6 +49,6 @@ class Led:
         return np.where(held, -(response.gap + shift), 0.0)
 
     def lean(self, state: State) -> Floats:
-        """`Partner.lean` at a state, of this rank: ends that a support holds, as a plane of symmetry does, count as none."""
+        """`Partner.lean` at a state, of this rank."""
         contact = self._contact
-        return contact.partner.lean(contact.places.feet(state), contact.trial, self._guided)
+        return contact.partner.lean(contact.places.feet(state), contact.trial)

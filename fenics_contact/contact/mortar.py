@@ -9,7 +9,7 @@ from fenics_contact.contact.node_anchors import NodeAnchors
 from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces
-from fenics_contact.contact.on_facets import MARGIN, OnFacets, own, unit
+from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
 from fenics_contact.contact.samples import Samples
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
@@ -18,7 +18,7 @@ from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
 from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
 from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
 from fenics_contact.kernels.status import SLIP
-from fenics_contact.types import Array, Bools, Floats, Ints64
+from fenics_contact.types import Array, Floats, Ints64
 
 
 class MortarPartner(OnFacets):
@@ -60,7 +60,7 @@ class MortarPartner(OnFacets):
 
     def put_sites(self, values: dict[str, Array]) -> None:
         """Take samples where they were."""
-        self.places.use(Samples(self.places.around, self.places.around.unpacked(values["samples"])))
+        self.places.use(Samples(self.places.around, *self.places.around.unpacked(values["samples"])))
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there."""
@@ -69,7 +69,8 @@ class MortarPartner(OnFacets):
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), feet.samples, self.surface.area
-        kernel.add_node_forces(s.slaves, self.places.facets, feet.met, (N, T, self.places.around.number), forces, sums)
+        acting = N, T, self.places.around.number
+        kernel.add_node_forces(feet.coords, s.slaves, self.places.facets, feet.met, acting, forces, sums)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:] / area)[:, None])
@@ -97,7 +98,7 @@ class MortarPartner(OnFacets):
         products: Products = pattern.blocks, patches, np.empty((len(patches[2]), 7, 4))
         changing = rates, *averaged, directed, leading
         node_products(feet.coords, s.slaves, self.places.facets, feet.met, anchors, turned, changing, products)
-        held = held_rates(s.slaves, feet.met, feet.lengths, (pressed, rubbed, self.places.around.number))
+        held = held_rates(feet.coords, s.slaves, feet.met, feet.lengths, (pressed, rubbed, self.places.around.number))
         where = s.slaves, self.places.facets, feet.met, turned, held, products, pattern.size
         rows, columns, blocks = pattern.filled(lambda out: tangent_rows(*where, out))
         return rows, columns, blocks, Linearised(feet, N, T, rates)
@@ -142,7 +143,7 @@ class MortarPartner(OnFacets):
         further = np.where(status == SLIP, 2.0, 1.0)[:, None]
         return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
 
-    def lean(self, feet: MortarFeet, trial: Trial, held: Bools) -> Floats:
+    def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of pressure times the difference of their normals from the master's, a vector of
         those beside the slave's ends and creases and one of all, and last of the pressure, (7,) [force]. held (ns,): nodes
         whose ends are none.
@@ -151,14 +152,10 @@ class MortarPartner(OnFacets):
         """
         _, _, N, _, _ = self._laws.tractions(feet, trial)
         around, slaves = self.places.around, feet.samples.slaves
-        none = np.concatenate(self.places.comm.allgather(around.own[held]))
-        beside = np.isin(around.corners, np.setdiff1d(around.ends(), none)).any(axis=1)
-        x, each = feet.coords[self.places.facets[0][feet.projection[0]]], np.where(around.number < 0, 0.0, -N[around.number])
+        each = np.where(around.number < 0, 0.0, -N[around.number])
         pressed = np.einsum("qc,qc->q", slaves.N, each[slaves.facet]) * slaves.weights * feet.met[6]
         pressed = np.where(feet.projection[1] != NONE, pressed, 0.0)
-        along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], x) for i in (1, 2))
-        ours, theirs = feet.projection[5], unit(np.cross(along, across))
-        theirs = theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
-        apart = np.where(pressed[:, None] > 0.0, ours - theirs, 0.0)
-        at_ends = np.where(beside[slaves.facet], pressed, 0.0)
+        ours = feet.projection[5] + np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]])
+        apart = np.where(pressed[:, None] > 0.0, ours - self.places.master_normals(feet), 0.0)
+        at_ends = np.where(around.beside[slaves.facet], pressed, 0.0)
         return np.concatenate([at_ends @ apart, pressed @ apart, [pressed.sum()]])

@@ -29,20 +29,21 @@ SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses 
 class NodePlaces(PlacesOnFacets[MortarFeet]):
     """Of slave nodes that meet a master through samples of the facets around them.
 
-    surface: SlaveSurface of nodes; skin: all facets of the slave. Each process evaluates all samples around its own nodes
-    against the whole master, and so needs nothing of the others. Methods that take a state are collective.
+    surface: SlaveSurface of nodes; skin: all facets of the slave; free (ns, 3, 3): ways that supports leave the nodes, by
+    rows. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of the
+    others. The constructor and methods that take a state are collective.
     """
 
     sights: Sights
 
     def __init__(
-        self, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers
+        self, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers, free: Array
     ) -> None:
         search = SEARCH * max(surface.cell_height, master.longest)
         super().__init__(surface, master, skin.owned, len(skin.X), search, skin.comm, timers)
         self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
-        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge))
+        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free)
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals = unit(area_vectors(master.X[master.corners[0]]))
         starts, edges, sides, smooth = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
@@ -56,8 +57,27 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         with self.timers("projection"):
             normals, _ = self.around.normals(now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
-            self.use(Samples(self.around, sites))
+            straight = Samples(self.around, sites)
+            self.use(straight)
+            there = self._at(now.coords, now.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
+            self.samples = straight.steered(now.coords, self._aside(there))
             return self._at(then.coords, then.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
+
+    def _aside(self, feet: MortarFeet) -> Floats:
+        """What is added to the normals of samples (np, 3) where they press: beside ends and creases, of degree 2.
+
+        Normals of flat facets jump by as much from one to the next as edges lean: their friction would ripple."""
+        normals, beside = feet.projection[5], self.around.beside[feet.samples.slaves.facet] & self.skin.whole
+        feels, theirs = beside & (feet.projection[1] != NONE), self.master_normals(feet)
+        part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
+        return np.where(feels[:, None], theirs / part[:, None] - normals, 0.0)
+
+    def master_normals(self, feet: MortarFeet) -> Floats:
+        """Unit normals (np, 3) of the master's facets at the samples' feet, which point as the samples' own do."""
+        x, ours = feet.coords[self.facets[0][feet.projection[0]]], feet.projection[5]
+        along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], x) for i in (1, 2))
+        theirs = unit(np.cross(along, across))
+        return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
 
     def use(self, samples: Samples) -> None:
         """Meet the master through these samples."""

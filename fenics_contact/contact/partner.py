@@ -123,7 +123,7 @@ class Partner(ContactPartner, Protocol):
 
     def couplings(self, feet: Any, trial: Trial) -> Ints64 | None: ...
 
-    def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats: ...
+    def lean(self, feet: Any, trial: Trial) -> Floats: ...
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
 
@@ -175,6 +175,6 @@ class PointPressures:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
         return trial.history.carried_on(share)
 
-    def lean(self, feet: Any, trial: Trial, held: Bools) -> Floats:
+    def lean(self, feet: Any, trial: Trial) -> Floats:
         """Nothing: it is asked of averages alone."""
         return np.zeros(7)

@@ -1,17 +1,18 @@
 """Facets of a slave surface whose contact is averaged at its nodes, their normals, and the samples on them."""
 
 import math
+from copy import copy
 
 import basix
 import numpy as np
 
-from fenics_contact.contact.master import MasterSurface
+from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
 from fenics_contact.kernels.segments import Joined, Rule, Rules, Sites, facet_parts
-from fenics_contact.types import Floats, Ints
+from fenics_contact.types import Array, Floats, Ints
 
 FEWEST, MOST = 3, 6  # samples per direction of a facet that is not cut into parts
 PER_FACET = 2.0  # of them, for each facet of a finer master that it covers
@@ -21,6 +22,7 @@ RINGS = {
     4: np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
 }
 ROUNDED = 1e-13  # of an area: what sums leave
+HELD = 1e-6  # of a way across an end: what else nodes can go there is rounding
 NEAREST = 1.8  # of a sample's distance from the border of its facet: the way on which it leaves the master
 
 
@@ -31,10 +33,11 @@ class SlaveFacets:
     number (nf, m): the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
-    the reference; aside: the least one of samples in a unit facet that nothing crosses.
+    the reference; aside: the least one of the FEWEST samples in a unit facet; beside (nf,): lies at an end or a crease
+    of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows. Collective.
     """
 
-    def __init__(self, skin: MasterSurface, count: int) -> None:
+    def __init__(self, skin: MasterSurface, count: int, free: Array) -> None:
         self._skin = skin
         (nodes, size), (flat, around) = skin.facets, skin.corners
         m = int(around[0]) if len(around) else 4
@@ -67,7 +70,9 @@ class SlaveFacets:
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
-        self.aside = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], N).min()
+        self.beside = np.isin(self.corners, self._ends(free)).any(axis=1)
+        few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
+        self.aside = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
 
     def shapes(self, places: Floats) -> tuple[Floats, Floats]:
         """Shape functions (nq, k) of the facets' nodes and their gradients (nq, 2, k) at places (nq, 2)."""
@@ -106,23 +111,33 @@ class SlaveFacets:
         """The greatest such number of all processes. Collective."""
         return max(self._skin.comm.allgather(here))
 
-    def unpacked(self, values: Floats) -> Sites:
+    def unpacked(self, values: Floats) -> tuple[Sites, Floats]:
         """Those that `Samples.packed` gave."""
         _, entry = np.unique(self.facets, return_index=True)  # of one own node each
         node = np.searchsorted(self.starts, entry, side="right") - 1
         on = values[node, :, 0] == (entry - self.starts[node])[:, None]
-        _, s, t, weights = values[node][on].T
-        return np.append(0, np.cumsum(on.sum(axis=1))), np.column_stack([s, t]), np.ascontiguousarray(weights)
+        _, s, t, weights, *turns = values[node][on].T
+        sites = np.append(0, np.cumsum(on.sum(axis=1))), np.column_stack([s, t]), np.ascontiguousarray(weights)
+        return sites, np.column_stack(turns)
 
-    def ends(self) -> Ints:
-        """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes."""
-        ring = self._skin.corners[0]
-        sides = [1, 3] if self._skin.section is not None else range(4)  # a strip has no ends across
-        pairs = np.concatenate([np.sort(ring[:, [i, (i + 1) % 4]], axis=1) for i in sides])
-        pairs, times = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0, return_counts=True)
+    def _ends(self, free: Array) -> Ints:
+        """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes. Where
+        supports let end nodes (ns, 3, 3) go no way across an end, as at a plane of symmetry, it goes on. Collective."""
+        skin, ring = self._skin, self._skin.corners[0]
+        ways, n = np.tile(np.eye(3), (len(skin.X), 1, 1)), len(skin.moving)
+        for own, theirs in skin.comm.allgather((self.own, free)):
+            ways[own] = theirs
+        ways[n:] = ways[:n][: len(ways) - n]  # far nodes of strips are the near ones
+        sides = [1, 3] if skin.section is not None else range(4)  # a strip has no ends across
+        pairs = np.concatenate([ring[:, [i, (i + 1) % 4]] for i in sides])
+        across = np.cross(skin.X[pairs[:, 1]] - skin.X[pairs[:, 0]], np.tile(area_vectors(skin.X[ring]), (len(sides), 1)))
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        _, where, times = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True, return_counts=True)
+        moves = np.abs(np.einsum("eifc,ec->eif", ways[pairs], across)).max(axis=(1, 2), initial=0.0)
+        ends = (pairs[:, 0] != pairs[:, 1]) & (times[where.ravel()] == 1) & (moves > HELD)
         normals = np.unique(np.column_stack([self.corners.ravel(), self.group.ravel()]), axis=0)
         nodes, several = np.unique(normals[:, 0], return_counts=True)
-        return np.union1d(pairs[times == 1], nodes[several > 1])
+        return np.union1d(pairs[ends], nodes[several > 1])
 
     def normals(self, coords: Floats) -> tuple[Floats, Floats]:
         """Unit normals of the groups and their turns."""
@@ -137,18 +152,21 @@ class Samples:
     sites: on their facets; slaves: as the kernels take them; rims (np,): the ways on which samples leave the master, over
     their facets' size along them; table, corner (ns, J): samples around each own node and its corner's place among those of
     their facet, -1 where there are fewer; share (ns, J): what they have of the node's area [length^2]; anchor (ns, J): where
-    they have theirs.
+    they have theirs; turned (np, 2): parts of the facets' tangents in what is added to their normals where they press.
     """
 
-    def __init__(self, around: SlaveFacets, sites: Sites) -> None:
+    def __init__(self, around: SlaveFacets, sites: Sites, turned: Floats | None = None) -> None:
         (first, places, weights), self.sites = sites, sites
         facet, m = np.repeat(np.arange(len(around.nodes)), np.diff(first)), around.corners.shape[1]
-        (N, _), (shape, _) = corner_shapes(m, places), around.shapes(places)
+        (N, _), (shape, self._gradients) = corner_shapes(m, places), around.shapes(places)
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
-        self.slaves = Slaves(*where, first, facet, area, shape, N)
+        self.turned = np.zeros((len(facet), 2)) if turned is None else turned
+        self.slaves = Slaves(*where, first, facet, area, shape, N, self._aside(self.turned))
         self.corners = np.ascontiguousarray(around.corners[facet])
-        # samples of surfaces that end together are covered whole: those nearest to the border, and a little more
+        # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where
+        # more samples lie nearer, as those of degree 2 do, shares that fell on their way alone would hardly be gradual:
+        # Newton's method would cycle
         self.rims = NEAREST * np.minimum(np.einsum("qic,qc->qi", around.heights[facet], N).min(axis=1), around.aside)
         counts = np.diff(first)[around.facets]
         node = np.repeat(np.arange(len(around.own)), np.diff(around.starts))
@@ -166,14 +184,28 @@ class Samples:
     def count(self) -> int:
         return len(self.slaves.facet)
 
+    def _aside(self, turned: Floats) -> Floats:
+        return np.einsum("qa,qai->qi", turned, self._gradients)
+
+    def steered(self, coords: Floats, aside: Floats) -> "Samples":
+        """The same samples, that press along their normals and what is given here (np, 3), where nodes are at coords
+        (nx, 3): as much of it as lies in their facets, with which it turns."""
+        tangents = np.einsum("qai,qic->qac", self._gradients, coords[self.slaves.nodes[self.slaves.facet]])
+        metric = np.einsum("qac,qbc->qab", tangents, tangents)
+        out = copy(self)
+        out.turned = np.linalg.solve(metric, np.einsum("qac,qc->qa", tangents, aside)[..., None])[..., 0]
+        out.slaves = self.slaves._replace(aside=self._aside(out.turned))
+        return out
+
     def packed(self) -> Floats:
-        """Of the samples around each own node (ns, J, 4): which of the node's facets they are on, counted from zero, -1:
-        there are no more, and place and weight there. No partition changes it."""
+        """Of the samples around each own node (ns, J, 6): which of the node's facets they are on, counted from zero, -1:
+        there are no more, place and weight there, and `turned`. No partition changes it."""
         first, places, weights = self.sites
-        out, (row, column) = np.full((*self.table.shape, 4), -1.0), np.nonzero(self.table >= 0)
+        out, (row, column) = np.full((*self.table.shape, 6), -1.0), np.nonzero(self.table >= 0)
         entry = np.repeat(np.arange(len(self.slaves.facets)), np.diff(first)[self.slaves.facets])
         sample = self.table[row, column]
-        out[row, column] = np.column_stack([entry - self.slaves.starts[row], places[sample], weights[sample]])
+        numbers = entry - self.slaves.starts[row], places[sample], weights[sample], self.turned[sample]
+        out[row, column] = np.column_stack(numbers)
         return out
 
 

@@ -76,7 +76,8 @@ class Slaves(NamedTuple):
 
     nodes (nf, k) of the facets, corners first; group (nf, m) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
     (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
-    is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there.
+    is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there;
+    aside (np, k): parts of the nodes in what is added to its normal where it presses, see `pressing`.
     """
 
     nodes: Ints64
@@ -89,6 +90,7 @@ class Slaves(NamedTuple):
     weights: Floats
     shape: Floats
     N: Floats
+    aside: Floats
 
 
 class Foot(NamedTuple):
@@ -149,6 +151,20 @@ def foot_of(q: int, met: Met) -> Foot:
     frames = met[10]
     x, r1, r2 = got(frames, q, 0), got(frames, q, 1), got(frames, q, 2)
     return Foot(met[4][q], row(met[5], q), x, r1, r2, got(frames, q, 3), got(frames, q, 4))
+
+
+@njit(cache=True)
+def pressing(q: int, n: Vector, slaves: Slaves, coords: Floats) -> Vector:
+    """Direction in which sample q of normal n presses: beside an end or crease of a slave of degree 2 the master's,
+    over its part along n, as it was where samples were taken, and turning with the slave since.
+
+    An edge of the slave digs into the master, whose surface bends around it. Along n its pressure would do work on a body
+    that is drawn along: without friction it would be pushed on.
+    """
+    f = slaves.facet[q]
+    for i in range(slaves.nodes.shape[1]):
+        n = less(n, -slaves.aside[q, i], row(coords, slaves.nodes[f, i]))
+    return n
 
 
 @njit(cache=True, error_model="numpy")
@@ -297,6 +313,7 @@ def _put_rows(rates: Floats, A: int, at: int, share: float, one: Vector, two: Ve
 
 @njit(cache=True, error_model="numpy")
 def add_node_forces(
+    coords: Floats,
     slaves: Slaves,
     surface: Surface,
     met: Met,
@@ -314,6 +331,7 @@ def add_node_forces(
         if met[1][q] == NONE:
             continue
         f, total, tangential, n = slaves.facet[q], 0.0, ZERO, row(met[5], q)
+        along = pressing(q, n, slaves, coords)
         for c in range(number.shape[1]):
             A = number[f, c]
             if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
@@ -322,12 +340,12 @@ def add_node_forces(
             share = slaves.N[q, c] * slaves.weights[q] * met[6][q]
             total += share * N[A]
             tangential = less(tangential, -share, t)
-            pressed, rubbed = times(share * N[A], n), times(share, less(t, dot(n, t), n))
+            pressed, rubbed = times(share * N[A], along), times(share, less(t, dot(n, t), n))
             sums[A, 3] += share * N[A]
             for a in range(3):
                 sums[A, a] += pressed[a] + rubbed[a]
                 sums[A, 4 + a] += rubbed[a]
-        force = plus(times(total, n), less(tangential, dot(n, tangential), n))
+        force = plus(times(total, along), less(tangential, dot(n, tangential), n))
         for i in range(nodes.shape[1]):
             add_row(forces, nodes[f, i], slaves.shape[q, i], force)
         g, corners = met[0][q], surface[0]

@@ -10,7 +10,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of
+from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of, pressing
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, Patches, join, no_list
 from fenics_contact.kernels.vectors import (
     ZERO,
@@ -41,14 +41,14 @@ Changing = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Ints64]
 Products = tuple[Ints64, Patches, Floats]
 Sums = tuple[Ints64, Floats, Ints64, Floats]  # place of each block and its sums, places of the groups and their sums
 
-# Rows of a sample's rates and of sums: of the gap with x_S - x_M, the place on its facet held; the normal n; P(n); of the
-# way P (x_M - x_a) with x_S - x_M; of the gap with the normal, and of sums that of the covered share
+# Rows of a sample's rates and of sums: of the gap with x_S - x_M, the place on its facet held; of the force with N; P(n); of
+# the way P (x_M - x_a) with x_S - x_M; of the gap with the normal, and of sums that of the covered share
 PUSH, FORCE, ACROSS, DRAG, TURN = 0, 1, 2, 5, 8
 COVER = TURN
 
 
 @njit(cache=True, error_model="numpy")
-def sample_rates(met: Met) -> Floats:
+def sample_rates(coords: Floats, slaves: Slaves, met: Met) -> Floats:
     """Rates (np, 9, 4) of samples that have a foot."""
     rates = np.empty((len(met[0]), 9, 4))
     for q in range(len(rates)):
@@ -58,7 +58,7 @@ def sample_rates(met: Met) -> Floats:
         push, turn, drags = _held_rates(foot)
         across = _across(foot.n)
         put_four(rates, q, PUSH, four(push))
-        put_four(rates, q, FORCE, four(foot.n))
+        put_four(rates, q, FORCE, four(pressing(q, foot.n, slaves, coords)))
         for a in range(3):
             put_four(rates, q, ACROSS + a, four(across[a]))
             put_four(rates, q, DRAG + a, four(drags[a]))
@@ -81,7 +81,7 @@ def node_products(
     blocks, (starts, heights, members), _ = products
     nodes, weights, table, shapes, group = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.group
     feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
-    anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(met), slaves.first
+    anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(coords, slaves, met), slaves.first
     m, k, l, groups = shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
     known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
     listed, leaned = no_list(groups), np.zeros((groups, 5, 4))
@@ -109,7 +109,7 @@ def node_products(
                 for j in range(l):
                     part = -N[q, 0, j]
                     _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, rates, q)
-                turning = _turning(rates, q, met[4][q], w)
+                turning = _turning(rates, q, (met[4][q], row(met[5], q)), w)
                 for b in range(m):
                     part = -shapes[q, b] / lengths[q]
                     _add_turning(leaned, at_group[group[f, b]], share * part, way * part, turning)
@@ -171,11 +171,10 @@ def _add_master(sums: Floats, i: int, share: float, way: float, rates: Floats, q
 
 
 @njit(cache=True)
-def _turning(rates: Floats, q: int, g: float, w: Vector) -> tuple[Four, Four, Four, Four]:
-    """Rates of a sample's gap and P (x_M - x_a) with its normal, x_M - x_a = w held at its place: by rows
+def _turning(rates: Floats, q: int, of: tuple[float, Vector], w: Vector) -> tuple[Four, Four, Four, Four]:
+    """Rates of P (x_M - x_a) and the gap g `of` a sample with its normal n, x_M - x_a = w held at its place: by rows
     -g P r_a c_a - (n.w) P - n (P w)^T, for what is turned is normal to n."""
-    n = rates[q, FORCE, 0], rates[q, FORCE, 1], rates[q, FORCE, 2]
-    along = dot(n, w)
+    (g, n), along = of, dot(of[1], w)
     aside = four(less(w, along, n))
     none = (0.0, 0.0, 0.0, 0.0)
     swing0 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG)), -along, four_of(rates, q, ACROSS))

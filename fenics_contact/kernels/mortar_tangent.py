@@ -10,7 +10,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Met, Slaves
+from fenics_contact.kernels.mortar import Met, Slaves, pressing
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
 from fenics_contact.kernels.mortar_rates import Products, Turned
 from fenics_contact.kernels.vectors import (
@@ -34,18 +34,20 @@ Block = tuple[Four, Four, Four]
 Gathered = tuple[Ints64, Ints64]  # see `gathered`
 # List of the columns of a row, see `join`, and sums (n, 3, 4) of their blocks; of its normals alike
 Row = tuple[Ints64, Floats]
-Held = tuple[Bools, Floats]  # which samples press (np,), and their rates (np, 5, 4), see `held_rates`
-FORCE, WHOLE = 3, 4
+Held = tuple[Bools, Floats]  # which samples press (np,), and their rates (np, 6, 4), see `held_rates`
+FORCE, WHOLE, PRESS = 3, 4, 5
 NOUGHT = (0.0, 0.0, 0.0, 0.0)
+UNIT = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def held_rates(slaves: Slaves, met: Met, lengths: Floats, acting: tuple[Floats, Floats, Ints64]) -> Held:
+def held_rates(coords: Floats, slaves: Slaves, met: Met, lengths: Floats, acting: tuple[Floats, Floats, Ints64]) -> Held:
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
-    corners, the force, and the force if the sample were covered whole. acting: as in add_node_forces."""
+    corners, the force, the force if the sample were covered whole, and how much it presses. acting: as in
+    add_node_forces."""
     N, T, number = acting
     weights, shapes = slaves.weights, slaves.N
-    presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 5, 4))
+    presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 6, 4))
     for q in range(len(presses)):
         f = slaves.facet[q]
         if met[1][q] == NONE:
@@ -61,12 +63,14 @@ def held_rates(slaves: Slaves, met: Met, lengths: Floats, acting: tuple[Floats, 
             continue
         presses[q], across = True, dot(normal, t)
         t = less(t, across, normal)
-        whole, scale, press = plus(times(total, normal), t), part / lengths[q], total - across
+        whole = plus(times(total, pressing(q, normal, slaves, coords)), t)
+        scale, press = part / lengths[q], total - across
         for a in range(3):  # -((N - n.t) P(n) - n t^T)
             lean = times(normal[a], plus(times(press, normal), t))
             put_four(rates, q, a, four(times(scale, less(lean, press, (1.0 * (a == 0), 1.0 * (a == 1), 1.0 * (a == 2))))))
         put_four(rates, q, FORCE, four(times(part, whole)))
         put_four(rates, q, WHOLE, four(whole))
+        put_four(rates, q, PRESS, (part * total, 0.0, 0.0, 0.0))
     return presses, rates
 
 
@@ -88,13 +92,18 @@ def tangent_rows(
     N, frames, (slot_starts, slot_nodes, turns, lengths), rates = met[9], met[10], turned, held[1]
     k, l, m, groups = slaves.nodes.shape[1], corners.shape[1], shapes.shape[1], len(slot_starts) - 1
     (patch_rows, spans), members = _patch_rows(products, count), products[1][2]
-    (slave_rows, ours), leans = _slave_rows(slaves, held, blocks, count), _slave_leans(slaves, held)
+    (slave_rows, ours), leans, asides = _slave_rows(slaves, held, blocks, count), *_slave_leans(slaves, held)
     (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), (held[0] & (met[6] < 1.0)).any()
     listed, sums, end = no_list(count), np.zeros((count, 3, 4)), 0
     normals, leaned = no_list(groups), np.zeros((groups, 3, 4))
     for i in range(count):
         n = _add_patches(i, patch_rows, spans, members, factors, listed, sums)
         ng = _add_slave(i, slave_rows, ours, group, leans, normals, leaned)
+        for at in range(slave_rows[i], slave_rows[i + 1]):
+            for j in range(k):
+                block = blocks[slaves.nodes[ours[at] // k, j]]
+                n = join(block, listed, i, n)
+                _add(sums, listed[PLACE, block], asides[ours[at], j], UNIT)
         if bare:
             here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
             n = _uncover_slave(i, n, (slave_rows, ours), *here)
@@ -106,6 +115,7 @@ def tangent_rows(
                 block = blocks[slaves.nodes[f, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], -table[q, j], moved)
+                _add(sums, listed[PLACE, block], -part * rates[q, PRESS, 0] * slaves.aside[q, j], UNIT)
             for j in range(l):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
@@ -146,17 +156,20 @@ def _patch_rows(products: Products, count: int) -> Gathered:
 
 
 @njit(cache=True)
-def _slave_leans(slaves: Slaves, held: Held) -> Floats:
-    """Rates (k nf, m, 3, 4) of the held forces on the nodes of the slave's facets with the normals at their corners."""
+def _slave_leans(slaves: Slaves, held: Held) -> tuple[Floats, Floats]:
+    """Rates of the held forces on the nodes of the slave's facets with the normals at their corners (k nf m, 3, 4), and with
+    the places of the facets' nodes, in which their directions have a part (k nf, k), of unit matrices."""
     (presses, rates), table, shapes = held, slaves.shape, slaves.N
     k, m = table.shape[1], shapes.shape[1]
-    leans = np.zeros((k * len(slaves.nodes) * m, 3, 4))
+    leans, asides = np.zeros((k * len(slaves.nodes) * m, 3, 4)), np.zeros((k * len(slaves.nodes), k))
     for q in range(len(presses)):
         f = slaves.facet[q]
         for i in range(k if presses[q] else 0):
             for c in range(m):
                 _add(leans, (k * f + i) * m + c, table[q, i] * shapes[q, c], _block(rates, q))
-    return leans
+            for j in range(k):
+                asides[k * f + i, j] += table[q, i] * rates[q, PRESS, 0] * slaves.aside[q, j]
+    return leans, asides
 
 
 @njit(cache=True)

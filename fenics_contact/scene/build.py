@@ -283,7 +283,7 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
         points = stated.points if isinstance(stated.points, str) else int(stated.points)
         softer = np.minimum(modulus, _hardest(scene, stated.master, modulus))
         surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), softer, points, scene.section)
-        partner = _partner(scene, stated, surface, timers)
+        partner = _partner(scene, stated, surface, timers, supports)
         numbers = stated.friction, stated.penalty, stated.penetration
         found.append(Contact(stated.name, partner, *numbers, supports, state, timers))
     return found
@@ -298,7 +298,7 @@ def _hardest(scene: "Scene", master: Tool | tuple[str, ...], modulus: Floats) ->
     return float(scene.mesh.comm.allreduce(modulus[cells].max(initial=0.0), op=MPI.MAX))
 
 
-def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers) -> Partner:
+def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers, supports: Supports) -> Partner:
     """Whom the slave points of a stated contact meet. Collective."""
     master = stated.master
     if isinstance(master, RigidTool):
@@ -313,7 +313,9 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     slave, name, tool = scene.mesh.facets(*stated.slave), master_name(master), isinstance(met, ToolSurface)
     if stated.points == "averages":
         skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
-        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, skin, met, timers))
+        return (MeshedToolAverages if tool else MortarPartner)(
+            name, NodePlaces(surface, skin, met, timers, supports.free(surface.nodes)[:, 0])
+        )
     where = surface, oriented_facets(scene.space, slave), met, scene.space, timers
     if scene.degree == 2 and not tool:
         return QuadraticPartner(name, QuadraticPlaces(*where))
