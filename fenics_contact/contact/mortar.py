@@ -155,7 +155,9 @@ class MortarPartner(OnFacets):
         each = np.where(around.number < 0, 0.0, -N[around.number])
         pressed = np.einsum("qc,qc->q", slaves.N, each[slaves.facet]) * slaves.weights * feet.met[6]
         pressed = np.where(feet.projection[1] != NONE, pressed, 0.0)
-        ours = feet.projection[5] + np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]])
+        ours = feet.projection[5]
+        if len(slaves.aside):
+            ours = ours + np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]])
         apart = np.where(pressed[:, None] > 0.0, ours - self.places.master_normals(feet), 0.0)
         at_ends = np.where(around.beside[slaves.facet], pressed, 0.0)
         return np.concatenate([at_ends @ apart, pressed @ apart, [pressed.sum()]])

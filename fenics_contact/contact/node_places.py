@@ -23,6 +23,7 @@ from fenics_contact.types import Array, Bools, Floats
 
 Project = Callable[[Floats, Floats, Floats], Projection]
 
+SETTLED = 1e-4  # less by which a normal leans, a hundredth of a percent of the load aside, is what a step's solves leave
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
 
@@ -35,6 +36,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     """
 
     sights: Sights
+    samples: Samples
 
     def __init__(
         self, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers, free: Array
@@ -57,20 +59,21 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         with self.timers("projection"):
             normals, _ = self.around.normals(now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
-            straight = Samples(self.around, sites)
-            self.use(straight)
-            there = self._at(now.coords, now.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
-            self.samples = straight.steered(now.coords, self._aside(there))
+            self.use(Samples(self.around, sites))
+            if self.skin.whole:
+                there = self._at(now.coords, now.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
+                self.samples = self.samples.steered(now.coords, self._aside(there))
             return self._at(then.coords, then.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
 
     def _aside(self, feet: MortarFeet) -> Floats:
         """What is added to the normals of samples (np, 3) where they press: beside ends and creases, of degree 2.
 
         Normals of flat facets jump by as much from one to the next as edges lean: their friction would ripple."""
-        normals, beside = feet.projection[5], self.around.beside[feet.samples.slaves.facet] & self.skin.whole
+        normals, beside = feet.projection[5], self.around.beside[feet.samples.slaves.facet]
         feels, theirs = beside & (feet.projection[1] != NONE), self.master_normals(feet)
         part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
-        return np.where(feels[:, None], theirs / part[:, None] - normals, 0.0)
+        aside = theirs / part[:, None] - normals
+        return np.where((feels & (np.linalg.norm(aside, axis=1) > SETTLED))[:, None], aside, 0.0)
 
     def master_normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (np, 3) of the master's facets at the samples' feet, which point as the samples' own do."""

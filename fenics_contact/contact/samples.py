@@ -111,14 +111,14 @@ class SlaveFacets:
         """The greatest such number of all processes. Collective."""
         return max(self._skin.comm.allgather(here))
 
-    def unpacked(self, values: Floats) -> tuple[Sites, Floats]:
+    def unpacked(self, values: Floats) -> tuple[Sites, Floats | None]:
         """Those that `Samples.packed` gave."""
         _, entry = np.unique(self.facets, return_index=True)  # of one own node each
         node = np.searchsorted(self.starts, entry, side="right") - 1
         on = values[node, :, 0] == (entry - self.starts[node])[:, None]
         _, s, t, weights, *turns = values[node][on].T
         sites = np.append(0, np.cumsum(on.sum(axis=1))), np.column_stack([s, t]), np.ascontiguousarray(weights)
-        return sites, np.column_stack(turns)
+        return sites, np.column_stack(turns) if turns else None
 
     def _ends(self, free: Array) -> Ints:
         """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes. Where
@@ -152,7 +152,8 @@ class Samples:
     sites: on their facets; slaves: as the kernels take them; rims (np,): the ways on which samples leave the master, over
     their facets' size along them; table, corner (ns, J): samples around each own node and its corner's place among those of
     their facet, -1 where there are fewer; share (ns, J): what they have of the node's area [length^2]; anchor (ns, J): where
-    they have theirs; turned (np, 2): parts of the facets' tangents in what is added to their normals where they press.
+    they have theirs; turned (np, 2): parts of the facets' tangents in what is added to their normals where they press,
+    None: nothing is.
     """
 
     def __init__(self, around: SlaveFacets, sites: Sites, turned: Floats | None = None) -> None:
@@ -161,8 +162,8 @@ class Samples:
         (N, _), (shape, self._gradients) = corner_shapes(m, places), around.shapes(places)
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
-        self.turned = np.zeros((len(facet), 2)) if turned is None else turned
-        self.slaves = Slaves(*where, first, facet, area, shape, N, self._aside(self.turned))
+        self.turned, aside = turned, np.zeros((0, shape.shape[1])) if turned is None else self._aside(turned)
+        self.slaves = Slaves(*where, first, facet, area, shape, N, aside)
         self.corners = np.ascontiguousarray(around.corners[facet])
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where
         # more samples lie nearer, as those of degree 2 do, shares that fell on their way alone would hardly be gradual:
@@ -198,14 +199,14 @@ class Samples:
         return out
 
     def packed(self) -> Floats:
-        """Of the samples around each own node (ns, J, 6): which of the node's facets they are on, counted from zero, -1:
-        there are no more, place and weight there, and `turned`. No partition changes it."""
+        """Of the samples around each own node (ns, J, 4 or 6): which of its facets they are on, counted from zero, -1:
+        there are no more, place and weight there, and `turned`, if anything is. No partition changes it."""
         first, places, weights = self.sites
-        out, (row, column) = np.full((*self.table.shape, 6), -1.0), np.nonzero(self.table >= 0)
+        out, (row, column) = np.full((*self.table.shape, 4 if self.turned is None else 6), -1.0), np.nonzero(self.table >= 0)
         entry = np.repeat(np.arange(len(self.slaves.facets)), np.diff(first)[self.slaves.facets])
         sample = self.table[row, column]
-        numbers = entry - self.slaves.starts[row], places[sample], weights[sample], self.turned[sample]
-        out[row, column] = np.column_stack(numbers)
+        turned = [] if self.turned is None else [self.turned[sample]]
+        out[row, column] = np.column_stack([entry - self.slaves.starts[row], places[sample], weights[sample], *turned])
         return out
 
 

@@ -77,7 +77,7 @@ class Slaves(NamedTuple):
     nodes (nf, k) of the facets, corners first; group (nf, m) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
     (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
     is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there;
-    aside (np, k): parts of the nodes in what is added to its normal where it presses, see `pressing`.
+    aside (np, k): parts of the nodes in what is added to its normal where it presses, see `pressing`; (0, k): nothing is.
     """
 
     nodes: Ints64
@@ -162,7 +162,7 @@ def pressing(q: int, n: Vector, slaves: Slaves, coords: Floats) -> Vector:
     that is drawn along: without friction it would be pushed on.
     """
     f = slaves.facet[q]
-    for i in range(slaves.nodes.shape[1]):
+    for i in range(slaves.nodes.shape[1] if len(slaves.aside) else 0):
         n = less(n, -slaves.aside[q, i], row(coords, slaves.nodes[f, i]))
     return n
 

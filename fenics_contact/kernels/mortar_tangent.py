@@ -99,7 +99,7 @@ def tangent_rows(
     for i in range(count):
         n = _add_patches(i, patch_rows, spans, members, factors, listed, sums)
         ng = _add_slave(i, slave_rows, ours, group, leans, normals, leaned)
-        for at in range(slave_rows[i], slave_rows[i + 1]):
+        for at in range(slave_rows[i], slave_rows[i + 1] if len(asides) else slave_rows[i]):
             for j in range(k):
                 block = blocks[slaves.nodes[ours[at] // k, j]]
                 n = join(block, listed, i, n)
@@ -115,7 +115,8 @@ def tangent_rows(
                 block = blocks[slaves.nodes[f, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], -table[q, j], moved)
-                _add(sums, listed[PLACE, block], -part * rates[q, PRESS, 0] * slaves.aside[q, j], UNIT)
+                if len(asides):
+                    _add(sums, listed[PLACE, block], -part * rates[q, PRESS, 0] * slaves.aside[q, j], UNIT)
             for j in range(l):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
@@ -158,16 +159,18 @@ def _patch_rows(products: Products, count: int) -> Gathered:
 @njit(cache=True)
 def _slave_leans(slaves: Slaves, held: Held) -> tuple[Floats, Floats]:
     """Rates of the held forces on the nodes of the slave's facets with the normals at their corners (k nf m, 3, 4), and with
-    the places of the facets' nodes, in which their directions have a part (k nf, k), of unit matrices."""
+    the places of the facets' nodes, in which their directions have a part (k nf, k), of unit matrices; none (0, k) where
+    they have not."""
     (presses, rates), table, shapes = held, slaves.shape, slaves.N
     k, m = table.shape[1], shapes.shape[1]
-    leans, asides = np.zeros((k * len(slaves.nodes) * m, 3, 4)), np.zeros((k * len(slaves.nodes), k))
+    turning = len(slaves.aside) > 0
+    leans, asides = np.zeros((k * len(slaves.nodes) * m, 3, 4)), np.zeros((k * len(slaves.nodes) if turning else 0, k))
     for q in range(len(presses)):
         f = slaves.facet[q]
         for i in range(k if presses[q] else 0):
             for c in range(m):
                 _add(leans, (k * f + i) * m + c, table[q, i] * shapes[q, c], _block(rates, q))
-            for j in range(k):
+            for j in range(k if turning else 0):
                 asides[k * f + i, j] += table[q, i] * rates[q, PRESS, 0] * slaves.aside[q, j]
     return leans, asides
 
