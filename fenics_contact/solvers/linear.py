@@ -84,6 +84,11 @@ class LinearSolver:
         return self._solver.method
 
     @property
+    def substitutes(self) -> bool:
+        """Whether each tangent is factorised, so that a solve `again` is a back-substitution."""
+        return self._solver.anew and self.method == "direct"
+
+    @property
     def rates(self) -> dict[str, float]:
         """Seconds per digit that each method tried has taken last; {} where the choice was not in doubt."""
         return self._solver.choice.rates if self._solver.choice else {}

@@ -22,7 +22,9 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 HELD = 1e-3
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
-CORRECTED = 0.3  # a solve or correction that left less than this share of the out-of-balance force is worth another one
+# From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
+# what share of it: where it is a solve of Krylov's method, and where it is a back-substitution
+CORRECTED = {False: (HELD, 0.3), True: (30 * HELD, 0.7)}
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
 # Solves within which a step has to have left less than a share HOPE of the force out of balance once, where it began on the
@@ -72,6 +74,7 @@ class Newton:
         # the first solve may carry supports and tools, and is taken whole; samples follow the surfaces after SETTLING ones,
         # and in the end
         foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
+        worth, gain = CORRECTED[self.linear.substitutes]
         watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
         owed = du.copy(), dq.copy()
         system.assemble_residual()
@@ -95,7 +98,7 @@ class Newton:
                 near = size < HELD
                 resample = not near and solve <= 2 * SETTLING
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
-            while corrects and goal < size < min(HELD, CORRECTED * before):
+            while corrects and goal < size < min(worth, gain * before):
                 before, size = size, self._correct(system, du, dq, size, report)
                 if near and size > self.tolerance:
                     size, before, near = _resampled(system, size), np.inf, False

@@ -97,7 +97,8 @@ class ReusingSolver:
         self.comm, self.symmetric, self.timers, self.choice = rows.comm, symmetric, timers, choice
         self._all, self._near_null_space, size = rows, near_null_space, rows.size
         self.builds = self.iterations = self._cause = self._space = 0
-        self._reuses, self._longest = size > REUSE_ABOVE and not afresh, LONGEST if size > SMALL else LONGEST_IF_SMALL
+        self.anew = size <= REUSE_ABOVE or afresh  # for each tangent
+        self._longest = LONGEST if size > SMALL else LONGEST_IF_SMALL
         self._copy: Mat = None  # what is coarsened
         self._rows: FreeRows | None = None  # what is factorised
         self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
@@ -194,7 +195,7 @@ class ReusingSolver:
     def _tried(self, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float) -> int:
         reason = -1
         change = self.choice is not None and (self.choice.lost(self.method) or self.choice.due(self.method))
-        if self._reuses and self._reuse is not None and not change and self._worth_trying(matrix, self._reuse):
+        if not self.anew and self._reuse is not None and not change and self._worth_trying(matrix, self._reuse):
             reason = self._run(self._krylov, matrix, pattern, rhs, out, tolerance, self._reuse.limit(tolerance))
         if reason < 0:
             # PETSc counts the changes of each matrix by itself: another one may have as many behind it
@@ -289,7 +290,7 @@ class ReusingSolver:
 
     def resists(self, softest: Softest, matrix: Mat) -> bool | None:
         """What `softest` finds in the matrix of the last solve; None where nothing is kept that preconditions it."""
-        if self._reuse is None or not self._reuses:
+        if self._reuse is None or self.anew:
             return None
         with self.timers("solve"):
             product = self._blocks.mat if self._blocks else matrix
