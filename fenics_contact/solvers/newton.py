@@ -20,6 +20,7 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway, and samples
 # of averages lie where they will at last.
 HELD = 1e-3
+NEARLY = 0.01  # of that, after corrections: a tangent of its own lands far below
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
@@ -92,14 +93,16 @@ class Newton:
             shorten = size > before and not foresight.settles
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
-            near = resample and size < HELD  # samples follow the surfaces through one more correction, then they are held
-            if near:
-                size, before = _resampled(system, size), np.inf
-                near = size < HELD
-                resample = not near and solve <= 2 * SETTLING
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
-            while corrects and goal < size < min(worth, gain * before):
-                before, size = size, self._correct(system, du, dq, size, report)
+            near, due, reach = False, resample, HELD
+            while True:
+                if due and size < reach:  # samples follow the surfaces through one more correction, then they are held
+                    size, before = _resampled(system, size), np.inf
+                    near, due = size < HELD, False
+                    resample = not near and solve <= 2 * SETTLING
+                if not (corrects and goal < size < min(worth, gain * before)):
+                    break
+                before, size, reach = size, self._correct(system, du, dq, size, report), NEARLY * HELD
                 if near and size > self.tolerance:
                     size, before, near = _resampled(system, size), np.inf, False
             before = size
