@@ -3,7 +3,20 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_cylinder, rigid_sphere, solve
+from fenics_contact import (
+    Body,
+    Scene,
+    from_elastic,
+    neo_hooke,
+    read_gmsh,
+    rigid_cone,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    rigid_torus,
+    solve,
+)
 from fenics_contact.meshes import box
 
 pytestmark = pytest.mark.parallel
@@ -50,3 +63,67 @@ def test_penalties_raised_in_vain_are_raised_half_as_far_later():
     assert sum("penalties stay in this step" in note for note in one.verdict.notes) == 1
     assert sum("penalties raised" in note for note in one.verdict.notes) > 1
     np.testing.assert_allclose(one.column("top_force_z_N")[-1], many.column("top_force_z_N")[-1], rtol=0.05)
+
+
+def pushed_in(tool, deep, points=None, steps=6):
+    """Result of a tool that starts on top, at z = 2, of a block of cells 0.8 wide, with nodes at x, y = 0, 0.8, ..."""
+    scene = Scene(Body(read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(5, 5, 3)), "box", from_elastic(E=5.0, nu=0.3)))
+    scene.fix("zmin")
+    scene.contact("zmax", tool, points=points, name="top")
+    return solve(scene, move={tool: (0, 0, -deep)}, steps=steps, progress=False)
+
+
+def small_ball(radius, x, y):
+    return rigid_sphere(radius, (x, y, 2.0 + radius), name="tool")
+
+
+def cone(degrees):
+    return rigid_cone(np.radians(degrees), (2.1, 2.05, 2.0), name="tool")
+
+
+@pytest.mark.parametrize(
+    "tool, deep",
+    [
+        pytest.param(lambda: small_ball(0.3, 2.1, 2.05), 0.5, id="ball between nodes"),
+        pytest.param(lambda: small_ball(0.12, 2.0, 2.0), 0.5, id="small ball"),
+        pytest.param(lambda: small_ball(0.6, 2.1, 2.05), 0.8, id="ball that nodes press up in the end"),
+        pytest.param(lambda: rigid_cylinder(0.3, (2.25, 2.0, 2.3), (0, 1, 0), name="tool"), 0.7, id="bar beside a row"),
+        pytest.param(lambda: rigid_torus(0.9, 0.15, (2.0, 2.0, 2.15), (0, 0, 1), name="tool"), 0.4, id="ring"),
+        pytest.param(lambda: cone(30), 0.8, id="cone"),
+    ],
+)
+def test_a_tool_that_no_node_holds_is_no_open_contact_and_gauss_points_hold_it(tool, deep):
+    lost = pushed_in(tool(), deep)
+    assert lost.verdict.kind == "projection lost" and "contact 'top' at (" in lost.verdict.place, lost.verdict.reason
+    assert "take points=3" in lost.verdict.remedy and "a finer mesh" in lost.verdict.remedy
+    assert (lost.column("top_force_z_N") <= 0.0).all(), "it is never pulled in"
+    held = pushed_in(tool(), deep, points=3).require().column("top_force_z_N")
+    assert (np.diff(held) < 0.0).all() and held[-1] < 3.0 * lost.column("top_force_z_N").min()
+
+
+def test_a_tool_between_gauss_points_is_named_too():
+    verdict = pushed_in(small_ball(0.12, 2.15, 2.15), 0.5, points=3).verdict
+    assert verdict.kind == "projection lost" and "no point holds it" in verdict.reason
+    assert "a finer mesh" in verdict.remedy and "points=3" not in verdict.remedy
+
+
+def test_a_tool_that_ends_between_nodes_is_not_said_to_be_away():
+    notes = " ".join(pushed_in(small_ball(0.3, 2.1, 2.05), 0.1, steps=1).require().verdict.notes)
+    assert "never closed, though 'tool' lies 0.0" in notes and "take points=3" in notes and "units" not in notes
+    away = pushed_in(small_ball(0.3, 2.1, 2.05), -0.1, steps=1).require().verdict.notes
+    assert len(away) == 1 and "units" in away[0]
+
+
+@pytest.mark.parametrize(
+    "tool",
+    [
+        pytest.param(lambda: cone(60), id="cone that four nodes hold"),
+        pytest.param(lambda: rigid_punch(half_width=0.5, half_depth=0.5, height=1, face=(2, 2, 2), name="tool"), id="punch"),
+        pytest.param(lambda: small_ball(4.0, 2.0, 2.0), id="ball as large as the block"),
+        pytest.param(lambda: rigid_plane((0, 0, 2.0), (0, 0, -1), name="tool"), id="plane"),
+    ],
+)
+def test_what_nodes_hold_is_let_through(tool):
+    result = pushed_in(tool(), 0.6).require()
+    force = result.column("top_force_z_N")
+    assert "projection lost" not in result.verdict.causes and (np.diff(force) <= 0.0).all() and force[-1] < -1.0

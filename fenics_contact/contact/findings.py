@@ -7,24 +7,21 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from mpi4py import MPI
 
-from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, foremost, spot
+from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
+from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.trial import DRAWN
 from fenics_contact.kernels.status import SLIP, STICK
-from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
 INSIDE = 1e-3  # of a cell's height: what lies deeper before anything has moved is more than what straight cells cut off
+NEARLY = 0.9  # of what stops a run: an accepted state that far is what the steps after it fail of
 SUNK = 0.5  # of a cell's height: a point that deep is held by nothing that deserves the name of contact
 THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by a fold of the surface, or through it
-# Of the distance of slave nodes: a facet that much deeper in a tool between them no longer follows it, and the force is too
-# small by 2 to 40 % (docs/choices.md); and where that is what keeps a step from converging
-BETWEEN, PIERCED = 0.1, 0.3
-FINER = "cells of a third of its radius"
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
@@ -41,18 +38,6 @@ SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know no
 SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
 SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
-
-
-def worst(
-    contact: Contact, comm: MPI.Comm, values: Floats, spots: Floats | None = None, above: float = -np.inf
-) -> tuple[float, str]:
-    """Largest of values (n,) over all ranks, and the place of its point, or of its node at spots (n, 3), which is looked for
-    where it is greater than `above`: only then is there something to be said. Collective."""
-    largest = float(np.max(comm.allgather(values.max(initial=-np.inf))))
-    if largest <= above:
-        return largest, ""
-    found = foremost(comm, values, contact.spots() if spots is None else spots)
-    return (found.value, f"contact '{contact.name}' at {spot(found.place)}") if found else (-np.inf, "")
 
 
 def _slid_off(contact: Contact, state: State) -> tuple[float, str, str]:
@@ -177,41 +162,11 @@ def _depth_note(contact: Contact, state: State) -> str | None:
         depth, place, inner = _depth_beside(contact, state, deep)
         what, remedy = "a node that is no slave", "name the surface it lies on among the slaves"
         if inner:
-            what, remedy = "an inner node of the body", _held_better(contact)
+            what, remedy = "an inner node of the body", held_better(contact)
         place = f"{what}, {place},"
     if depth <= deep:
         return None
     return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
-
-
-def _held_better(contact: Contact) -> str:
-    """What keeps a tool from coming in between the points of a slave surface."""
-    first = "points=3 (Gauss points)" if contact.surface.between else "more steps"
-    return f"take {first}, or a finer mesh under the tool, {FINER}"
-
-
-def _between(contact: Contact, state: State, above: float) -> tuple[float, str, str]:
-    """(how far a facet hangs into a tool between slave nodes over their distance, in words, place of more than `above`).
-    Collective."""
-    comm, facets = state.comm, contact.surface.between
-    shares = spots = np.empty((0, 3))
-    if facets and len(sags := contact.places.sags(state)):
-        shares, spots = sags / facets.spacing, facets.X.mean(axis=1)
-    share, place = worst(contact, comm, shares.ravel(), spots, above)
-    text = f"between nodes the surface hangs by {share:.0%} of their distance into '{contact.master_name}'"
-    return share, text, place
-
-
-def _between_note(contact: Contact, state: State) -> str | None:
-    """None, or that a tool comes in between slave nodes. Collective."""
-    share, text, place = _between(contact, state, BETWEEN)
-    return f"{place}: {text}; the force is too small: mesh it more finely, {FINER}" if share > BETWEEN else None
-
-
-def _pierced(contact: Contact, state: State) -> Finding | None:
-    """None, or the Finding that a tool has come through between slave nodes. Collective."""
-    share, text, place = _between(contact, state, PIERCED)
-    return Finding(LOST, text, place, _held_better(contact)) if share > PIERCED else None
 
 
 def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
@@ -252,7 +207,7 @@ def _folded(contact: Contact, state: State) -> Finding | None:
         f"an inner node of the body lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: "
         "the surface has folded over it, or let it through"
     )
-    return Finding(LOST, text, place, _held_better(contact))
+    return Finding(LOST, text, place, held_better(contact))
 
 
 def _passed(contact: Contact, state: State) -> Finding | None:
@@ -306,7 +261,8 @@ class Findings:
             text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
             remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
             return Finding(LOST, text, f"contact '{contact.name}'", remedy)
-        if found := _passed(contact, state) or _sunk(contact, state, SUNK) or _folded(contact, state):
+        through = came_in(contact, state) or _passed(contact, state)
+        if found := through or _sunk(contact, state, SUNK) or _folded(contact, state):
             return found
         if known := _beyond_the_law(contact, state):
             return known
@@ -330,7 +286,7 @@ class Findings:
         lost, text, place = _slid_off(contact, state)
         if lost > SLID_OFF:
             return Finding(LOST, text, place, contact.partner.slid_off)
-        return _sunk(contact, state, SUNK) or _pierced(contact, state)
+        return _sunk(contact, state, SUNK) or came_in(contact, state, NEARLY) or pierced(contact, state)
 
     def deep(self, state: State) -> Finding | None:
         """A point lies deep enough to be distrusted."""
@@ -357,7 +313,8 @@ class Findings:
         kinds: dict[str, Callable[[Contact, State], str | None]] = {
             "led": partial(_led_note, noise=noise),
             "deep": _depth_note,
-            "between": _between_note,
+            "between": between_note,
+            "pierced": pierced_note,
             "leans": _lean_note,
             "edges": _edge_note,
         }
@@ -380,6 +337,8 @@ class Findings:
         comm, search = state.comm, contact.places.search
         if comm.allreduce(int(contact.trial.history.met.sum())) and not 0.0 < greatest <= noise:
             return None
+        if note := unheld(contact, state):
+            return note
         nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
         beyond = "more than " if nearest >= search else ""
         ends = f"'{contact.master_name}' ends {beyond}{nearest:.3g} away"

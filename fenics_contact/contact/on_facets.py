@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.joints import Directions
 from fenics_contact.contact.lost import deepest_lost
@@ -80,9 +81,8 @@ class PlacesOnFacets(Generic[Feet]):
     def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""
 
-    def sags(self, state: State) -> Floats:
-        """None: between slave nodes is not looked."""
-        return np.empty(0)
+    def entered(self, state: State, nearly: float = 1.0) -> Entered | None:
+        """None: between slave points is not looked."""
 
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Depth [length] of the deepest point, or sample, too deep in the master to have a partner, or zero. Collective."""

@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.contact_term import ContactPartner, ContactPlaces
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.surface import Beside, SlaveSurface
@@ -39,7 +40,10 @@ class Places(ContactPlaces, Protocol):
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats: ...
 
-    def sags(self, state: State) -> Floats: ...
+    def entered(self, state: State, nearly: float = 1.0) -> Entered | None:
+        """The slave's facets that the master has entered between their points, nearly: see `entered`; None where that is not
+        looked for."""
+        ...
 
     def beside(self, state: State) -> Beside | None: ...
 

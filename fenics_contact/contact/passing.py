@@ -63,15 +63,15 @@ def depths_passed(facets: Facets, then: Floats, now: Floats, tool: ToolPose, hei
     """
     middle, way = then.mean(axis=1), np.linalg.norm(now - then, axis=2).max(axis=1, initial=0.0)
     radius = np.linalg.norm(then - middle[:, None], axis=2).max(axis=1, initial=0.0)
-    near = np.flatnonzero(BEYOND * way > np.maximum(_distances(middle, tool) - radius, 0.0))
+    near = np.flatnonzero(BEYOND * way > np.maximum(tool_distances(middle, tool) - radius, 0.0))
     a, gradients = facets.a[near], facets.gradients[near]
     start, end = ((a @ x[near]).reshape(-1, 3) for x in (then, now))
-    tangents = np.stack([_tangents(gradients, x[near]) for x in (then, now)])
+    tangents = np.stack([facet_tangents(gradients, x[near]) for x in (then, now)])
     depth = _depths(Ways(start, end - start, tangents), tool, height)
     return depth, (a @ facets.X[near]).reshape(-1, 3)
 
 
-def _tangents(gradients: Floats, x: Floats) -> Floats:
+def facet_tangents(gradients: Floats, x: Floats) -> Floats:
     """Tangents (n, 2, 3) at places; of a plane mesh the second one is across."""
     along = np.einsum("fqtk,fkc->fqtc", gradients, x)
     if along.shape[2] == 1:
@@ -82,12 +82,12 @@ def _tangents(gradients: Floats, x: Floats) -> Floats:
 def _depths(ways: Ways, tool: ToolPose, height: float) -> Floats:
     """Depths (n,) of the ways that lead through the tool and out of it behind the surface, zero for others [length]."""
     out, length = np.zeros(len(ways.start)), np.linalg.norm(ways.step, axis=1)
-    ends = _distances(ways.start, tool), _distances(ways.start + ways.step, tool)
+    ends = tool_distances(ways.start, tool), tool_distances(ways.start + ways.step, tool)
     first, last = np.zeros_like(out), np.ones_like(out)
 
     def facing(some: Ints64, share: Floats) -> tuple[Floats, Floats]:
         """The tool's normals (m, 3), and sines (m,) by which the facets turn their backs to it."""
-        normals = _normals(ways.at(share[some], some), tool)
+        normals = tool_normals(ways.at(share[some], some), tool)
         return normals, _dots(normals, ways.outward(share[some], some))
 
     some = np.flatnonzero(length > np.maximum(ends[0], 0.0) + np.maximum(ends[1], 0.0))
@@ -98,7 +98,7 @@ def _depths(ways: Ways, tool: ToolPose, height: float) -> Floats:
     first[some] = _entries(ways, some, tool)[0]
     enters, front = facing(some, first)
     shares = np.linspace(first[some], last[some], LOOKS)
-    depth = np.max([-_distances(ways.at(share, some), tool) for share in shares], axis=0, initial=0.0)
+    depth = np.max([-tool_distances(ways.at(share, some), tool) for share in shares], axis=0, initial=0.0)
     held = np.maximum(np.maximum(-ends[0], -ends[1])[some], 0.0)  # contact's own penetrations lead through nothing
     deep = depth - held > GRAZES * np.minimum((last - first)[some] * length[some], height)
     through = (front < -LEAN) & (deep | (_dots(enters, leaves) < ACROSS))
@@ -111,7 +111,7 @@ def _entries(ways: Ways, some: Ints64, tool: ToolPose) -> tuple[Floats, Bools]:
     length = np.linalg.norm(ways.step[some], axis=1)
     before, share, going = np.zeros(len(some)), np.zeros(len(some)), np.arange(len(some))
     while len(going):
-        gap = _distances(ways.at(share[going], some[going]), tool)
+        gap = tool_distances(ways.at(share[going], some[going]), tool)
         going, gap = going[gap > 0.0], gap[gap > 0.0]
         before[going] = share[going]
         share[going] += np.maximum(gap / length[going], FINEST)  # no part of the tool is nearer
@@ -120,7 +120,7 @@ def _entries(ways: Ways, some: Ints64, tool: ToolPose) -> tuple[Floats, Bools]:
     inside = np.flatnonzero(met & (share > 0.0))
     for _ in range(HALVINGS if len(inside) else 0):
         middle = 0.5 * (before[inside] + share[inside])
-        deep = _distances(ways.at(middle, some[inside]), tool) <= 0.0
+        deep = tool_distances(ways.at(middle, some[inside]), tool) <= 0.0
         share[inside], before[inside] = np.where(deep, middle, share[inside]), np.where(deep, before[inside], middle)
     return share, met
 
@@ -129,14 +129,14 @@ def _dots(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("nc,nc->n", a, b))
 
 
-def _distances(x: Floats, tool: ToolPose) -> Floats:
+def tool_distances(x: Floats, tool: ToolPose) -> Floats:
     """Signed distances (n,) to the tool of places x (n, 3)."""
     gap = np.empty(len(x))
     distances(np.ascontiguousarray(x), tool, gap)
     return gap
 
 
-def _normals(x: Floats, tool: ToolPose) -> Floats:
+def tool_normals(x: Floats, tool: ToolPose) -> Floats:
     """Unit normals (n, 3) of the tool at places x (n, 3)."""
     out, one = np.empty((len(x), 1, 3)), np.ones((len(x), 1, 1))
     spacing = np.full(len(x), np.finfo(float).tiny)  # as it is: a sharp edge does not fade out between points

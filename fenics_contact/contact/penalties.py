@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.findings import worst
+from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.trial import Law, Trial
 from fenics_contact.kernels.status import OPEN, STICK

@@ -7,7 +7,8 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.passing import Facets, depths_passed
+from fenics_contact.contact.entered import Entered, entered
+from fenics_contact.contact.passing import Facets, depths_passed, tool_distances
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.contact.trial import Trial
@@ -99,34 +100,28 @@ class RigidPlaces:
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
-        return self._distances(state, X + state.u.x.array.reshape(-1, 3)[nodes])
+        return tool_distances(X + state.u.x.array.reshape(-1, 3)[nodes], self.tool_at(state.pose(self.index)))
 
-    def sags(self, state: State) -> Floats:
-        """How much deeper (nf,) facets lie in the tool between slave nodes than at these; none where points are no nodes."""
-        if (between := self.surface.between) is None:
-            return np.empty(0)
-        x = between.X + state.u.x.array.reshape(-1, 3)[between.nodes]
-        places = np.concatenate([x, np.einsum("eqk,ekc->eqc", between.a, x)], axis=1)
-        gaps = np.minimum(self._distances(state, places.reshape(-1, 3)).reshape(places.shape[:2]), 0.0)
-        count = x.shape[1]
-        return np.asarray(gaps[:, :count].min(axis=1, initial=0.0) - gaps[:, count:].min(axis=1, initial=0.0))
-
-    def _distances(self, state: State, x: Floats) -> Floats:
-        """Signed distances (n,) to the tool of places x (n, 3)."""
-        gap = np.empty(len(x))
-        distances(x, self.tool_at(state.pose(self.index)), gap)
-        return gap
+    def entered(self, state: State, nearly: float = 1.0) -> Entered | None:
+        """The facets that the tool has entered between their points, nearly: see `entered`; None where it has no other
+        side."""
+        if self.tool.flat:
+            return None
+        s, dense, u = self.surface, self.surface.dense, state.u.x.array.reshape(-1, 3)
+        x = dense.X + u[dense.nodes]
+        points = x if s.between else s.a @ x
+        return entered(dense, x, points, self.tool_at(state.pose(self.index)), nearly)
 
     def beside(self, state: State) -> Beside:
         """The nodes that may meet the tool and are no slaves. Collective."""
         if self._beside is None:
             space = state.u.function_space
-            free = np.flatnonzero(~_known(space, self.surface.nodes.ravel()))
+            free = np.flatnonzero(~named(space, self.surface.nodes.ravel()))
             X = space.tabulate_dof_coordinates()[free]
             outer = compat.locate_blocks(space, compat.exterior_facets(space.mesh))
             gap = np.empty(len(free))
             distances(X, self.tool_at(state.poses.at(self.index, np.zeros_like(state.q[self.index]))), gap)
-            self._beside = Beside(free, X, ~_known(space, outer)[free] & (gap > 0.0))
+            self._beside = Beside(free, X, ~named(space, outer)[free] & (gap > 0.0))
         return self._beside
 
     def lost_depth(self, state: State, trial: Trial) -> float:
@@ -154,7 +149,7 @@ class RigidPlaces:
         return 0.0
 
 
-def _known(space: Space, nodes: Array) -> Bools:
+def named(space: Space, nodes: Array) -> Bools:
     """Which of this rank's nodes are among those that any rank names, by its local numbers. Collective."""
     named = compat.Function(space)
     named.x.array.reshape(-1, 3)[nodes] = 1.0

@@ -16,6 +16,7 @@ from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mesh, Space
 
 # Share of the normals around a node that is of one direction, whatever its sign: two facets at 60 degrees have 0.75
 ALIKE = 0.75
+DENSE = 9  # places per direction of a facet, which are no farther apart than a sixth of it
 
 Means = tuple[Floats, Floats, Floats]  # of a facet, or over those around a node: stiffness, height, spacing
 
@@ -52,6 +53,19 @@ class Between(NamedTuple):
         return np.linalg.eigvalsh(spread[slaves] / np.maximum(count[slaves], 1.0)[:, None, None])[:, -1] < ALIKE
 
 
+class Dense(NamedTuple):
+    """Close places on the facets of a slave surface: the facets' local nodes (nf, k), their reference positions X (nf, k, 3)
+    [length], and kind (nf,): which of the m sets of places they have, with weights a (m, nq, k) and gradients as of
+    SlaveSurface; spacing (nf,): of the slave points on them [length]."""
+
+    nodes: Ints
+    X: Floats
+    kind: Ints64
+    a: Floats
+    gradients: Floats
+    spacing: Floats
+
+
 @dataclass
 class SlaveSurface:
     """Slave points this rank evaluates, grouped into elements whose points move with the same nodes.
@@ -64,7 +78,8 @@ class SlaveSurface:
     cut_off (ne, nq): how far [length] a round surface that straight facets stand for lies outside the points, see `chords`.
     gradients (ne, nq, 2, k): derivatives of the facet's shape functions in the points, tangents t1 x t2 pointing out of
     the body; None for points that are nodes. corners: the points are corners of their facets; linear: they are the nodes at
-    corners, between which pressures are linear at any degree; between: for points="nodes".
+    corners, between which pressures are linear at any degree; between: for points="nodes"; dense: places on its facets, much
+    closer than the points.
     """
 
     nodes: Ints
@@ -77,6 +92,7 @@ class SlaveSurface:
     cell_height: float
     key: Ints64
     cut_off: Floats
+    dense: Dense
     gradients: Floats | None = None
     corners: bool = False
     linear: bool = False
@@ -109,6 +125,7 @@ def slave_surface(
     X = space.tabulate_dof_coordinates()
     order = 2 * degree if isinstance(points, str) else points
     a, gradients, area = facet_points(*where, order)
+    of_facets = nodes
     if points == "averages" and degree > 1:
         a = facet_points(mesh, cell, 1, where[3], order)[0]
         nodes = nodes[:, : a.shape[2]]  # corners come first
@@ -126,7 +143,7 @@ def slave_surface(
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
     tangents: Floats | None = gradients
     means: Means = stiffness, height, spacing
-    between = None
+    dense, between = _dense(where, of_facets, X, spacing), None
     if points == "nodes":  # an odd number has one in the middle
         between = Between(nodes, X[nodes], *facet_points(*where, 2 * degree + 1)[:2], spacing)
     if points in ("nodes", "averages"):
@@ -137,9 +154,18 @@ def slave_surface(
     cut_off = np.zeros(area.shape) if exact else _cut_off(space, facets, section, nodes, a, not isinstance(points, str))
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     return SlaveSurface(
-        nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, cut_off, tangents, points == "corners",
+        nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, cut_off, dense, tangents, points == "corners",
         points == "averages", between,
     )  # fmt: skip
+
+
+def _dense(where: tuple[Mesh, str, int, list[Ints]], nodes: Ints, X: Floats, spacing: Floats) -> Dense:
+    """Places on the facets that `facet_points` takes with `where`, of nodes (nf, k); X: positions of all nodes."""
+    mesh, cell, degree, of_cell = where
+    a, gradients, _ = facet_points(mesh, cell, degree, [mine[:1] for mine in of_cell], DENSE)
+    numbers = [mine for mine in of_cell if len(mine)]
+    kind = np.repeat(np.arange(len(numbers)), [len(mine) for mine in numbers])
+    return Dense(nodes, X[nodes], kind, a, gradients, spacing)
 
 
 def _cut_off(space: Space, facets: Ints, section: Section | None, nodes: Array, a: Floats, local: bool) -> Floats:

@@ -1,0 +1,138 @@
+"""What is to be said of an analytic tool that comes into a body between the points of its slave surface."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.assembly.finding import LOST, Finding
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.entered import Entered
+from fenics_contact.contact.foremost import worst
+from fenics_contact.contact.rigid_places import named
+from fenics_contact.types import Bools, Floats, Function, Ints64
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.term import Contact
+
+# Of the distance of slave points: a facet that much deeper in a tool between them no longer follows it, and the force is too
+# small by 2 to 40 % (docs/choices.md); and where more is missing, or that is what keeps a step from converging
+BETWEEN, PIERCED = 0.1, 0.3
+# Of the load: what less of it acts where a tool comes in is not worth a note, as at the tip of a cone that many nodes hold;
+# and what more makes the whole force too small
+LITTLE, MOST = 0.1, 0.5
+FINER = "cells of a third of its radius"
+
+
+def held_better(contact: Contact) -> str:
+    """What keeps a tool from coming in between the points of a slave surface."""
+    first = "points=3 (Gauss points), or " if contact.surface.between else ""
+    return f"take {first}a finer mesh under the tool, {FINER}"
+
+
+def _hung(contact: Contact, state: State) -> tuple[Floats, Ints64]:
+    """How far facets hang into a tool between slave nodes over their distance (n,), and their numbers (n,)."""
+    if contact.surface.between and (found := contact.places.entered(state)):
+        return found.share, found.facets
+    return np.empty(0), np.empty(0, dtype=np.int64)
+
+
+def _between(contact: Contact, state: State, above: float) -> tuple[float, str, str]:
+    """(how far a facet hangs into a tool between slave nodes over their distance, in words, place of more than `above`).
+    Collective."""
+    shares, facets = _hung(contact, state)
+    share, place = worst(contact, state.comm, shares, contact.surface.dense.X[facets].mean(axis=1), above)
+    text = f"between nodes the surface hangs by {share:.0%} of their distance into '{contact.master_name}'"
+    return share, text, place
+
+
+def _forces(contact: Contact, state: State) -> Function:
+    """What pressure exerts on the slave's nodes, a vector at each. Collective."""
+    s, normals = contact.surface, contact.places.looks(state)
+    pressing = np.abs(np.einsum("eqc,eqc->eq", contact.response(state).traction, normals)) * s.area
+    forces = compat.Function(state.u.function_space)
+    np.add.at(forces.x.array.reshape(-1, 3), s.nodes, np.einsum("eqk,eqc->ekc", s.a, pressing[..., None] * normals))
+    compat.sum_to_owners(forces)
+    compat.copy_to_ghosts(forces)
+    return forces
+
+
+def _part_there(contact: Contact, state: State, above: float) -> float:
+    """Of a contact's pressure the part at nodes of facets that hang into the tool by more than `above`; endless
+    where nothing presses. Collective."""
+    shares, facets = _hung(contact, state)
+    space = state.u.function_space
+    there = named(space, contact.surface.dense.nodes[facets[shares > above]].ravel())
+    count = space.dofmap.index_map.size_local
+    load = np.linalg.norm(_forces(contact, state).x.array.reshape(-1, 3), axis=1)[:count]
+    here, total = state.comm.allreduce(np.array([load[there[:count]].sum(), load.sum()]))
+    return float(here / total) if total > 0.0 else np.inf
+
+
+def between_note(contact: Contact, state: State) -> str | None:
+    """None, or that a tool comes in between slave nodes that carry much of the load. Collective."""
+    share, text, place = _between(contact, state, BETWEEN)
+    if share <= BETWEEN or (part := _part_there(contact, state, BETWEEN)) <= LITTLE:
+        return None
+    there = f"{part:.0%} of the force acts there, and is too small" if np.isfinite(part) else "nothing presses on it yet"
+    return f"{place}: {text}; {there}: mesh it more finely, {FINER}"
+
+
+def pierced_note(contact: Contact, state: State) -> str | None:
+    """None, or that it has come in so far that nodes which carry most of the load hardly hold it. Collective."""
+    share, text, place = _between(contact, state, PIERCED)
+    if share <= PIERCED or _part_there(contact, state, PIERCED) <= MOST:
+        return None
+    return f"{place}: {text}; a third of the force or more is missing: {held_better(contact)}"
+
+
+def pierced(contact: Contact, state: State) -> Finding | None:
+    """None, or the Finding that a tool has come through between slave nodes. Collective."""
+    share, text, place = _between(contact, state, PIERCED)
+    return Finding(LOST, text, place, held_better(contact)) if share > PIERCED else None
+
+
+def _free(contact: Contact, state: State, found: Entered) -> Bools:
+    """In which of the facets that a tool has entered (n,) no pressure at their nodes holds it from the front. Collective."""
+    forces = _forces(contact, state).x.array.reshape(-1, 3)
+    return np.asarray(np.einsum("nkc,nc->n", forces[contact.surface.dense.nodes[found.facets]], found.normals) >= 0.0)
+
+
+def came_in(contact: Contact, state: State, nearly: float = 1.0) -> Finding | None:
+    """None, or the Finding that a tool has come into the body between slave points that do not hold it;
+    nearly: see `entered`. Collective.
+
+    It has where two of three are so: pressures do not hold it from the front, more than half of it is within, and it
+    reaches deep behind the surface. One alone may be right: a tool that begins to touch, a thin one, one held by its rim.
+    """
+    if (found := contact.places.entered(state, nearly)) is None:
+        return None
+    comm, suspect = state.comm, found.behind | found.deep
+    if not comm.allreduce(bool(suspect.any()), op=MPI.LOR):
+        return None
+    free, both = _free(contact, state, found), found.behind & found.deep
+    through = both | (suspect & free)
+    spots = contact.surface.dense.X[found.facets].mean(axis=1)
+    sag, place = worst(contact, comm, np.where(through, found.sag, 0.0), spots, 0.0)
+    if sag <= 0.0:
+        return None
+    held = comm.allreduce(bool((through & ~free).any()), op=MPI.LOR)
+    why = "more than half of it is behind the surface" if held else "no point holds it"
+    text = f"'{contact.master_name}' has come into the body between slave points, {sag:.3g} deep, and {why}"
+    return Finding(LOST, text, place, held_better(contact))
+
+
+def unheld(contact: Contact, state: State) -> str | None:
+    """None, or that a contact is open at all its points while the tool lies between them. Collective."""
+    if (found := contact.places.entered(state)) is None:
+        return None
+    sag, place = worst(contact, state.comm, found.sag, contact.surface.dense.X[found.facets].mean(axis=1), 0.0)
+    if sag <= 0.0:
+        return None
+    return (
+        f"{place} never closed, though '{contact.master_name}' lies {sag:.3g} inside: it is between slave points, none of "
+        f"which it reaches: {held_better(contact)}"
+    )
