@@ -127,3 +127,14 @@ def test_what_nodes_hold_is_let_through(tool):
     result = pushed_in(tool(), 0.6).require()
     force = result.column("top_force_z_N")
     assert "projection lost" not in result.verdict.causes and (np.diff(force) <= 0.0).all() and force[-1] < -1.0
+
+
+@pytest.mark.parametrize("z", [1.7, 1.9, 2.2])
+def test_a_ball_that_presses_a_wall_beside_its_edge_is_not_in_the_face_above(z):
+    """The chord of the edge lies in the ball, and so do places of both faces there."""
+    scene = Scene(Body(read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(5, 5, 3)), "box", from_elastic(E=5.0, nu=0.3)))
+    scene.fix("zmin")
+    tool = rigid_sphere(2.5, (6.5, 2.1, z), name="tool")
+    scene.contact(("zmax", "xmax"), tool, name="side")
+    result = solve(scene, move={tool: (-0.5, 0, 0)}, steps=6, progress=False).require()
+    assert "projection lost" not in result.verdict.causes and (np.diff(result.column("side_force_x_N")) < 0.0).all()

@@ -8,10 +8,12 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.finding import LOST, Finding
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.foremost import worst
+from fenics_contact.contact.passing import facet_tangents
 from fenics_contact.contact.rigid_places import named
 from fenics_contact.types import Bools, Floats, Function, Ints64
 
@@ -101,6 +103,19 @@ def _free(contact: Contact, state: State, found: Entered) -> Bools:
     return np.asarray(np.einsum("nkc,nc->n", forces[contact.surface.dense.nodes[found.facets]], found.normals) >= 0.0)
 
 
+def _normals(state: State) -> Floats:
+    """Sums (n, 3) of the area vectors of the facets around each node, of all that the body has. Collective."""
+    space = state.u.function_space
+    skin, out = skin_of(space, compat.exterior_facets(space.mesh)), compat.Function(space)
+    normals, (ne, nq) = out.x.array.reshape(-1, 3), skin.area.shape
+    tangents = facet_tangents(skin.slopes, skin.X + state.u.x.array.reshape(-1, 3)[skin.nodes])
+    facing = np.cross(tangents[:, 0], tangents[:, 1]).reshape(ne, nq, 3).mean(axis=1)
+    np.add.at(normals, skin.nodes, facing[:, None])
+    compat.sum_to_owners(out)
+    compat.copy_to_ghosts(out)
+    return normals
+
+
 def came_in(contact: Contact, state: State, nearly: float = 1.0) -> Finding | None:
     """None, or the Finding that a tool has come into the body between slave points that do not hold it;
     nearly: see `entered`. Collective.
@@ -110,10 +125,12 @@ def came_in(contact: Contact, state: State, nearly: float = 1.0) -> Finding | No
     """
     if (found := contact.places.entered(state, nearly)) is None:
         return None
-    comm, suspect = state.comm, found.behind | found.deep
-    if not comm.allreduce(bool(suspect.any()), op=MPI.LOR):
+    comm = state.comm
+    if not comm.allreduce(bool((found.behind | found.deep).any()), op=MPI.LOR):
         return None
-    free, both = _free(contact, state, found), found.behind & found.deep
+    # a facet beside an edge over which a tool presses on the next one has the tool at its side: the edge's own normal tells
+    found = contact.places.entered(state, nearly, _normals(state)) or found
+    free, both, suspect = _free(contact, state, found), found.behind & found.deep, found.behind | found.deep
     through = both | (suspect & free)
     spots = contact.surface.dense.X[found.facets].mean(axis=1)
     sag, place = worst(contact, comm, np.where(through, found.sag, 0.0), spots, 0.0)

@@ -31,9 +31,9 @@ class Entered(NamedTuple):
     facets: Ints64
 
 
-def entered(dense: Dense, x: Floats, points: Floats, tool: ToolPose, nearly: float) -> Entered:
+def entered(dense: Dense, x: Floats, points: Floats, tool: ToolPose, nearly: float, outward: Floats | None) -> Entered:
     """The facets of which nodes are at x (nf, k, 3) and slave points at (nf, np, 3) that a tool lies in; nearly: what of
-    FACING and DEEP is enough."""
+    FACING and DEEP is enough; outward (nf, k, 3): normals at the nodes where the facets' own ones are not to be taken."""
     middle = x.mean(axis=1)
     radius = np.linalg.norm(x - middle[:, None], axis=2).max(axis=1, initial=0.0)
     near = np.flatnonzero(tool_distances(middle, tool) < radius)  # no place is farther from the middle
@@ -46,8 +46,11 @@ def entered(dense: Dense, x: Floats, points: Floats, tool: ToolPose, nearly: flo
     some = np.flatnonzero(sag > 0.0)
     near, sag, deepest = near[some], sag[some], deepest[some]
     place = places[some, deepest]
-    tangents = facet_tangents(dense.gradients[dense.kind[near], deepest][:, None], x[near])
-    normals = np.cross(tangents[:, 0], tangents[:, 1])
+    if outward is None:
+        tangents = facet_tangents(dense.gradients[dense.kind[near], deepest][:, None], x[near])
+        normals = np.cross(tangents[:, 0], tangents[:, 1])
+    else:
+        normals = np.einsum("nk,nkc->nc", dense.a[dense.kind[near], deepest], outward[near])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     way = nearly * DEEP * np.linalg.norm(points[near] - place[:, None], axis=2).min(axis=1, initial=np.inf)
     behind = np.einsum("nc,nc->n", tool_normals(place, tool), normals) > nearly * FACING

@@ -81,7 +81,7 @@ class PlacesOnFacets(Generic[Feet]):
     def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""
 
-    def entered(self, state: State, nearly: float = 1.0) -> Entered | None:
+    def entered(self, state: State, nearly: float = 1.0, normals: Floats | None = None) -> Entered | None:
         """None: between slave points is not looked."""
 
     def lost_depth(self, state: State, trial: Trial) -> float:

@@ -40,9 +40,9 @@ class Places(ContactPlaces, Protocol):
 
     def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats: ...
 
-    def entered(self, state: State, nearly: float = 1.0) -> Entered | None:
-        """The slave's facets that the master has entered between their points, nearly: see `entered`; None where that is not
-        looked for."""
+    def entered(self, state: State, nearly: float = 1.0, normals: Floats | None = None) -> Entered | None:
+        """The slave's facets that the master has entered between their points, nearly: see `entered`; normals (n, 3): of the
+        body at its nodes, in the place of those of facets. None where that is not looked for."""
         ...
 
     def beside(self, state: State) -> Beside | None: ...

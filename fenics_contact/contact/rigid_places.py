@@ -102,15 +102,15 @@ class RigidPlaces:
         """Signed distances (n,) to the tool of local nodes with reference positions X (n, 3)."""
         return tool_distances(X + state.u.x.array.reshape(-1, 3)[nodes], self.tool_at(state.pose(self.index)))
 
-    def entered(self, state: State, nearly: float = 1.0) -> Entered | None:
-        """The facets that the tool has entered between their points, nearly: see `entered`; None where it has no other
-        side."""
+    def entered(self, state: State, nearly: float = 1.0, normals: Floats | None = None) -> Entered | None:
+        """The facets that the tool has entered between their points, nearly: see `entered`; normals (n, 3): of the
+        body at its nodes, in the place of those of facets. None where it has no other side."""
         if self.tool.flat:
             return None
         s, dense, u = self.surface, self.surface.dense, state.u.x.array.reshape(-1, 3)
         x = dense.X + u[dense.nodes]
-        points = x if s.between else s.a @ x
-        return entered(dense, x, points, self.tool_at(state.pose(self.index)), nearly)
+        points, outward = x if s.between else s.a @ x, None if normals is None else normals[dense.nodes]
+        return entered(dense, x, points, self.tool_at(state.pose(self.index)), nearly, outward)
 
     def beside(self, state: State) -> Beside:
         """The nodes that may meet the tool and are no slaves. Collective."""
