@@ -22,10 +22,14 @@ class ContactLaw(Protocol):
 
 
 class ContactHistory(Protocol):
-    """Of points (ne, nq): the ways slid [length], and whether they have been in contact."""
+    """Of points (ne, nq): the ways slid, those on which friction has worked [length], and whether they have been in
+    contact."""
 
     @property
     def slip_path(self) -> Floats: ...
+
+    @property
+    def rubbed(self) -> Floats: ...
 
     @property
     def met(self) -> Bools: ...

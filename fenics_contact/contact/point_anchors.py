@@ -11,6 +11,7 @@ from fenics_contact.contact.partner import SingleAnchors
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
+from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Floats, Ints, Ints64
 
 if TYPE_CHECKING:
@@ -34,7 +35,14 @@ class PointAnchors(SingleAnchors):
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
         """What the penalty gave way in stick (ne, nq) [length]."""
-        return self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1].reshape(self._shape)
+        ways = self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1]
+        return np.where(status == STICK, ways[:, 0].reshape(self._shape), 0.0)
+
+    def slid(self, feet: FacetFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
+        """See `Anchoring.slid`."""
+        ways = self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1]
+        slid, rubbed = (np.where(status == SLIP, way.reshape(self._shape), 0.0) for way in ways.T)
+        return slid, rubbed
 
     def augmented(self, feet: FacetFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
@@ -47,10 +55,10 @@ class PointAnchors(SingleAnchors):
     def _since(
         self, rests: Anchors, feet: FacetFeet, trial: Trial, grown: tuple[float, float]
     ) -> tuple[tuple[Ints64, Floats], Floats]:
-        """Anchors and slips (np,) since points came to rest, see `anchors_since_rest`."""
+        """Anchors and ways (np, 2) since points came to rest, see `anchors_since_rest`."""
         pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
-        nodes, weights, slips = anchors_since_rest(pairs, own(rests), laws, grown)
-        return (nodes, weights), slips
+        nodes, weights, ways = anchors_since_rest(pairs, own(rests), laws, grown)
+        return (nodes, weights), ways
 
     def packed(self, anchors: Anchors, feet: FacetFeet, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""

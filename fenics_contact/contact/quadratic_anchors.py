@@ -63,7 +63,7 @@ class QuadraticAnchors(PointAnchors):
     ) -> tuple[tuple[Ints64, Floats], Floats]:
         touching, pairs, rested = self._from_rest(feet, trial, rests)
         laws = self._partner.laws_at(feet, trial, touching.at)
-        nodes, weights, slipped = flat.anchors_since_rest(pairs, rested, laws, grown)
-        slips = np.zeros(np.prod(self._shape))
-        slips[touching.at] = slipped
-        return self._kept(touching, own(trial.history.anchors), (nodes, weights)), slips
+        nodes, weights, gone = flat.anchors_since_rest(pairs, rested, laws, grown)
+        ways = np.zeros((np.prod(self._shape), 2))
+        ways[touching.at] = gone
+        return self._kept(touching, own(trial.history.anchors), (nodes, weights)), ways

@@ -67,7 +67,7 @@ class Contact:
         far = np.full(ne * nq, min(self.places.search, np.finfo(float).max))
         raised = np.tile([1.0, LARGEST], (ne, 1))
         zero = np.zeros((ne, nq))
-        start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None)
+        start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None, zero)
         first = partner.anchors.here(self.places.first_feet(state), Trial(law, start, surface.area))
         start = replace(start, anchors=first, rests=first, before=first, feet=self.places.feet(state))
         self.accepted = self.trial = Trial(law, start, surface.area)
@@ -138,11 +138,14 @@ class Contact:
             here, stuck = anchors.resting(feet, trial), response.status == STICK
             rests = anchors.chosen(stuck, rests, here)
         kept, slid = anchors.committed(feet, trial)
+        rubbed = slid
+        if self.penetration is not None:  # multipliers have moved the anchors since the step began; rests have stayed
+            slid, rubbed = anchors.slid(feet, trial, response.status)
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]
         met, path = h.met | (response.status != OPEN), h.slip_path + slid
         self.trial = self.accepted = trial.remembering(
-            anchors=kept, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps, feet=feet,
-            faced=max(h.faced, self._facing(state, feet, met)),
+            anchors=kept, rests=rests, before=h.anchors, slip_path=path, rubbed=h.rubbed + rubbed, met=met, gaps=gaps,
+            feet=feet, faced=max(h.faced, self._facing(state, feet, met)),
         )  # fmt: skip
 
     def _facing(self, state: State, feet: Any, met: Bools) -> float:

@@ -10,8 +10,7 @@ from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import State, Term
-from fenics_contact.kernels.status import SLIP
-from fenics_contact.types import Bools, Floats
+from fenics_contact.types import Floats
 
 
 @dataclass(frozen=True)
@@ -37,28 +36,19 @@ class Energies:
 
 @dataclass(frozen=True)
 class _Rubbing:
-    """Of a contact's points (ne, nq): largest friction tractions; ways slid; what the penalty does not give way though the
-    ways take it off, with multipliers; which points slip; their areas."""
+    """Of a contact's points (ne, nq): largest friction tractions; ways on which they have worked; areas."""
 
     limit: Floats
-    slid: Floats
-    rigid: Floats
-    slips: Bools
+    way: Floats
     area: Floats
 
     @classmethod
     def of(cls, contact: ContactTerm, state: State) -> "_Rubbing":
-        response, trial = contact.response(state), contact.trial
-        rigid = np.zeros_like(contact.surface.area)
-        if contact.penetration is not None:
-            rigid = np.linalg.norm(contact.forces.split_traction(state)[1], axis=2) / trial.law.eps_t[:, None]
-        slips, area = response.status == SLIP, contact.surface.area
-        return cls(contact.forces.limits(state), trial.history.slip_path, rigid, slips, area)
+        return cls(contact.forces.limits(state), contact.trial.history.rubbed, contact.surface.area)
 
     def work(self, last: "_Rubbing") -> float:
         """Of friction since the last state: what slides does so at the limit."""
-        way = self.slid - last.slid + np.where(self.slips, self.rigid - last.rigid, 0.0)
-        return float((0.5 * (self.limit + last.limit) * way * self.area).sum())
+        return float((0.5 * (self.limit + last.limit) * (self.way - last.way) * self.area).sum())
 
 
 @dataclass(frozen=True)
