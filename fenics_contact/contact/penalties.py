@@ -31,6 +31,9 @@ SLIPS = 3.0
 DEEPEST = 0.02
 AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under the same pressure
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
+# Under multipliers, for rubber that cannot escape is K/E stiffer than the default knows: times the default at most, and at
+# once. With K/E of 1e5 a thousand times it is still no stiffer than the body.
+STIFFEST, GROWTH = 1000.0, 10.0
 # Penalties on the way to a step's solution, where the penalties themselves are too stiff for it: at first so soft that the
 # deepest point of the last accepted state would lie as deep as under a raised penalty, down to this part of them
 SOFTEST = 0.01
@@ -57,9 +60,9 @@ class Penalty:
         share = self.share or max(TANGENTIAL_SHARE, max(friction.mu, friction.mu / friction.ratio) / SLIPS)
         return normal, np.full_like(normal, self.tangential) if self.tangential else share * normal
 
-    def adapts(self, penetration: float | None) -> tuple[bool, bool]:
+    def adapts(self) -> tuple[bool, bool]:
         """Which of both a run may raise: numbers that the user has given stay what they are."""
-        own = not (self.normal or self.factor or penetration)
+        own = not (self.normal or self.factor)
         return own, own and not self.tangential
 
 
@@ -81,15 +84,15 @@ class Penalties:
         return trial.under(law)
 
     def raised(self, state: State) -> tuple[Trial, str] | None:
-        """None; or, where a point lies deeper than DEEPEST allows, a trial with greater penalties, and words. Collective."""
-        if not self._adapts[0]:
+        """None; or, where a point lies deeper than DEEPEST allows, a trial with greater penalties, and words. Multipliers
+        hold points out of there. Collective."""
+        if self._contact.penetration is not None or not self._adapts[0]:
             return None
         contact, trial = self._contact, self._contact.trial
         comm = state.comm
         depth, place = self._depth(contact.led.depths(state), comm)
-        raised = trial.history.raised
-        room = min(comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
-        if depth <= DEEPEST or room <= 1.0 + 1e-9:  # round-off of a factor that has reached its bound
+        raised, room = trial.history.raised, self.room(state)
+        if depth <= DEEPEST or room == 1.0:
             return None
         factor = min(depth / (AIM * DEEPEST), room)
         if self._adapts[1]:
@@ -98,11 +101,31 @@ class Penalties:
         most = max(comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
         return trial, f"{place} lies {depth:.1%} of a cell deep: penalties raised to {most:.3g} times the default"
 
+    def room(self, state: State) -> float:
+        """By how much the penalties may still be raised, 1 where not at all. Collective."""
+        raised = self._contact.trial.history.raised
+        room = min(state.comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
+        # round-off of a factor that has reached its bound
+        return room if self._adapts[0] and room > 1.0 + 1e-9 else 1.0
+
+    def under_multipliers(self, state: State) -> Trial:
+        """Penalties GROWTH times greater, if there is room, beneath multipliers that stay: what these have taken over is
+        carried as before, what they have not is held by so much more. Collective."""
+        contact, trial = self._contact, self._contact.trial
+        factor, h, feet = min(GROWTH, self.room(state)), trial.history, contact.places.feet(state)
+        anchors = h.anchors
+        if trial.rough and self._adapts[1]:
+            anchors = contact.partner.anchors.stiffened(feet, trial, h.rests, factor)
+        gaps = h.gaps[0] / factor, h.gaps[1] / factor  # they stand for pressures, as shifts do
+        trial = trial.remembering(anchors=anchors, shift=h.shift / factor, gaps=gaps)
+        return self.with_raised(trial.remembering(raised=h.raised * [factor, 1.0]))
+
     def held_back(self) -> Trial:
-        """Penalties have been raised in vain in this step: later ones may be raised half as far."""
-        trial = self._contact.trial
+        """Penalties have been raised in vain in this step: later ones may be raised half as far, under multipliers once
+        less."""
+        trial, part = self._contact.trial, 0.5 if self._contact.penetration is None else 1.0 / GROWTH
         factor, bound = trial.history.raised.T
-        return trial.remembering(raised=np.stack([factor, np.maximum(factor, 0.5 * bound)], axis=1))
+        return trial.remembering(raised=np.stack([factor, np.maximum(factor, part * bound)], axis=1))
 
     def raise_factor(self, state: State) -> float:
         """By how much the penalties are greater than at first, on all ranks. Collective."""

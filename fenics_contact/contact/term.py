@@ -16,7 +16,7 @@ from fenics_contact.contact.led import Led
 from fenics_contact.contact.multipliers import Multipliers
 from fenics_contact.contact.partner import Partner
 from fenics_contact.contact.parts import Parts
-from fenics_contact.contact.penalties import LARGEST, Penalties, Penalty
+from fenics_contact.contact.penalties import LARGEST, STIFFEST, Penalties, Penalty
 from fenics_contact.contact.trial import DRAWN, History, Law, Response, Trial
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import OPEN, STICK
@@ -61,11 +61,11 @@ class Contact:
         self.led, self.forces = Led(self, supports, comm), Forces(self)
         self.parts, self.findings = Parts(self), Findings(self)
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
-        self.penalties, self.multipliers = Penalties(self, law, penalty.adapts(penetration)), Multipliers(self)
+        self.penalties, self.multipliers = Penalties(self, law, penalty.adapts()), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.anchors.none()
         far = np.full(ne * nq, min(self.places.search, np.finfo(float).max))
-        raised = np.tile([1.0, LARGEST], (ne, 1))
+        raised = np.tile([1.0, LARGEST if penetration is None else STIFFEST], (ne, 1))
         zero = np.zeros((ne, nq))
         start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None, zero)
         first = partner.anchors.here(self.places.first_feet(state), Trial(law, start, surface.area))

@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+import numpy as np
+
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.finding import TOO_SOFT
+from fenics_contact.assembly.finding import MEMORY, TOO_SOFT
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepperTo, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
@@ -18,6 +20,13 @@ AUGMENTATIONS = 200  # of a step, at most: where points have to let go it takes 
 # Augmentations in a row of which none has left less than this part of the error before: what slides on against springs, or
 # is held more often than it can follow, would take them all
 STALLED, GAIN = 25, 0.99
+# An augmentation after which a contact needs more than so many such meets a body stiffer than the penalty, which is raised:
+# augmented Lagrangian methods raise it where an augmentation leaves a quarter (Bertsekas 1982, Constrained Optimization,
+# section 2.2), but a stiffer penalty costs Newton's method more than some solves from a state at hand
+MANY = 10
+# Out-of-balance share up to which an error is what multipliers leave: far above what Newton's method leaves, and below the
+# force of one point in thousands. The incremental scheme's errors are those of its solves
+SETTLED = 1e-5
 BRIEF = 3  # so many where multipliers have come to that earlier in the same step
 
 # Out-of-balance share above which penetrations are no measure of pressure: a point that closed in a single solve, 2 % of a
@@ -34,12 +43,14 @@ class Augmented(Generic[Goal, Report]):
     """Uzawa's iteration of multipliers within each load step, outside of the stepper's own: an augmented Lagrangian.
 
     Each augmentation divides the error by about 1 + eps/k, where k is the stiffness of the bodies against the penalty eps:
-    a hundred with the default penalty. Where more points are held than the facets can follow, multipliers that press on
-    nothing grow until the needless points let go, which takes tens of augmentations. An augmentation that the stepper
-    cannot solve is taken in part. Where that does not help in smaller steps either, and where the augmentations run out, the
-    step ends in the balanced state with the smallest error, and says what that is. stepper: Newton, Snes, Incremental or
-    ArcLength; limit: largest number of augmentations of a step. goal: where a step is to end, as the stepper takes it: t, or
-    an Arc.
+    a hundred with the default penalty. Rubber that cannot escape is as stiff as its bulk modulus makes it: there an
+    augmentation gains little, and under dead multipliers on soft penalties the body turns aside; the default penalty is
+    raised beneath them, unless that cannot be solved. Where more points are held than the facets can follow, multipliers
+    that press on nothing grow until the needless points let go, which takes tens of augmentations. An augmentation that the
+    stepper cannot solve is taken in part. Where that does not help in smaller steps either, and where the augmentations run
+    out, the step ends in the balanced state with the smallest error, and says what that is. stepper: Newton, Snes,
+    Incremental or ArcLength; limit: largest number of augmentations of a step. goal: where a step is to end, as the stepper
+    takes it: t, or an Arc.
     """
 
     def __init__(self, stepper: StepperTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
@@ -60,11 +71,12 @@ class Augmented(Generic[Goal, Report]):
             return self._augment(system, goal, report)
 
     def _augment(self, system: System, goal: Goal, report: Report) -> Report:
-        best, tries = None, SHARES
+        best, tries, raising = None, SHARES, _Raising()
         step = system.trail.last.t, system.state.t
         patience = BRIEF if step == self._spent else STALLED
         while True:
-            report.misfits.append(misfit(system))
+            due = raising.due(system, left := misfits(system), report.residuals[-1])
+            report.misfits.append(max(left.values()))
             if report.misfits[-1] <= 1.0:
                 report.unkept |= {term.name: "" for term in system.augmented}
                 return report
@@ -79,7 +91,9 @@ class Augmented(Generic[Goal, Report]):
             report.augmentations += 1
             try:
                 if balanced:
-                    tries = self._advance(system, goal, report, tries)
+                    stiffer = due and self._stiffened(system, goal, report, tries[0], due)
+                    raising.forgone |= set() if stiffer else set(due)
+                    tries = tries if stiffer else self._advance(system, goal, report, tries)
                 else:
                     report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
@@ -89,13 +103,35 @@ class Augmented(Generic[Goal, Report]):
                     raise
                 return best.accept(system, report, failure)
 
+    def _stiffened(
+        self, system: System, goal: Goal, report: Report, shares: tuple[float, float], due: list[ContactTerm]
+    ) -> bool:
+        """Augment and solve again with greater penalties of those due. False, and back in the same place, where that
+        fails."""
+        place = _Place(system, report)
+        _take_over(system, shares)
+        for contact in due:
+            contact.take(contact.penalties.under_multipliers(system.state))
+        try:
+            report.add(self.stepper.settle(system, goal))
+        except StepFailed as failure:
+            if failure.finding.kind == MEMORY:
+                raise
+            place.take(system)
+            for contact in due:
+                contact.take(contact.penalties.held_back())
+            return False
+        for contact in due:
+            factor = f"{contact.penalties.raise_factor(system.state):.3g}"
+            report.raised[contact.name] = f"multipliers gained too little: penalties raised to {factor} times the default"
+        return True
+
     def _advance(self, system: System, goal: Goal, report: Report, tries: Shares) -> Shares:
         """Augment and solve again; in part, from the same place, where that fails. Returns the shares to try next time: what
         has failed once is not tried again, some friction always is."""
         place = _Place(system, report)
         for i, (pressure, friction) in enumerate(tries):
-            for contact in system.augmented:
-                contact.take(contact.multipliers.augmented(system.state, pressure, friction))
+            _take_over(system, (pressure, friction))
             try:
                 report.add(self.stepper.settle(system, goal))
                 return tries[i:] if friction else tries
@@ -104,6 +140,34 @@ class Augmented(Generic[Goal, Report]):
                     raise
                 place.take(system)
         raise ValueError("no share of the multipliers is to be tried")
+
+
+class _Raising:
+    """Which contacts' penalties are to be raised in a step; forgone: those for which that has failed in it."""
+
+    def __init__(self) -> None:
+        self.forgone: set[ContactTerm] = set()
+        self._seen: list[dict[ContactTerm, float]] = []  # errors in a row under the same penalties
+
+    def due(self, system: System, left: dict[ContactTerm, float], residual: float) -> list[ContactTerm]:
+        """Those that may be raised, if one of them needs more than MANY augmentations like the last two, of which one may
+        have changed what is open or slips: where two contacts meet they share a load by their penalties, which are raised
+        alike. left: their errors over what is allowed now, at this share of the force out of balance. Collective."""
+        self._seen = [*self._seen, left] if residual <= SETTLED else []
+        if len(self._seen) < 3:
+            return []
+        before, open_to = self._seen[-3], [c for c in left if c not in self.forgone and c.penalties.room(system.state) > 1.0]
+        # MANY more leave error * (error / before) ** (MANY / 2)
+        if not any(left[c] > 1.0 and left[c] ** (1 + 2 / MANY) > before[c] for c in open_to):
+            return []
+        self._seen = []
+        return open_to
+
+
+def _take_over(system: System, shares: tuple[float, float]) -> None:
+    """Multipliers take over shares of the pressure and the friction that the penalties carry."""
+    for contact in system.augmented:
+        contact.take(contact.multipliers.augmented(system.state, *shares))
 
 
 class _Place:
@@ -127,9 +191,8 @@ class _Place:
         system.assemble_residual()
         report.misfits.append(self.misfit)
         report.residuals.append(self.residual)
-        for term in system.augmented:
-            worst = max(system.comm.allgather(term.multipliers.misfit(system.state)))
-            if worst > 1.0:
+        for term, worst in misfits(system).items():
+            if worst > 1.0 and term.penetration is not None:
                 off, allowed = worst * term.penetration, term.penetration
                 left = f"off by {off:.3g}, in depth or by slip in stick, and may be by {allowed:.3g}"
                 remedy = "take fewer points= per facet, raise its penalty=, or allow more"
@@ -139,9 +202,15 @@ class _Place:
         return report
 
 
+def misfits(system: System) -> dict[ContactTerm, float]:
+    """Largest errors of the contacts with multipliers over their tolerances. Collective."""
+    here = [contact.multipliers.misfit(system.state) for contact in system.augmented]
+    return dict(zip(system.augmented, np.max(system.comm.allgather(here), axis=0).tolist(), strict=True))
+
+
 def misfit(system: System) -> float:
-    """Largest error of the contacts with multipliers over their tolerances. Collective."""
-    return max(system.comm.allgather(max(contact.multipliers.misfit(system.state) for contact in system.augmented)))
+    """The largest of `misfits`. Collective."""
+    return max(misfits(system).values())
 
 
 def _stalled(misfits: list[float], patience: int) -> bool:

@@ -12,7 +12,8 @@ class StepReport:
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over what is allowed; raises:
     how often the step was solved again with other penalties; work: taken by damping in a jump [force length]; unkept: what
-    is left of augmented contacts' errors, by name, "" where nothing is that matters."""
+    is left of augmented contacts' errors, by name, "" where nothing is that matters; raised: by name what is to be said of
+    penalties raised beneath multipliers."""
 
     iterations: int = 0
     residuals: list[float] = field(default_factory=list)
@@ -23,17 +24,20 @@ class StepReport:
     raises: int = 0
     work: float = 0.0
     unkept: dict[str, str] = field(default_factory=dict)
+    raised: dict[str, str] = field(default_factory=dict)
 
     @property
     def said(self) -> list[str]:
         """The notes, those on what is left of errors last."""
-        return self.notes + [f"contact '{name}': {left}" for name, left in self.unkept.items() if left]
+        left = [*self.raised.items(), *self.unkept.items()]
+        return self.notes + [f"contact '{name}': {words}" for name, words in left if words]
 
     def add(self, more: "StepReport") -> None:
         """What solving the step once more took."""
         for name in ("iterations", "residuals", "corrections", "notes", "augmentations", "misfits", "raises"):
             setattr(self, name, getattr(self, name) + getattr(more, name))
         self.unkept |= more.unkept
+        self.raised |= more.raised
 
 
 GoalOf = TypeVar("GoalOf", contravariant=True)
