@@ -47,6 +47,7 @@ from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
+from fenics_contact.solvers.augmented import ASTRAY, misfits
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
@@ -170,7 +171,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
-    kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units))
+    astray = [term.name for term, error in misfits(system).items() if error > ASTRAY] if verdict.converged else []
+    kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]

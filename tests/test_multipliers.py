@@ -97,3 +97,21 @@ def test_typed_penalties_stay_under_multipliers():
     _, result = boxed(1000.0, 0.0, penalty=Penalty(factor=100.0), penetration=1e-4)
     assert result.verdict.augmentations > 20  # though they gain little
     assert all(contact["penalty_raised"] == 1.0 for contact in result.summary["scene"]["contacts"])
+
+
+def test_what_ends_far_from_its_penetration_does_not_vouch_for_its_force():
+    """On typed penalties so soft that multipliers turn the cube aside the force is a third off; the remedy is run above."""
+    force, result = boxed(5000.0, 0.3, penalty=Penalty(factor=100.0), penetration=1e-6)
+    assert force < 0.9 * boxed(5000.0, 0.3, penetration=1e-6)[0]
+    said = [note for note in result.verdict.notes if "its force may be far off" in note]
+    assert len(said) == 3 and all("leave its penalty= out" in note for note in said)
+    assert not any("change the force by" in note for note in result.verdict.notes)
+
+
+def test_a_penalty_softer_than_the_body_says_what_it_costs():
+    """Springs in series: of a penalty that carries a fraction of the load the first order tells three quarters of that."""
+    soft, result = boxed(5000.0, 0.0)
+    stiff, _ = boxed(5000.0, 0.0, penetration=1e-6)
+    (note,) = (note for note in result.verdict.notes if note.startswith("contact 'z': its penalties change the force by"))
+    said = float(note.split("about ")[1].split("%")[0]) / 100.0
+    np.testing.assert_allclose(said, stiff / soft - 1.0, rtol=0.1)

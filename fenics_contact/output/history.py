@@ -6,7 +6,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,11 @@ COSTLY = 0.01  # of a load or a travel: an error of the penalties beyond what th
 MANIFOLD = 3.0  # times a load: a change as great is beyond what its rates can tell
 ROUGH = 0.03  # of a load: what some six cells across a contact leave as well (docs/choices.md)
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
+KEPT = (
+    "leave its penalty= out, which is then raised as multipliers need it, or state a Penalty(factor=...) a hundred times as "
+    "great beside penetration="
+)
+SOFT = 0.95  # of a load, to first order: beyond that the penalties' springs are a twentieth as stiff as the bodies, or less
 
 # of what is not accounted for: what a contact's pressures leave of it to be its cause
 MOST = 0.5
@@ -198,14 +203,22 @@ def energy_notes(
     ]
 
 
-def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units) -> list[str]:
+def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units, astray: Collection[str] = ()) -> list[str]:
     """A note per contact whose penalties cost more than COSTLY of its load, and per tool whose travel {name: (3,)} is so far
-    off by them."""
+    off by them. astray: contacts that end far from their penetration=, of which no first order tells what that costs.
+
+    Penalties are springs in series with the bodies: of stiffnesses e and k they lose k / (k + e) of the load to first order,
+    and k / e in truth.
+    """
     notes = []
     for name, e in summary.get("contacts", {}).items():
         share = max(e["force_change_over_load"], abs(e["load_change_over_load"]))
-        if share > COSTLY:
-            notes.append(f"contact '{name}': its penalties change the force by about {share:.1%} of the load; {STIFFER}")
+        if name in astray:
+            text = "its force may be far off, for it ends far from the penetration= asked for"
+            notes.append(f"contact '{name}': {text}; {KEPT}")
+        elif share > COSTLY:
+            about = f"about {share / (1.0 - share):.1%}" if share < SOFT else f"more than {SOFT / (1.0 - SOFT):.0%}"
+            notes.append(f"contact '{name}': its penalties change the force by {about} of the load; {STIFFER}")
     for name, gone in travel.items() if summary else ():
         change, size = (float(np.linalg.norm(v)) for v in (summary["travel_change"][f"{name}_{units.length}"], gone))
         if change > COSTLY * size:

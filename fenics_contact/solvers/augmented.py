@@ -27,6 +27,7 @@ MANY = 10
 # Out-of-balance share up to which an error is what multipliers leave: far above what Newton's method leaves, and below the
 # force of one point in thousands. The incremental scheme's errors are those of its solves
 SETTLED = 1e-5
+ASTRAY = 10.0  # times what is allowed: an error that is no matter of the last augmentation any more
 BRIEF = 3  # so many where multipliers have come to that earlier in the same step
 
 # Out-of-balance share above which penetrations are no measure of pressure: a point that closed in a single solve, 2 % of a
@@ -195,7 +196,7 @@ class _Place:
             if worst > 1.0 and term.penetration is not None:
                 off, allowed = worst * term.penetration, term.penetration
                 left = f"off by {off:.3g}, in depth or by slip in stick, and may be by {allowed:.3g}"
-                remedy = "take fewer points= per facet, raise its penalty=, or allow more"
+                remedy = "leave its penalty= out or state a greater one, take fewer points= per facet, or allow more"
                 report.unkept[term.name] = f"penetration= is not kept, a point is {left} ({failure}); {remedy}"
             else:
                 report.unkept[term.name] = ""
@@ -204,6 +205,8 @@ class _Place:
 
 def misfits(system: System) -> dict[ContactTerm, float]:
     """Largest errors of the contacts with multipliers over their tolerances. Collective."""
+    if not system.augmented:
+        return {}
     here = [contact.multipliers.misfit(system.state) for contact in system.augmented]
     return dict(zip(system.augmented, np.max(system.comm.allgather(here), axis=0).tolist(), strict=True))
 
