@@ -5,6 +5,10 @@ import pytest
 
 from fenics_contact import Body, Penalty, Scene, from_elastic, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import box, two_blocks
+from fenics_contact.solvers.augmented import Augmented
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.verdict import StepFailed
 
 pytestmark = pytest.mark.parallel
 DOWN = 0.04  # of a height of 2 [mm]
@@ -61,15 +65,21 @@ def test_ways_slid_are_those_of_the_motion(case):
     np.testing.assert_allclose(slips, slips[0] if led is None else led, atol=allowed)
 
 
-def boxed(bulk, mu, **options):
-    """A cube in the corner of three planes of symmetry and three walls, of which the lid comes down."""
+def box_of(bulk, mu, **options):
+    """A cube in the corner of three planes of symmetry and three walls, of which the lid comes down; its drive."""
     scene = Scene(Body(read_gmsh(box.build, size=(2, 2, 2), cells=(3, 3, 3)), "box", neo_hooke(1.0, bulk)), element="mixed")
     tools = []
     for i, axis in enumerate("xyz"):
         scene.fix(f"{axis}min", axis)
         tools.append(rigid_plane(2.0 * np.eye(3)[i], -np.eye(3)[i], name=f"{axis}_wall"))
         scene.contact(f"{axis}max", tools[-1], friction=mu, name=axis, **options)
-    result = solve(scene, move={tools[2]: (0, 0, -DOWN)}, steps=4, progress=False).require()
+    return scene, {tools[2]: (0, 0, -DOWN)}
+
+
+def boxed(*args, **options):
+    """(force on the lid, result) of such a box."""
+    scene, move = box_of(*args, **options)
+    result = solve(scene, move=move, steps=4, progress=False).require()
     return -result.history[-1]["z_force_z_N"], result
 
 
@@ -115,3 +125,27 @@ def test_a_penalty_softer_than_the_body_says_what_it_costs():
     (note,) = (note for note in result.verdict.notes if note.startswith("contact 'z': its penalties change the force by"))
     said = float(note.split("about ")[1].split("%")[0]) / 100.0
     np.testing.assert_allclose(said, stiff / soft - 1.0, rtol=0.1)
+
+
+class Stumbling(Newton):
+    """Fails in one of the solves after an augmentation."""
+
+    settled, fails = 0, 3
+
+    def settle(self, system, t):
+        self.settled += 1
+        if self.settled == self.fails:
+            system.state.u.x.array[:] += 1.0
+            raise StepFailed("stumbled")
+        return super().settle(system, t)
+
+
+def test_a_raise_that_cannot_be_solved_is_forgone():
+    """Multipliers go on from where they were, on the penalties that they had; later steps may raise these less."""
+    scene, move = box_of(1000.0, 0.0, penetration=1e-4)
+    system = scene.system(move=move)
+    stepper = Augmented(Stumbling(LinearSolver(system)))
+    report = stepper.step(system, 0.25)
+    assert stepper.stepper.settled > stepper.stepper.fails and report.misfits[-1] <= 1.0 and not report.said
+    assert all(contact.penalties.raise_factor(system.state) == 1.0 for contact in system.contacts)
+    assert all(contact.penalties.room(system.state) == 100.0 for contact in system.contacts)

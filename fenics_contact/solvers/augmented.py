@@ -122,9 +122,7 @@ class Augmented(Generic[Goal, Report]):
             for contact in due:
                 contact.take(contact.penalties.held_back())
             return False
-        for contact in due:
-            factor = f"{contact.penalties.raise_factor(system.state):.3g}"
-            report.raised[contact.name] = f"multipliers gained too little: penalties raised to {factor} times the default"
+        report.raised |= {contact.name: _told(system, contact) for contact in due}
         return True
 
     def _advance(self, system: System, goal: Goal, report: Report, tries: Shares) -> Shares:
@@ -189,6 +187,7 @@ class _Place:
     def accept(self, system: System, report: Report, failure: StepFailed) -> Report:
         """End the step here, and say how far it is from what was asked."""
         self.take(system)
+        report.raised = {term.name: _told(system, term) for term in system.augmented if term.name in report.raised}
         system.assemble_residual()
         report.misfits.append(self.misfit)
         report.residuals.append(self.residual)
@@ -201,6 +200,12 @@ class _Place:
             else:
                 report.unkept[term.name] = ""
         return report
+
+
+def _told(system: System, contact: ContactTerm) -> str:
+    """What is to be said of a contact's penalties raised beneath multipliers; "" of those that are not. Collective."""
+    factor = contact.penalties.raise_factor(system.state)
+    return f"multipliers gained too little: penalties raised to {factor:.3g} times the default" if factor > 1.0 else ""
 
 
 def misfits(system: System) -> dict[ContactTerm, float]:
