@@ -10,8 +10,10 @@ from mpi4py import MPI
 
 from fenics_contact import (
     Body,
+    Motion,
     Scene,
     SceneError,
+    Stage,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
@@ -335,9 +337,31 @@ def test_what_pressures_at_a_sharp_edge_leave_of_the_work_is_told_and_cured():
         found, (note,) = energy_of(sharp)
         left = found["normal_work_error_Nmm"]["foot"]
         assert left == sharp.history[-1]["foot_normal_work_error_Nmm"] and found["error_share"] > 0.04
+        assert abs(found["normal_work_error_growth"]["foot"] - 1.0) < 0.1
         assert left / found["error_Nmm"] > 0.7 and "by the pressures of contact 'foot'" in note and "round the edge" in note
     found, notes = energy_of(dragged(25, fillet=0.2))
     assert found["error_share"] < 0.01 and not notes
+
+
+def rolled(steps):
+    """A smooth meshed ball that is pressed into a block in so many steps and then rolled."""
+    build = {"radius": 2.0, "centre": (0.0, 0.0, 2.0), "mesh_size": 0.3, "reach": 0.9}
+    tool = rigid_surface(tool_surfaces.ball, group="ball", name="ball", **build)
+    mesh = read_gmsh(box.build, size=(4.0, 4.0, 1.5), cells=(6, 6, 2), origin=(-2.0, -2.0, -1.5))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=2.0, K=4.0)))
+    scene.fix("zmin")
+    scene.contact("zmax", tool, 0.3, name="top")
+    press, roll = Motion(z=-0.4), Motion(x=0.2, ry=0.1)
+    stages = [Stage("press", move={tool: press}, steps=steps), Stage("roll", move={tool: roll}, steps=8)]
+    return solve(scene, stages=stages, progress=False).require()
+
+
+def test_what_pressures_leave_by_the_length_of_steps_is_told_from_an_edge():
+    coarse, fine = rolled(2), rolled(16)
+    note = next(note for note in coarse.verdict.notes if note.startswith("energy: "))
+    assert "by the pressures of contact 'top'" in note and "edge" not in note and "take more steps" in note
+    shares = [result.summary["energy"]["error_share"] for result in (coarse, fine)]
+    assert coarse.summary["energy"]["normal_work_error_growth"]["top"] > 2.0 and shares[1] < 0.2 * shares[0], shares
 
 
 def test_without_friction_the_penalties_keep_what_the_body_does_not():

@@ -73,6 +73,11 @@ class Results:
         """Up to the last accepted step."""
         return self._balance.now
 
+    @property
+    def growth(self) -> dict[str, float]:
+        """By contact, see `EnergyBalance.growth`."""
+        return self._balance.growth
+
     def of_step(self, damping: float) -> StepResult:
         """Of the state just accepted; damping: the work it took in this step. Call once per step. Collective."""
         energies, state = self._balance.advance(damping), self.system.state
