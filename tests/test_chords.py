@@ -148,6 +148,17 @@ def test_a_change_of_many_times_the_load_is_not_given_as_a_figure():
     assert "+70%" in note
 
 
+def test_a_contact_whose_own_surfaces_are_not_off_is_told_whose_are():
+    """A tube crushed flat on itself between lids: what its bore's chords take from that contact the lids feel."""
+    own = {"load_change_over_load": -0.28, "cut_off_mm": 0.011}
+    lid = {"load_change_over_load": -0.2, "cut_off_mm": 0.0}
+    of_lid, of_self = chord_notes({"lid": lid, "self": own}, Units())
+    assert of_lid.startswith("contact 'lid': were the surfaces of 'self' as round") and "by 0.011 mm" in of_lid
+    assert of_self.startswith("contact 'self': were its surfaces as round") and "by 0.011 mm" in of_self
+    of_lid, _ = chord_notes({"lid": lid | {"cut_off_mm": 1e-4}, "self": own}, Units())
+    assert "were the surfaces of 'lid', 'self' as round" in of_lid
+
+
 def test_the_interference_that_chords_hide_is_told_and_the_finer_cells_that_are_named_cure_it():
     """0.002 of a radius of 2 on 12 and 16 cells: six tenths of the load are missing."""
     coarse, exact = fit((12, 16), 0.002), load(fit((12, 16), 0.002, order=2))

@@ -249,17 +249,19 @@ def chord_summary(errors: Mapping[str, tuple[float, float]], units: Units) -> Su
 
 
 def chord_notes(summary: Summary, units: Units) -> list[str]:
-    """A note per contact whose load would change by more than ROUGH were its surfaces round."""
-    notes = []
+    """A note per contact whose load would change by more than ROUGH were all surfaces round, those of others, too."""
+    notes, off = [], {name: e[f"cut_off_{units.length}"] for name, e in summary.items()}
+    straight = [name for name in off if off[name] > 0.0]
     for name, e in summary.items():
-        share, off = e["load_change_over_load"], e[f"cut_off_{units.length}"]
+        share = e["load_change_over_load"]
         if abs(share) > ROUGH:
             change, finer = f"its load would change by about {share:+.0%}", math.ceil(math.sqrt(abs(share) / ROUGH))
             if abs(share) > MANIFOLD:  # a contact that gives way, a strap on its drum for one, does so long before
                 change, finer = "its load may change, by how much no first order tells", 2
+            whose = f"the surfaces of {', '.join(map(repr, straight))}" if straight != [name] else "its surfaces"
             notes.append(
-                f"contact '{name}': were its surfaces as round as their straight cells tell, which are off by {off:.2g} "
-                f"{units.length}, {change}: take curved cells (gmsh's setOrder(2), "
+                f"contact '{name}': were {whose} as round as their straight cells tell, which are off by "
+                f"{max(off.values()):.2g} {units.length}, {change}: take curved cells (gmsh's setOrder(2), "
                 f"degree=2), sides of 1/{finer} of their length on all that is round, or, of a meshed tool, a formula"
             )
     return notes

@@ -26,12 +26,12 @@ def is_round(system: System) -> bool:
 
 def chord_error(system: System, found: Sensitivity) -> dict[str, tuple[float, float]]:
     """{contact: (change of its load over that, to first order, and the greatest distance [length] of round surfaces from
-    the facets that press)}; of contacts without load nothing. Collective."""
+    the facets that press, 0 of round-off)}; of contacts without load nothing. Collective."""
     out, least = {}, least_load(system)
     for term in system.contacts:
         change = found.contacts[term.name]
         off = np.where(change.pressure > 0.0, np.abs(term.places.cut_off(system.state)).ravel(), 0.0)
         most = max(system.comm.allgather(off.max(initial=0.0)))
         if change.load > least:
-            out[term.name] = change.to_load / change.load, most
+            out[term.name] = change.to_load / change.load, most if most > ROUNDED * system.extent else 0.0
     return out
