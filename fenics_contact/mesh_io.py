@@ -61,6 +61,17 @@ class NamedMesh:
         tags = self.surface_tags(*names)
         return np.sort(self.facet_tags.indices[np.isin(self.facet_tags.values, tags)])
 
+    def refuse_inside(self, facets: Ints, what: str) -> None:
+        """SceneError, naming `what`, where any of these local facets has a body on both sides: what acts on a surface or is
+        measured over it needs one. Collective."""
+        mine = facets[facets < self.domain.topology.index_map(self.domain.topology.dim - 1).size_local]
+        inside = self.comm.allreduce(int((~np.isin(mine, compat.exterior_facets(self.domain))).sum()))
+        if inside:
+            raise SceneError(
+                f"{what}: {inside} of its facets lie inside the material; name an outer surface, or draw the "
+                "bodies on both sides as separate volumes"
+            )
+
     def surface_tags(self, *names: str) -> tuple[int, ...]:
         """Tags in facet_tags of all facets in any of the named surfaces, each once."""
         return tuple(

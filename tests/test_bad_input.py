@@ -512,6 +512,18 @@ def test_contact_inside_the_material():
     refused(lambda: held(mesh).contact(("zmax", "between"), rigid_plane()), "'zmax+between'", "inside the material")
 
 
+def test_what_is_measured_over_a_surface_inside_the_material():
+    """It has the cells of two bodies behind it, in which stresses differ."""
+    scene = held(read_gmsh(glued))
+    refused(lambda: scene.area("between"), "'between'", "inside the material")
+    refused(lambda: scene.area(("zmax", "between")), "'between'", "inside the material")
+    scene.prescribe("zmax", "z", -0.1)
+    until = fc.Displacement("between", "z", -0.02)
+    refused(lambda: solve(scene, method="arc_length", until=until, progress=False), "'between'", "inside the material")
+    refused(lambda: solve(scene, steps=1, progress=False, record={"u": lambda view: view.at("between").J}),
+            "'between'", "inside the material")  # fmt: skip
+
+
 def test_the_same_contact_twice(mesh, pair):
     scene, tool = pressed(mesh)
     refused(lambda: scene.contact(("xmin", "zmax"), tool, name="again"), "'top'", "'again'", "the same", "leave one")

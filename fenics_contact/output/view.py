@@ -94,9 +94,9 @@ class View:
         return _named(self._measured.drives, tool, "tool")
 
     def at(self, place: str | Sequence[float] | Floats) -> Sample:
-        """At a point (3,) of the undeformed bodies [length], or on average over a surface by its name. Collective.
+        """At a point (3,) of the undeformed bodies [length], or on average over an outer surface by its name. Collective.
 
-        ValueError, on all ranks, where there is no body, or no surface of that name.
+        ValueError, on all ranks, where there is no body, or no outer surface of that name.
         """
         if isinstance(place, str):
             return self._over(place)
@@ -120,7 +120,9 @@ class View:
 
     def _over(self, group: str) -> Sample:
         scene = self._scene
-        skin = skin_of_means(scene.space, scene.mesh.facets(group), scene.section)
+        facets = scene.mesh.facets(group)
+        scene.mesh.refuse_inside(facets, f"at('{group}')")
+        skin = skin_of_means(scene.space, facets, scene.section)
         area, u = skin.area.sum(axis=1), self.u.x.array.reshape(-1, 3)[skin.nodes]
         moved = np.einsum("eq,eqk,ekc->c", skin.area, skin.N, u)
         cells, back = np.unique(skin.cells, return_inverse=True)

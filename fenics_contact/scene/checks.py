@@ -229,18 +229,6 @@ def _share(mesh: NamedMesh, groups: Sequence[str], others: Sequence[str]) -> boo
     return mesh.comm.allreduce(len(np.intersect1d(mesh.facets(*groups), mesh.facets(*others)))) > 0
 
 
-def refuse_inside(mesh: NamedMesh, facets: Ints, what: str) -> None:
-    """Loads and contacts act on outer surfaces only. Collective."""
-    domain = mesh.domain
-    mine = facets[facets < domain.topology.index_map(domain.topology.dim - 1).size_local]
-    inside = mesh.comm.allreduce(int((~np.isin(mine, compat.exterior_facets(domain))).sum()))
-    if inside:
-        raise SceneError(
-            f"{what}: {inside} of its facets lie inside the material; name an outer surface, or draw the "
-            "bodies on both sides as separate volumes"
-        )
-
-
 def refuse_apart(mesh: NamedMesh, space: Space, facets: Ints, others: Ints, what: str) -> None:
     """Surfaces, by local facets, must have nodes in common. Collective."""
     common = np.intersect1d(compat.locate_blocks(space, facets), compat.locate_blocks(space, others))

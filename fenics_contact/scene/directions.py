@@ -6,7 +6,6 @@ import numpy as np
 
 from fenics_contact.contact.master import area_vectors, oriented_facets
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.checks import refuse_inside
 from fenics_contact.types import Floats, Space
 from fenics_contact.values import SceneError, finite, group_names, shown
 
@@ -38,7 +37,7 @@ def normals(mesh: NamedMesh, space: Space, group: Group, what: str) -> list[tupl
         if name in {**mesh.edges, **mesh.points}:
             raise SceneError(f"{what}: '{name}' is no surface and has no normal; give direction=(x, y, z)")
         facets = mesh.facets(name)
-        refuse_inside(mesh, facets, what)
+        mesh.refuse_inside(facets, what)
         nodes, _, _ = oriented_facets(space, facets)
         corners = space.tabulate_dof_coordinates()[nodes]
         corners[:, 2:, 2] += float(mesh.plane)  # sides as strips

@@ -53,6 +53,8 @@ class Groups:
         return vp.integral(measure(self._mesh.surface_tags(*group_names(group))), self._section)
 
     def area(self, group: str | Sequence[str]) -> float:
-        """Area of a surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
-        skin = skin_of(self._space, self._mesh.facets(*group_names(group)), self._section)
+        """Area of an outer surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
+        facets = self._mesh.facets(*group_names(group))
+        self._mesh.refuse_inside(facets, f"area of '{group}'")
+        skin = skin_of(self._space, facets, self._section)
         return self._mesh.comm.allreduce(float(skin.area.sum()))

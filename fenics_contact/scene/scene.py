@@ -15,7 +15,6 @@ from fenics_contact.scene.checks import (
     default_points,
     refuse_apart,
     refuse_chords,
-    refuse_inside,
     refuse_namesake,
     refuse_numbers,
     refuse_on_plane,
@@ -195,7 +194,7 @@ class Scene:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1, or a function of t or
         of (X, t), as of `pressure`, that gives (n, 3)."""
         facets, what = self.groups.facets(group), f"traction on '{group}'"
-        refuse_inside(self.mesh, facets, what)
+        self.mesh.refuse_inside(facets, what)
         path = place_path(self, facets, vector, what, (3,))
         self.loads.append(Load("tractions", group_names(group), *path))
 
@@ -209,7 +208,7 @@ class Scene:
         in, through facets that contact presses by less than the fluid's pressure. That must not be negative then.
         """
         facets, what = self.groups.facets(group), f"pressure on '{group}'"
-        refuse_inside(self.mesh, facets, what)
+        self.mesh.refuse_inside(facets, what)
         if where not in ("all", "open"):
             raise SceneError(f'{what}: where = {shown(where)} must be "all" or "open", where no contact presses')
         if where == "all" and from_ is not None:
@@ -237,7 +236,7 @@ class Scene:
         """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
         t = 1 or function of t."""
         what = f"force on '{group}'"
-        refuse_inside(self.mesh, self.groups.facets(group), what)
+        self.mesh.refuse_inside(self.groups.facets(group), what)
         names, path = group_names(group), force_path(self, vector, what)
         self.loads.append(Load("forces", names, path, over=self.area(names)))
 
@@ -247,7 +246,7 @@ class Scene:
         what = f"moment on '{group}'"
         if self.section is not None:
             raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene state a traction(X, t)")
-        refuse_inside(self.mesh, self.groups.facets(group), what)
+        self.mesh.refuse_inside(self.groups.facets(group), what)
         self.moments.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
 
     def spin(
@@ -282,7 +281,7 @@ class Scene:
 
         They pull back in all directions or, with direction (3,) or normal=True as in `prescribe`, along that one alone.
         """
-        refuse_inside(self.mesh, self.groups.facets(group), f"spring on '{group}'")
+        self.mesh.refuse_inside(self.groups.facets(group), f"spring on '{group}'")
         self.springs += springs_of(self, group, stiffness, direction, normal)
 
     def contact(
@@ -327,7 +326,7 @@ class Scene:
             refuse_namesake(master, self.tools)
         for side in (slave, master):
             if not isinstance(side, Tool):
-                refuse_inside(self.mesh, self.groups.facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
+                self.mesh.refuse_inside(self.groups.facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
         refuse_twice(self.mesh, contact, self.contacts)
         self.contacts.append(contact)
 
@@ -350,7 +349,7 @@ class Scene:
         return build(self, [Only(move=move or {}, push=push or {})], timers, stabilise, damping).system
 
     def area(self, group: str | Sequence[str]) -> float:
-        """Area of a surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
+        """Area of an outer surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
         return self.groups.area(group)
 
     def volume_ratio(self, u: Function) -> VolumeRatio:

@@ -48,6 +48,7 @@ class Displacement:
             facets = scene.mesh.facets(*group_names(self.group, "Displacement"))
         except ValueError as error:
             raise SceneError(f"{self}: {error}") from None
+        scene.mesh.refuse_inside(facets, str(self))
         skin, shares = skin_of_means(scene.space, facets, scene.section), compat.Function(scene.space)
         np.add.at(shares.x.array, 3 * skin.nodes + AXES[self.axis], np.einsum("eq,eqk->ek", skin.area, skin.N))
         compat.sum_to_owners(shares)
