@@ -3,6 +3,7 @@
 from functools import partial
 from types import SimpleNamespace
 
+import gmsh
 import numpy as np
 import pytest
 from by_node import displacements
@@ -22,6 +23,7 @@ from fenics_contact import (
     run,
     solve,
 )
+from fenics_contact.assembly.finding import CYCLING
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.meshes import box, dome, rectangles, tool_surfaces
 from fenics_contact.scene.build import build
@@ -275,6 +277,26 @@ def test_jumps_grow_where_they_come_to_rest_and_end_where_they_do_not(monkeypatc
         assert len(system.jumps) == control.JUMPS and verdict.cuts == 13
 
 
+def test_steps_in_which_no_jump_is_tried_use_none_up(monkeypatch):
+    """Not asked for, damping is tried where statuses cycle alone: steps that fail otherwise before leave it its tries."""
+    system, others = Creeping(True), 4 + control.JUMPS
+    system.damped, system.contacts = False, [SimpleNamespace(surface=SimpleNamespace(cell_height=1.0))]
+
+    def step(system, t):
+        system.steps += 1
+        raise StepFailed("20 iterations") if system.steps <= others else StepFailed("statuses repeat", CYCLING)
+
+    def jump(*given):
+        report = system.jump(*given)
+        report.notes = ["the state jumped"]
+        return report
+
+    system.step = step
+    monkeypatch.setattr(control, "jump", jump)
+    monkeypatch.setattr(control, "diagnose", lambda _, failure, goal: failure.finding)
+    assert control.run(system, system, [1.0], lambda *_: None).converged and system.jumps
+
+
 def squashed(points, **options):
     """Result of a rubber cylinder, axisymmetric, between rough plates, which its barrel comes to meet."""
     mesh = read_gmsh(rectangles.build, rectangles={"rubber": ((0.0, 0.0), (10.0, 10.0), (16, 16))})
@@ -298,6 +320,38 @@ def test_nodes_that_find_no_state_jump_to_where_they_stick_and_it_is_said(steps)
     assert "damping_work_Nmm" not in jumped.history[-1]  # its work is part of the energy that is not accounted for
     error, work = (np.abs(jumped.column(f"{name}_Nmm")[-1]) for name in ("energy_error", "external_work"))
     assert error < 2e-3 * work
+
+
+def slotted():
+    """A block with a slot that goes through it, its walls the groups upper and lower."""
+    occ = gmsh.model.occ
+    block, slot = occ.addBox(0, 0, 0, 4, 1, 2), occ.addBox(1, -0.1, 0.95, 2, 1.2, 0.1)
+    occ.cut([(3, block)], [(3, slot)])
+    occ.synchronize()
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)]), "block")
+    places = {"zmin": (2, 0.0), "zmax": (2, 2.0), "ymin": (1, 0.0), "ymax": (1, 1.0), "upper": (2, 1.05), "lower": (2, 0.95)}
+    for name, (axis, place) in places.items():
+        faces = [f for _, f in gmsh.model.getEntities(2) if abs(occ.getCenterOfMass(2, f)[axis] - place) < 1e-6]
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), name)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.25)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.25)
+    gmsh.model.mesh.generate(3)
+
+
+@pytest.mark.slow
+@pytest.mark.parallel
+def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
+    """A slot that a pressure closes: damping has to outweigh the penalty on the point before it goes over."""
+    scene = Scene(Body(read_gmsh(slotted), "block", neo_hooke(mu=1.0, K=4.0)), accept_locking=True)
+    scene.fix("zmin")
+    for side in ("ymin", "ymax"):
+        scene.fix(side, "y")
+    scene.pressure("zmax", 0.8)
+    scene.contact("upper", "lower", 0.3, name="slot")
+    result = solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.45], progress=False).require()
+    assert any("in short steps too" in note for note in result.verdict.notes)
+    assert result.summary["damping"]["work_share"] < 1e-3
+    assert result.column("balance_error_N")[-1] < 1e-6 * result.column("slot_load_N")[-1]
 
 
 def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):

@@ -62,7 +62,7 @@ def run(
                 report = _attempt(system, stepper, goal)
             except StepFailed as failure:
                 report = None
-                if size <= within * (1.0 + 1e-9) and restless < JUMPS:
+                if size <= within * (1.0 + 1e-9) and restless < JUMPS and _carried(system, failure):
                     report = _jumped(system, stepper, goal, failure)
                     restless = 0 if report else restless + 1
                     within = max(sooner, 2.0 * size) if report else sooner
@@ -99,15 +99,20 @@ def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
     return report
 
 
-def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> StepReport | None:
-    """The report of damped motion to the next state of rest, where there is one and it was asked for; else None.
+def _carried(system: System, failure: StepFailed) -> bool:
+    """Whether damped motion is to be tried where a step has failed so.
 
     Nobody needs to ask for it where statuses cycle: a point may be in balance neither open nor closed, for its friction
-    lifts it off when it touches. It jumps to where it sticks, by less than a cell. Collective.
+    lifts it off when it touches.
     """
+    kind = failure.finding.kind
+    return system.damping is not None and kind not in HOPELESS and (system.damped or kind == CYCLING)
+
+
+def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> StepReport | None:
+    """The report of damped motion to the next state of rest, or None; not asked for, it may go by less than a cell, as a
+    point does that jumps to where it sticks. Collective."""
     known, asked = failure.finding, system.damped
-    if system.damping is None or known.kind in HOPELESS or not (asked or known.kind == CYCLING):
-        return None
     farthest = math.inf if asked else max(contact.surface.cell_height for contact in system.contacts)
     try:
         report = jump(system, goal, stepper, farthest)

@@ -14,10 +14,13 @@ from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array, Floats
 
 FIRST = 1.0  # damping at first, over E V / L^2 of a body of volume V and size L: about its own stiffness
-MOST, LEAST = 1e4, 1e-6  # bounds of it
+# Bounds of it. Where friction lifts a point off as soon as it touches, statuses repeat in damped motion too, until damping
+# outweighs the penalty on the point's node, some hundred E/h, and with it what friction there moves: that takes some hundred
+# to a thousand times (L/h)^2, 5e5 where cells are a sixteenth of the body
+MOST, LEAST = 1e8, 1e-6
 HARDER, SOFTER = 8.0, 0.25  # its change after a motion that failed, and after an easy one
 EASY = 6  # tangents up to which it was easy
-MOTIONS = 60  # at most
+MOTIONS = 100  # at most
 FOLLOWS = 2.0  # times what drives it: where a body goes farther it does not follow, it is about to buckle
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
 
