@@ -10,7 +10,19 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Scene,
+    Stage,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_punch,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.meshes import box, punch_plate
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -78,6 +90,19 @@ def test_incremental_scheme_converges_to_newton():
     # at least order 1; the carried out-of-balance force is a Newton correction of the step before, which makes it 2
     assert np.all(orders > 0.8), (errors, orders)
     assert errors[-1] < 1e-2, errors
+
+
+def test_an_incremental_run_that_strays_names_its_lost_balance_and_no_penalty():
+    """A ball that is pressed into a block and dragged ends deep in it, with the default penalty."""
+    mesh = read_gmsh(box.build, size=(4.0, 3.0, 1.0), cells=(8, 6, 4))
+    scene = Scene(Body(mesh, "box", neo_hooke(mu=1.0, K=4.0)))
+    scene.fix("zmin")
+    ball = rigid_sphere(2.0, (1.5, 1.5, 3.0), name="ball")
+    scene.contact("zmax", ball, friction=0.4, name="top")
+    path = [Stage("press", move={ball: Motion(z=-0.25)}, steps=30), Stage("drag", move={ball: Motion(x=0.5)}, steps=50)]
+    result = solve(scene, stages=path, method="incremental", progress=False)
+    assert not result.converged and result.verdict.kind == "no convergence"
+    assert "of the force out of balance" in result.verdict.reason and 'method="newton"' in result.verdict.remedy
 
 
 def test_incremental_run_that_ends_out_of_balance_has_not_converged():

@@ -17,6 +17,7 @@ from fenics_contact.types import Floats
 SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
+BALANCE = 'take more steps, or method="newton"'
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
 JUMPS = (
     3  # jumps that come to no rest, from as many places of a scheduled step, after which none is tried in it: they cost most
@@ -67,7 +68,7 @@ def run(
                     restless = 0 if report else restless + 1
                     within = max(sooner, 2.0 * size) if report else sooner
                 if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
-                    verdict.stop(diagnose(system, failure, goal), goal)
+                    verdict.stop(_astray(system, verdict, failure) or diagnose(system, failure, goal), goal)
                     return verdict
                 if report is None:
                     system.trail.rollback()
@@ -123,6 +124,17 @@ def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) 
     return report
 
 
+def _astray(system: System, verdict: Verdict, failure: StepFailed) -> Finding | None:
+    """The finding that the last accepted step has ended so far out of balance that what ails the state is that alone; the
+    system is rolled back then."""
+    left = verdict.residuals[-1][-1] if verdict.residuals else 0.0
+    if left <= UNBALANCED:
+        return None
+    system.trail.rollback()
+    reason = f"the last step has left {left:.0%} of the force out of balance, and from there: {failure.finding.reason}"
+    return Finding(UNKNOWN, reason, failure.finding.place, BALANCE)
+
+
 def judge_balance(verdict: Verdict) -> None:
     """Say where steps have ended far out of balance, and that the run has failed where the last one did."""
     left = [residuals[-1] for residuals in verdict.residuals]
@@ -130,7 +142,7 @@ def judge_balance(verdict: Verdict) -> None:
         verdict.notes.append(f"{rough} of {len(left)} steps end with more than {UNBALANCED:.0%} of the force out of balance")
         if left[-1] > UNBALANCED:
             reason = f"it leaves {left[-1]:.0%} of the force out of balance"
-            verdict.stop(Finding(UNKNOWN, reason, remedy='take more steps, or method="newton"'), verdict.t, len(left))
+            verdict.stop(Finding(UNKNOWN, reason, remedy=BALANCE), verdict.t, len(left))
 
 
 def _goal(t: float, target: float, size: float) -> float:
