@@ -20,11 +20,12 @@ SHORTEST = 1 / 64  # of a Newton step; shorter ones stall rather than converge
 # Out-of-balance share below which foreseen pressures and those of the gaps agree to what Newton leaves anyway, and samples
 # of averages lie where they will at last.
 HELD = 1e-3
-NEARLY = 0.01  # of that, after corrections: a tangent of its own lands far below
+FOLLOWED = 2  # times that samples follow the surfaces then
+NEARLY = 1e-4  # of that share, where corrections began above it or following raised it: a tangent lands far below by itself
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
-# what share of it: where it is a solve of Krylov's method, and where it is a back-substitution
+# what share of it: where it is a solve of Krylov's method or contacts are not averages, and where it is a back-substitution
 CORRECTED = {False: (HELD, 0.3), True: (30 * HELD, 0.7)}
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
@@ -75,7 +76,7 @@ class Newton:
         # the first solve may carry supports and tools, and is taken whole; samples follow the surfaces after SETTLING ones,
         # and in the end
         foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
-        worth, gain = CORRECTED[self.linear.substitutes]
+        worth, gain = CORRECTED[self.linear.substitutes and foresight.settles]
         watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
         owed = du.copy(), dq.copy()
         system.assemble_residual()
@@ -94,17 +95,16 @@ class Newton:
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
-            near, due, reach = False, resample, HELD
-            while True:
-                if due and size < reach:  # samples follow the surfaces through one more correction, then they are held
-                    size, before = _resampled(system, size), np.inf
-                    near, due = size < HELD, False
-                    resample = not near and solve <= 2 * SETTLING
+            follows, reach = FOLLOWED * resample, HELD
+            while True:  # samples follow the surfaces, the factorisation at hand solves once more; then they are held
+                if follows and size < reach and (size > self.tolerance or follows == FOLLOWED):
+                    size, before, follows = _resampled(system, size), np.inf, follows - 1
+                    reach = HELD if size < HELD else NEARLY * HELD
+                    resample = size >= HELD and solve <= 2 * SETTLING
                 if not (corrects and goal < size < min(worth, gain * before)):
                     break
-                before, size, reach = size, self._correct(system, du, dq, size, report), NEARLY * HELD
-                if near and size > self.tolerance:
-                    size, before, near = _resampled(system, size), np.inf, False
+                before, size = size, self._correct(system, du, dq, size, report)
+                reach = NEARLY * HELD if follows == FOLLOWED else reach
             before = size
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
