@@ -364,7 +364,8 @@ def test_a_sharp_block_is_led_over_another_and_off_its_end(sharp, slave):
     scene.contact(sides[slave], sides[1 - slave], 0.3, points="averages", name="c")
     result = solve(scene, steps=60, progress=False).require()
     force = np.abs(result.column("c_force_z_N"))
-    assert result.verdict.iterations <= 4.5 * 60  # cut-backs count by the solves they cost
+    assert result.verdict.iterations <= 4.5 * 60
+    assert result.verdict.cuts <= 2 or (sharp, slave) == (1.0, 0)  # there they count by the solves they cost alone
     assert force[-1] == 0.0
     if slave == 1 or sharp > 1.0:  # else a soft edge passes the nodes of a stiff slave, whose pressures it has one by one
         assert np.diff(force[20:]).max() < 0.01 * force.max()  # drawn along, and off the end from t = 0.55

@@ -53,15 +53,21 @@ def test_shape_functions(m):
 
 
 # -- scenes: two bodies, how their first is pressed into the other and led along it ----------------------------------------
+def occ_box(name, lowest, size):
+    """A box named so with its lowest and highest faces; returns its tag."""
+    tag = gmsh.model.occ.addBox(*lowest, *size)
+    gmsh.model.occ.synchronize()
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
+    for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
+        if abs(gmsh.model.getNormal(face, [0.5, 0.5])[2]) > 0.9:
+            side = "top" if gmsh.model.occ.getCenterOfMass(2, face)[2] > lowest[2] + 1 else "bottom"
+            gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{side}")
+    return tag
+
+
 def tetrahedra():
     for name, lowest, size in (("lower", (0, 0, -10), (40, 40, 10)), ("upper", (5, 10, 0), (20, 20, 10))):
-        tag = gmsh.model.occ.addBox(*lowest, *size)
-        gmsh.model.occ.synchronize()
-        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
-        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
-            if abs(gmsh.model.getNormal(face, [0.5, 0.5])[2]) > 0.9:
-                side = "top" if gmsh.model.occ.getCenterOfMass(2, face)[2] > lowest[2] + 1 else "bottom"
-                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{side}")
+        occ_box(name, lowest, size)
     gmsh.option.setNumber("Mesh.MeshSizeMin", 12.0)
     gmsh.option.setNumber("Mesh.MeshSizeMax", 12.0)
     gmsh.model.mesh.generate(3)
@@ -256,13 +262,7 @@ def test_a_block_lets_go_at_mu_n():
 def unlike_tetrahedra():
     """Cells of 4 below, of 2.5 above."""
     for name, lowest, size, cell in (("lower", (0, 0, -8), (20, 20, 8), 4.0), ("upper", (5, 5, 0), (10, 10, 6), 2.5)):
-        tag = gmsh.model.occ.addBox(*lowest, *size)
-        gmsh.model.occ.synchronize()
-        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
-        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
-            if abs(gmsh.model.getNormal(face, [0.5, 0.5])[2]) > 0.9:
-                side = "top" if gmsh.model.occ.getCenterOfMass(2, face)[2] > lowest[2] + 1 else "bottom"
-                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{side}")
+        tag = occ_box(name, lowest, size)
         gmsh.model.mesh.setSize(gmsh.model.getBoundary([(3, tag)], recursive=True), cell)
     gmsh.model.mesh.generate(3)
 

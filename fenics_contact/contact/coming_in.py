@@ -42,10 +42,10 @@ def _hung(contact: Contact, state: State) -> tuple[Floats, Ints64]:
     return np.empty(0), np.empty(0, dtype=np.int64)
 
 
-def _between(contact: Contact, state: State, above: float) -> tuple[float, str, str]:
-    """(how far a facet hangs into a tool between slave nodes over their distance, in words, place of more than `above`).
-    Collective."""
-    shares, facets = _hung(contact, state)
+def _between(contact: Contact, state: State, hung: tuple[Floats, Ints64], above: float) -> tuple[float, str, str]:
+    """(how far a facet of those `_hung` hangs into a tool between slave nodes over their distance, in words, place of more
+    than `above`). Collective."""
+    shares, facets = hung
     share, place = worst(contact, state.comm, shares, contact.surface.dense.X[facets].mean(axis=1), above)
     text = f"between nodes the surface hangs by {share:.0%} of their distance into '{contact.master_name}'"
     return share, text, place
@@ -53,8 +53,8 @@ def _between(contact: Contact, state: State, above: float) -> tuple[float, str, 
 
 def _forces(contact: Contact, state: State) -> Function:
     """What pressure exerts on the slave's nodes, a vector at each. Collective."""
-    s, normals = contact.surface, contact.places.looks(state)
-    pressing = np.abs(np.einsum("eqc,eqc->eq", contact.response(state).traction, normals)) * s.area
+    s, normals = contact.surface, contact.forces.normals(state)
+    pressing = contact.forces.split_traction(state)[0] * s.area
     forces = compat.Function(state.u.function_space)
     np.add.at(forces.x.array.reshape(-1, 3), s.nodes, np.einsum("eqk,eqc->ekc", s.a, pressing[..., None] * normals))
     compat.sum_to_owners(forces)
@@ -62,10 +62,10 @@ def _forces(contact: Contact, state: State) -> Function:
     return forces
 
 
-def _part_there(contact: Contact, state: State, above: float) -> float:
-    """Of a contact's pressure the part at nodes of facets that hang into the tool by more than `above`; endless
+def _part_there(contact: Contact, state: State, hung: tuple[Floats, Ints64], above: float) -> float:
+    """Of a contact's pressure the part at nodes of facets that hang (`_hung`) into the tool by more than `above`; endless
     where nothing presses. Collective."""
-    shares, facets = _hung(contact, state)
+    shares, facets = hung
     space = state.u.function_space
     there = named(space, contact.surface.dense.nodes[facets[shares > above]].ravel())
     count = space.dofmap.index_map.size_local
@@ -76,8 +76,8 @@ def _part_there(contact: Contact, state: State, above: float) -> float:
 
 def between_note(contact: Contact, state: State) -> str | None:
     """None, or that a tool comes in between slave nodes that carry much of the load. Collective."""
-    share, text, place = _between(contact, state, BETWEEN)
-    if share <= BETWEEN or (part := _part_there(contact, state, BETWEEN)) <= LITTLE:
+    share, text, place = _between(contact, state, hung := _hung(contact, state), BETWEEN)
+    if share <= BETWEEN or (part := _part_there(contact, state, hung, BETWEEN)) <= LITTLE:
         return None
     there = f"{part:.0%} of the force acts there, and is too small" if np.isfinite(part) else "nothing presses on it yet"
     return f"{place}: {text}; {there}: mesh it more finely, {FINER}"
@@ -85,15 +85,15 @@ def between_note(contact: Contact, state: State) -> str | None:
 
 def pierced_note(contact: Contact, state: State) -> str | None:
     """None, or that it has come in so far that nodes which carry most of the load hardly hold it. Collective."""
-    share, text, place = _between(contact, state, PIERCED)
-    if share <= PIERCED or _part_there(contact, state, PIERCED) <= MOST:
+    share, text, place = _between(contact, state, hung := _hung(contact, state), PIERCED)
+    if share <= PIERCED or _part_there(contact, state, hung, PIERCED) <= MOST:
         return None
     return f"{place}: {text}; a third of the force or more is missing: {held_better(contact)}"
 
 
 def pierced(contact: Contact, state: State) -> Finding | None:
     """None, or the Finding that a tool has come through between slave nodes. Collective."""
-    share, text, place = _between(contact, state, PIERCED)
+    share, text, place = _between(contact, state, _hung(contact, state), PIERCED)
     return Finding(LOST, text, place, held_better(contact)) if share > PIERCED else None
 
 

@@ -145,8 +145,7 @@ class MortarPartner(OnFacets):
 
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of pressure times the difference of their normals from the master's, a vector of
-        those beside the slave's ends and creases and one of all, and last of the pressure, (7,) [force]. held (ns,): nodes
-        whose ends are none.
+        those beside the slave's ends and creases and one of all, and last of the pressure, (7,) [force].
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """

@@ -1,6 +1,7 @@
 """Where the samples around slave nodes meet the facets of a master, and how much of the nodes' areas lies over these."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -60,10 +61,11 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             normals, _ = self.around.normals(now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites))
+            project = partial(self.sights.pairing.project, timers=self.timers)
             if self.skin.whole:
-                there = self._at(now.coords, now.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
+                there = self._at(now.coords, now.pose, project)
                 self.samples = self.samples.steered(now.coords, self._aside(there))
-            return self._at(then.coords, then.pose, lambda x, n, at: self.sights.pairing.project(x, n, at, self.timers))
+            return self._at(then.coords, then.pose, project)
 
     def _aside(self, feet: MortarFeet) -> Floats:
         """What is added to the normals of samples (np, 3) where they press: beside ends and creases, of degree 2.

@@ -151,8 +151,8 @@ class RigidPlaces:
 
 def named(space: Space, nodes: Array) -> Bools:
     """Which of this rank's nodes are among those that any rank names, by its local numbers. Collective."""
-    named = compat.Function(space)
-    named.x.array.reshape(-1, 3)[nodes] = 1.0
-    compat.sum_to_owners(named)
-    compat.copy_to_ghosts(named)
-    return np.asarray(named.x.array.reshape(-1, 3)[:, 0] > 0.0)
+    marks = compat.Function(space)
+    marks.x.array.reshape(-1, 3)[nodes] = 1.0
+    compat.sum_to_owners(marks)
+    compat.copy_to_ghosts(marks)
+    return np.asarray(marks.x.array.reshape(-1, 3)[:, 0] > 0.0)

@@ -33,7 +33,7 @@ class SlaveFacets:
     number (nf, m): the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
-    the reference; aside: the least one of the FEWEST samples in a unit facet; beside (nf,): lies at an end or a crease
+    the reference; nearest: the least one of the FEWEST samples in a unit facet; beside (nf,): lies at an end or a crease
     of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows. Collective.
     """
 
@@ -72,7 +72,7 @@ class SlaveFacets:
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
         self.beside = np.isin(self.corners, self._ends(free)).any(axis=1)
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
-        self.aside = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
+        self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
 
     def shapes(self, places: Floats) -> tuple[Floats, Floats]:
         """Shape functions (nq, k) of the facets' nodes and their gradients (nq, 2, k) at places (nq, 2)."""
@@ -168,7 +168,7 @@ class Samples:
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where
         # more samples lie nearer, as those of degree 2 do, shares that fell on their way alone would hardly be gradual:
         # Newton's method would cycle
-        self.rims = NEAREST * np.minimum(np.einsum("qic,qc->qi", around.heights[facet], N).min(axis=1), around.aside)
+        self.rims = NEAREST * np.minimum(np.einsum("qic,qc->qi", around.heights[facet], N).min(axis=1), around.nearest)
         counts = np.diff(first)[around.facets]
         node = np.repeat(np.arange(len(around.own)), np.diff(around.starts))
         before = np.cumsum(counts) - counts  # of all parts that samples have in nodes, those around the nodes before
