@@ -35,7 +35,7 @@ LONGEST_FUNCTION = 60  # lines without its docstring
 # room: what its modules may import besides the standard library, the room itself, and `types`
 TABLE = {
     "blas": set(),
-    "form_files": {"ffcx"},
+    "form_files": {"ffcx", "fcntl"},
     "packages": {"blas"},
     "types": {"numpy"},
     "compat": {"dolfinx", "basix", "_cffi_backend", "cffi", "ffcx", "numpy", "mpi4py", "numba", "petsc4py", "ufl", "blas",
