@@ -35,14 +35,15 @@ lint: bare
 
 test: lint suite
 
-# The tests alone: types are checked with the libraries of the machine that `make setup` is written for
+# The tests alone, without types, which are checked with the libraries that `make setup` is written for. Each runs once: on two
+# processes those that these could change, which do there all that they do on one; on one process they run in `make nightly`
 suite: setup
-	@$(ENV) python3 -m pytest -n 2 -m "not slow"
+	@$(ENV) python3 -m pytest -n 2 -m "not parallel and not slow"
 	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and not slow" -p no:cacheprovider --color=no
 
 # Those that take longer than all others of their file: many ranks, fine meshes, long ways
 test-slow: setup
-	@$(ENV) python3 -m pytest -n 2 -m slow
+	@$(ENV) python3 -m pytest -n 2 -m "not parallel and slow"
 	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and slow" -p no:cacheprovider --color=no
 
 # What another release could trip over: all that runs on one process, and on two what its communicators, what is freed and
@@ -64,8 +65,10 @@ test-rounding: setup
 	@$(ENV) OPENBLAS_CORETYPE=Prescott python3 -m pytest -n 2 tests/test_linear.py tests/test_verdicts.py tests/test_damping.py \
 	  tests/test_stabilisation.py tests/test_arc_length.py tests/test_steppers.py tests/test_branches.py
 
-# 200 random scenes on one process and on two, each in a process of its own: a line per scene, and how many ended how
+# What `make test` runs on two processes, on one; then 200 random scenes on one process and on two, each in a process of its
+# own: a line per scene, and how many ended how
 nightly: setup
+	@$(ENV) python3 -m pytest -n 2 -m parallel
 	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out results/random_scenes.csv
 
 # Races against the programs that are installed, what a run is made of, anew; the tables of docs/speed.md
