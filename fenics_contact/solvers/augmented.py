@@ -8,7 +8,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MEMORY, TOO_SOFT
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.report import StepperTo, StepReport
+from fenics_contact.solvers.report import AugmentedTo, StepperTo, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
 Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
@@ -54,7 +54,7 @@ class Augmented(Generic[Goal, Report]):
     takes it: t, or an Arc.
     """
 
-    def __init__(self, stepper: StepperTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
+    def __init__(self, stepper: AugmentedTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
         self.stepper, self.limit = stepper, limit
         self._failed = 0.0, 0  # t that attempts have started from, and their number
         self._spent = -1.0, -1.0  # t from and to which a step has been that multipliers do no more for
@@ -132,7 +132,7 @@ class Augmented(Generic[Goal, Report]):
         for i, (pressure, friction) in enumerate(tries):
             _take_over(system, (pressure, friction))
             try:
-                report.add(self.stepper.settle(system, goal))
+                report.add(self.stepper.settle_augmented(system, goal))
                 return tries[i:] if friction else tries
             except StepFailed as failure:
                 if i == len(tries) - 1 or failure.finding.kind in NO_HELP:

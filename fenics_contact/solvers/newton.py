@@ -70,6 +70,20 @@ class Newton:
         du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, StepReport(), 0, self.limit, self.limit)
 
+    def settle_augmented(self, system: System, t: float) -> StepReport:
+        """The same from balance, after its multipliers alone have changed: by corrections as far as these lead. What the
+        penalties carried is then out of balance, and the state moves by their penetrations only: the tangent hardly changes.
+        """
+        report, (du, dq) = StepReport(), system.begin_step(t)
+        if not system.condensed:
+            gain, before, size = CORRECTED[self.linear.substitutes][1], np.inf, _finite_residual(system)
+            while BELOW * self.tolerance < size < gain * before:
+                before, size = size, self._correct(system, du, dq, size, report)
+            if balanced(system, size, self.tolerance):
+                report.residuals.append(size)
+                return report
+        return self._iterate(system, du, dq, report, 0, self.limit, self.limit)
+
     def _iterate(
         self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int, proof: int
     ) -> StepReport:
@@ -252,7 +266,7 @@ class Incremental:
         system.foresight.resample(system.state)
         return StepReport(1, [relative_residual(system)])
 
-    settle = step
+    settle = settle_augmented = step
 
 
 def _forcing(residual: float, tolerance: float) -> float:

@@ -33,7 +33,9 @@ class StepReport:
         return self.notes + [f"contact '{name}': {words}" for name, words in left if words]
 
     def add(self, more: "StepReport") -> None:
-        """What solving the step once more took."""
+        """What solving the step once more took; corrections alone belong to the last tangent before them."""
+        if not more.iterations and more.residuals:
+            self.residuals = self.residuals[:-1]
         for name in ("iterations", "residuals", "corrections", "notes", "augmentations", "misfits", "raises"):
             setattr(self, name, getattr(self, name) + getattr(more, name))
         self.unkept |= more.unkept
@@ -51,6 +53,14 @@ class StepperTo(Protocol[GoalOf, ReportOf]):
 
     def settle(self, system: System, goal: GoalOf, /) -> ReportOf:
         """Into balance at the goal from the present state, after its multipliers or penalties have changed."""
+        ...
+
+
+class AugmentedTo(StepperTo[GoalOf, ReportOf], Protocol[GoalOf, ReportOf]):
+    """One that knows what multipliers leave as it was."""
+
+    def settle_augmented(self, system: System, goal: GoalOf, /) -> ReportOf:
+        """Into balance at the goal from a balance whose multipliers alone have changed."""
         ...
 
 

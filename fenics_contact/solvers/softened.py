@@ -53,6 +53,10 @@ class Softened:
         """Into balance at t from the present state, after multipliers or penalties have changed."""
         return self.stepper.settle(system, t)
 
+    def settle_augmented(self, system: System, t: float) -> StepReport:
+        """Into balance at t from one whose multipliers alone have changed."""
+        return self.stepper.settle_augmented(system, t)
+
     def _step(self, system: System, t: float, softer: dict[ContactTerm, float]) -> StepReport:
         for term, part in softer.items():
             term.take(term.penalties.softened(system.state, part))
