@@ -33,6 +33,7 @@ from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.snaps import snapped
 from fenics_contact.solvers.verdict import StepFailed
 
 pytestmark = pytest.mark.parallel
@@ -216,6 +217,34 @@ def test_a_snap_within_a_step_is_said():
     assert "damping=True" in note and 0.1169 - 1 / 64 < float(note.split("near t = ")[1].split()[0]) < 0.1169
     moderate = solve(loaded_dome(), steps=[0.05, 0.1], progress=False).require()
     assert [note for note in moderate.verdict.notes if "steps= go to t = 0.1" not in note] == []
+
+
+def steps_taken(monkeypatch):
+    """The t that Newton's steps go to from now on."""
+    taken, step = [], Newton.step
+    monkeypatch.setattr(Newton, "step", lambda self, system, t: taken.append(t) or step(self, system, t))
+    return taken
+
+
+def test_a_step_that_is_looked_at_is_not_solved_twice(monkeypatch):
+    """The state beyond the snap is taken up again by the solves that its last balance needs."""
+    taken = steps_taken(monkeypatch)
+    looked = solve(loaded_dome(), steps=1, progress=False).require()
+    assert taken.count(1.0) == 1 and len(taken) > 1
+    monkeypatch.setattr(control, "wandered", lambda system, report: False)
+    plain = solve(loaded_dome(), steps=1, progress=False).require()
+    ends = [displacements(result.u) for result in (looked, plain)]
+    np.testing.assert_allclose(*ends, atol=1e-8 * np.abs(ends[1]).max())  # steps end at 1e-8 of the force
+
+
+def test_one_half_tells_that_an_even_path_does_not_jump(monkeypatch):
+    scene = Scene(Body(read_gmsh(box.build, size=(4.0, 1.0, 1.0), cells=(4, 2, 2)), "box", RUBBER))
+    scene.fix("xmin")
+    scene.traction("xmax", (1e-4, 0, 0))
+    system = scene.system()
+    Newton(LinearSolver(system)).step(system, 1.0)
+    taken = steps_taken(monkeypatch)
+    assert snapped(system, 1.0) is None and taken == [0.5]
 
 
 def test_wrong_methods_are_refused():

@@ -22,6 +22,7 @@ SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so s
 JUMPS = (
     3  # jumps that come to no rest, from as many places of a scheduled step, after which none is tried in it: they cost most
 )
+SAME = 1e-3  # of a step's way: a balance as near to the one that the step has led to is that one
 EASY = 8  # iterations up to which a step was easy: the next one may be twice as large
 
 OnStep = Callable[[StepReport, float, bool], None]  # a step's report, its seconds, whether it is on the schedule
@@ -94,10 +95,26 @@ def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
     if wrong := system.acceptance.objection() or thrown(system):
         raise StepFailed.of(wrong)
     if wandered(system, report):
+        u, q = system.state.u.x.array.copy(), system.state.q.copy()
         words = snapped(system, goal)
-        stepper.step(system, goal)  # a step tried and dropped leaves no trace: this is the same one again
+        _back(system, stepper, goal, (u, q))
         report.notes += [words] if words else []
     return report
+
+
+def _back(system: System, stepper: Stepper, goal: float, place: tuple[Floats, Floats]) -> None:
+    """From the accepted state to the one in balance at t = goal that a step from it has led to: displacement (local array)
+    and tools' coordinates (tools, 6) [length]. Collective."""
+    way = system.way_from(*place)
+    system.state.u.x.array[:], system.state.q[:] = place
+    try:
+        stepper.settle(system, goal)
+        if system.way_from(*place) <= SAME * way:
+            return
+    except StepFailed:
+        pass
+    system.trail.rollback()
+    stepper.step(system, goal)  # a step tried and dropped leaves no trace: this is the same one again
 
 
 def _carried(system: System, failure: StepFailed) -> bool:

@@ -14,7 +14,9 @@ from fenics_contact.types import Floats
 
 FAR, WANDERING = 0.1, 6  # of the force; after so many solves that leave more of it a step is looked at more closely
 HALVINGS = 6  # of the step, to see whether it is the path or the step that goes so far
-MOST = 0.5  # of the step's way: a sixty-fourth of the step that has more of it is a jump
+# Of the step's way: a sixty-fourth of the step that has more of it is a jump. Of an even path each half has a half of it, so
+# that one halving tells where this is above a half
+MOST = 0.51
 LEAP = 10.0  # times the way that the last one foresees: with no state in between to be found, no path goes so far
 
 Place = tuple[Floats, Floats]  # displacement (local array) and tools' coordinates (tools, 6) [length]
