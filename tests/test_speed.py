@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, timing
-from fenics_contact.meshes import punch_plate, two_blocks
+from fenics_contact import Body, Scene, compat, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, timing
+from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
 from fenics_contact.solvers import linear, reuse
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -169,6 +169,23 @@ def test_a_new_preconditioner_is_made_when_it_pays():
     assert rule.stale
     rule.built()
     assert not rule.stale
+
+
+@pytest.mark.serial
+def test_a_factorisation_in_the_plane_is_worth_fewer_iterations(monkeypatch):
+    """It has fewer operations for each entry of its factors: see `PER_OPERATION`."""
+    monkeypatch.setattr(reuse, "REUSE_ABOVE", 0)
+    flat = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (4.0, 4.0), (30, 30))})
+    deep = read_gmsh(box.build, size=(4.0, 4.0, 4.0), cells=(9, 9, 9))
+    costs = {}
+    for kind, mesh, plane in (("plane", flat, "strain"), ("space", deep, None)):
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane=plane)
+        scene.fix("box_ymin" if plane else "zmin")
+        scene.body_force((1e-3, 0, 0))
+        solver, _ = carried(scene.system(), "direct")
+        costs[kind] = solver._solver._reuse.build_cost
+    assert 3.0 < costs["plane"] < 5.0 and 8.0 < costs["space"] <= 15.0, costs
+    assert reuse.factorisation_cost(9e11, -3000) == reuse.factorisation_cost(9e11, 3 * 10**9) == 11.5  # in millions
 
 
 @pytest.mark.serial

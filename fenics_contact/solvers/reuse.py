@@ -22,8 +22,12 @@ TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser 
 SHORT_OF_SPACE = (-8, -9)
 WORKSPACE = (20, 100, 500)  # per cent more than foreseen, one after another; the first is MUMPS' own
 NOT_FINITE = 72  # PETSC_ERR_FP, PETSc's code of a floating-point exception
-# Iterations that cost as much as a new factorisation or hierarchy, measured at 8e3 and 6e4 unknowns.
-BUILD_COST = {"direct": 15, "iterative": 35}
+# Iterations that cost as much as a new factorisation or hierarchy, measured at 8e3 and 6e4 unknowns
+BUILD_COST = {"direct": 15.0, "iterative": 35.0}
+# The same of a factorisation that tells its operations, and more for each operation per entry of the factors, which a solve
+# reads once: 3.4 and 4.5 iterations in the plane with 2e3 and 5e3 unknowns, 12 in space with 3e3. With the 31 that it is of
+# 3.5e4 in space, solves that lost their way go on for too long: there it counts as BUILD_COST
+AT_LEAST, PER_OPERATION = 2.5, 0.03
 # A row whose diagonal has grown or shrunk by this factor is one that an old preconditioner no longer knows: a contact that
 # closed, opened, stuck or slipped. Each costs Krylov's method about an iteration.
 CHANGED = 2.0
@@ -48,10 +52,17 @@ def digits_of(tolerance: float) -> float:
     return float(max(-np.log10(tolerance), 1.0))
 
 
+def factorisation_cost(operations: float, entries: int) -> float:
+    """Iterations that count for a factorisation of so many operations. entries: of its factors, below zero in millions, as
+    MUMPS tells them."""
+    per_entry = operations / (entries if entries > 0 else -1e6 * entries)
+    return min(AT_LEAST + PER_OPERATION * per_entry, BUILD_COST["direct"])
+
+
 class Reuse:
     """Says when a new preconditioner pays: once a solve cost more per digit than all since the last, that one included."""
 
-    def __init__(self, build_cost: int) -> None:
+    def __init__(self, build_cost: float) -> None:
         self.build_cost = build_cost
         self.built()
 
@@ -70,7 +81,7 @@ class Reuse:
 
     def limit(self, tolerance: float) -> int:
         """Iterations after which an old preconditioner is given up in the middle of a solve."""
-        return self.build_cost + int(np.ceil(-2.0 * np.log10(tolerance) * (self._fresh or 0.0)))
+        return int(np.ceil(self.build_cost - 2.0 * np.log10(tolerance) * (self._fresh or 0.0)))
 
 
 class ReusingSolver:
@@ -231,6 +242,8 @@ class ReusingSolver:
             self._diagonal = matrix.getDiagonal().array_r.copy()
             self._pattern, self._state = pattern, matrix.stateGet()
             self._reuse = Reuse(BUILD_COST[self.method])
+            if (factors := self._mumps()) is not None and (entries := factors.getMumpsInfog(29)):
+                self._reuse = Reuse(factorisation_cost(factors.getMumpsRinfog(3), entries))
             self.builds += 1
         self._lap()
         return error
