@@ -70,6 +70,18 @@ def test_rates_of_rotations():
         assert abs(spin_rate(np.array([0.0, 0.0, angle]))[0, 0] - np.sin(angle) / angle) < 1e-14
 
 
+@pytest.mark.parametrize("spherical", [False, True])
+def test_poses_asked_for_by_turns_are_worked_out_once(spherical):
+    """Measures of a step ask for those of its ends; where rotations are counted anew from its end they are other ones."""
+    poses = Poses(np.zeros((1, 3)), 2.0, lambda: np.array([spherical]))
+    start, end = np.zeros((1, 6)), np.full((1, 6), 0.3)
+    known = [poses.at(0, q[0]) for q in (start, end)]
+    assert all(poses.at(0, q[0]) is pose for _ in range(2) for q, pose in zip((start, end), known, strict=True))
+    poses.accept(end)
+    assert (poses.at(0, start[0]) is known[0]) == (not spherical)
+    np.testing.assert_allclose(poses.at(0, end[0]).turn, known[1].turn, atol=1e-15)
+
+
 def test_free_rotations_know_no_whole_turn():
     """Spins of 50 degrees about changing axes, taken up one by one, against their product; and the chart's round-off."""
     poses, q, turn = Poses(np.zeros((1, 3)), 2.0, lambda: np.array([True])), np.zeros((1, 6)), np.eye(3)

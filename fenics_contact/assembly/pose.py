@@ -7,6 +7,7 @@ import numpy as np
 
 from fenics_contact.types import Bools, Floats
 
+KEPT = 8  # poses of a body: a step's measures ask for those of the last three states by turns
 SMALL = 0.1  # radians below which the rates of a rotation come from series, exact to the last place
 
 
@@ -77,16 +78,18 @@ class Poses:
         self.starts, self.lever, self._spherical = starts, lever, spherical
         self.counted = np.zeros_like(starts)  # q[:, 3:] of the pose from which rotations are counted,
         self.turns = np.tile(np.eye(3), (len(starts), 1, 1))  # and the rotation there
-        self._known: dict[int, tuple[bytes, Pose]] = {}  # of each body the last coordinates asked for and their pose
+        self._known: dict[tuple[int, bytes], Pose] = {}  # by body and coordinates
 
     def at(self, i: int, q: Floats) -> Pose:
         """The Pose of body i; q (6,): its coordinates."""
-        key, (known, pose) = q.tobytes(), self._known.get(i, (b"", None))
-        if pose is None or known != key:  # asked for many times at each: as dear as the kernels of a small contact
+        pose = self._known.get((i, q.tobytes()))
+        if pose is None:  # asked for many times at each: as dear as the kernels of a small contact
+            if len(self._known) >= KEPT * len(self.starts):
+                self._known.clear()
             vector = (q[3:] - self.counted[i]) / self.lever
             turn = rotation(vector) @ self.turns[i]
             pose = Pose(self.starts[i], q[:3].copy(), turn, spin_rate(vector) / self.lever, self.lever)
-            self._known[i] = key, pose
+            self._known[i, q.tobytes()] = pose
         return pose
 
     def accept(self, q: Floats) -> None:
@@ -101,7 +104,7 @@ class Poses:
         for i in bodies:
             left, _, right = np.linalg.svd(self.at(i, q[i]).turn)  # products of many rotations stay one
             self.turns[i], self.counted[i] = left @ right, q[i, 3:]
-        self._known.clear()
+            self._known.clear()
 
     def resume(self, counted: Floats, turns: Floats) -> None:
         """Count from where a run that is resumed did."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
@@ -119,7 +120,8 @@ class System:
             self.reactions = self.supports.held_forces(local.array_r)
             self.supports.ties.add_wrenches(self.state.poses, self.state.q, local.array_r, tool_residual)
             self.supports.put_forces(local.array_w, 0.0)
-        self.tool_residual = self.comm.allreduce(tool_residual) - self.tools.forces(self.state.t)
+        self.comm.Allreduce(MPI.IN_PLACE, tool_residual)
+        self.tool_residual = tool_residual - self.tools.forces(self.state.t)
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 

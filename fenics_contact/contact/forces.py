@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import allowed
 from fenics_contact.contact.measures import contact_measures, stored_energy
-from fenics_contact.contact.trial import Trial
+from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Floats
 
@@ -22,6 +22,7 @@ class Forces:
 
     def __init__(self, contact: Contact) -> None:
         self._contact = contact
+        self._last: tuple[Response, tuple[Floats, Floats]] | None = None  # split last: what measures a state asks often
 
     def normals(self, state: State) -> Floats:
         """Unit normals (ne, nq, 3) along which pressure acts on the points; zero without a partner."""
@@ -33,9 +34,11 @@ class Forces:
         response = self._contact.response(state, trial)
         if response.split is not None:
             return response.split
-        traction, normal = response.traction, self.normals(state)
-        pressure = -np.einsum("eqc,eqc->eq", traction, normal)
-        return pressure, -traction - pressure[..., None] * normal
+        if self._last is None or self._last[0] is not response:
+            traction, normal = response.traction, self.normals(state)
+            pressure = -np.einsum("eqc,eqc->eq", traction, normal)
+            self._last = response, (pressure, -traction - pressure[..., None] * normal)
+        return self._last[1]
 
     def measures(self, state: State) -> dict[str, Any]:
         """Sums over all ranks, see `contact_measures`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
@@ -27,14 +27,18 @@ class Led:
         # (ne, k, 3, 3): directions, by rows, in which supports let the slave nodes go; None on all ranks where all do
         led = int((~free.any(axis=3)).any())
         self._free = free if comm.allreduce(led) else None
+        self._last: tuple[Any, Bools] | None = None  # feet, and which points are fixed there
 
     def fixed(self, state: State) -> Bools:
         """Which points (ne, nq) supports prescribe along the contact's normal."""
         s = self._contact.surface
         if self._free is None:
             return np.zeros(s.area.shape, dtype=bool)
-        moved = np.abs(np.einsum("eqk,eqc,ekfc->eqkf", s.a, self._contact.places.looks(state), self._free))
-        return moved.max(axis=(2, 3), initial=0.0) <= FIXED
+        feet = self._contact.places.feet(state)
+        if self._last is None or self._last[0] is not feet:
+            moved = np.abs(np.einsum("eqk,eqc,ekfc->eqkf", s.a, self._contact.places.looks(state), self._free))
+            self._last = feet, moved.max(axis=(2, 3), initial=0.0) <= FIXED
+        return self._last[1]
 
     def points(self, state: State) -> Bools:
         """Which points (ne, nq) are fixed against a master that gives way no more than they do: a tool."""

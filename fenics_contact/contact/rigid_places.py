@@ -43,14 +43,14 @@ class RigidPlaces:
 
     def feet(self, state: State) -> RigidFeet:
         """The places at a state; the same object while these do not change."""
-        s, feet, u = self.surface, self._feet, state.u.x.array.reshape(-1, 3)
-        x = s.X + u[s.nodes]
+        s, last, u = self.surface, self._feet, state.u.x.array.reshape(-1, 3)
+        x, pose = s.X + u[s.nodes], state.pose(self.index)
         facets = x if s.between is None else s.between.X + u[s.between.nodes]
-        now = RigidFeet(x, facets, state.pose(self.index))
-        moved = feet is None or not (np.array_equal(x, feet.x) and np.array_equal(facets, feet.facets))
-        if feet is None or moved or not now.pose.same(feet.pose):
-            feet = self._feet = now
-        return feet
+        if last is None or not (np.array_equal(x, last.x) and pose.same(last.pose)):
+            last = None
+        if last is None or (s.between is not None and not np.array_equal(facets, last.facets)):
+            last = self._feet = RigidFeet(x, facets, pose)
+        return last
 
     first_feet = feet
 

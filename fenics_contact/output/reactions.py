@@ -36,6 +36,7 @@ class Reactions:
     give."""
 
     def __init__(self, scene: Solved, system: System) -> None:
+        self._X = system.space.tabulate_dof_coordinates()
         self._system, self._directions = system, [np.array(support.direction) for support in scene.supports]
         entries: dict[tuple[str, ...], list[int]] = {}
         for i, support in enumerate(scene.supports):
@@ -87,7 +88,7 @@ class Reactions:
         """The Reaction of each group at the state assembled last. Collective."""
         system = self._system
         u, parts = system.state.u.x.array.reshape(-1, 3), system.supports.parts(system.reactions)
-        x = system.space.tabulate_dof_coordinates() + u
+        x = self._X + u
         found = {}
         for name, group in self._groups.items():
             mine = np.zeros((len(u), 3))

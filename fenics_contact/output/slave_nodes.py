@@ -68,6 +68,7 @@ class SlaveNodes:
         self._share = (s.area * _over_depth(s.a, s.X, bare))[..., None] * _lumped(s.a, s.X)
         self._lumped = _of_corners(self.skin) if s.linear else _lumped(self.skin.N, self.skin.X)
         self._over_depth = _over_depth(self.skin.N, self.skin.X, bare)
+        self._reference = space.tabulate_dof_coordinates()
         self._owned = space.dofmap.index_map.size_local
         self._keys: Ints64 | None = None
 
@@ -137,7 +138,7 @@ class SlaveNodes:
 
     def reference(self) -> Floats:
         """Reference positions (n, 3) of all local nodes [length]."""
-        return self._system.space.tabulate_dof_coordinates()
+        return self._reference
 
     def positions(self) -> Floats:
         """Current positions (n, 3) of all local nodes [length]."""
