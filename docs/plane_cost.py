@@ -1,7 +1,8 @@
-"""What plane scenes cost beside one layer of cells in space, of the same digits: `python3 docs/plane_cost.py`.
+"""What plane scenes cost beside one layer of cells in space, of the same digits: `python3 docs/plane_cost.py [scene ...]`.
 
-CPU seconds within solve(), medians of runs by turns after one that compiles, and their ratio: the figures of docs/plane.md.
-`tests/test_plane_layers.py` holds the same scenes to the same digits.
+CPU seconds within solve(), medians of runs by turns after one that compiles, and their ratio, then the shares that the
+stages of the plane runs have of their time: the figures of docs/plane.md. `tests/test_plane_layers.py` holds the same
+scenes to the same digits.
 """
 
 import statistics
@@ -18,7 +19,7 @@ from fenics_contact.meshes import box, cook, ironing, two_cylinders
 from fenics_contact.solid import materials
 from fenics_contact.studies import cylinder, tubes
 
-RUNS = 3
+RUNS = 5
 ENDS = "zmin", "zmax"  # of a box
 ALONG_Y = ("ends",)  # of layers whose height is drawn as z
 # Mean length of the indenter's sides: a layer as deep as that has as many samples, and surfaces that see one another as far
@@ -157,16 +158,26 @@ CASES |= {f"tubes, {n} cells": studied(tubes.tubes, tubes.BASE, cells=n, points=
 CASES |= {f"cylinder, {n} cells": studied(cylinder.cylinder, cylinder.BASE, cells=n) for n in (4, 8, 16)}
 CASES["cylinder, 8 cells, mixed"] = studied(cylinder.cylinder, cylinder.BASE, cells=8, element="mixed", rubber="stiff")
 CASES["cylinder, 8 cells, degree 2"] = studied(cylinder.cylinder, cylinder.BASE, cells=8, degree=2)
+# What summary.json tells apart, put together
+STAGES = {
+    "linear solves": ("factorisation", "solve"),
+    "bulk tangent": ("bulk tangent",),
+    "residual": ("residual",),
+    "contact": ("search", "projection", "contact kernel", "insertion"),
+    "measures": ("output", "penalty error"),
+    "forms": ("compile",),
+}
 spent: list[float] = []
+told: list[dict[str, float]] = []  # seconds by stage
 
 
 def timed(*arguments: Any, **options: Any) -> Any:
     """solve(), its CPU seconds kept."""
     start = time.process_time()
-    try:
-        return solve(*arguments, **{"progress": False} | options)
-    finally:
-        spent.append(time.process_time() - start)
+    result = solve(*arguments, **{"progress": False} | options)
+    spent.append(time.process_time() - start)
+    told.append(result.summary["seconds"])
+    return result
 
 
 def main(chosen: list[str]) -> None:
@@ -175,13 +186,18 @@ def main(chosen: list[str]) -> None:
         if chosen and not any(word in name for word in chosen):
             continue
         seconds: dict[str, list[float]] = {"plane": [], "layer": []}
+        shares: list[list[float]] = []
         for run in range(RUNS + 1):
             for mesh, taken in seconds.items():
                 case(mesh)
                 if run:
                     taken.append(spent[-1])
+                if run and mesh == "plane":
+                    shares.append([sum(told[-1][stage] for stage in of) / told[-1]["total"] for of in STAGES.values()])
         plane, layer = (statistics.median(taken) for taken in seconds.values())
         print(f"{name}: {plane:.2f} s of {layer:.2f} s: {plane / layer:.2f}", flush=True)
+        parts = zip(STAGES, (statistics.median(of) for of in zip(*shares, strict=True)), strict=True)
+        print("   ", ", ".join(f"{stage} {share:.0%}" for stage, share in parts), flush=True)
 
 
 if __name__ == "__main__":
