@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from tqdm import tqdm
 
-from fenics_contact.output.columns import Columns, HistoryRow, damping_column
+from fenics_contact.output.columns import ARCS, Columns, HistoryRow, damping_column
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import clear_results, writing
 from fenics_contact.output.film import Film
@@ -50,6 +50,7 @@ class Recorder:
             film.begin()
         self.arcs, self._augments = arcs, bool(system.augmented) or system.stabilised
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
+        self.history[:] = [self.columns.fitted(row, self._of_arc(ArcReport()), self.extra) for row in self.history]
         self._told = len(self.verdict.notes)  # those that have been printed
         with system.timers("compile"):
             self._smallest_J = scene.volume_ratio(system.state.u).smallest
@@ -125,11 +126,12 @@ class Recorder:
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
         if self.system.damped:
             row[damping_column(self.scene.units)] = report.work
-        if self.arcs:
-            of_arc = report if isinstance(report, ArcReport) else ArcReport()
-            row |= {"limit_point": of_arc.limit_point, "station": of_arc.station}
-            row |= {"negative_pivots": of_arc.negative, "bifurcation": of_arc.bifurcation}
-        return row
+        return row | self._of_arc(report if isinstance(report, ArcReport) else ArcReport())
+
+    def _of_arc(self, report: ArcReport) -> HistoryRow:
+        """The columns of a run with a stage by arc length; {} of another."""
+        values = (report.limit_point, report.station, report.negative, report.bifurcation)
+        return dict(zip(ARCS, values, strict=True)) if self.arcs else {}
 
 
 def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> Columns:

@@ -74,13 +74,16 @@ class Result:
 
     def column(self, name: str, stage: str | None = None) -> Array:
         """A history column at all accepted steps, or at those of a stage, an empty one where there is none; KeyError lists
-        the columns, or the stages."""
+        the columns, or the stages, and says how the run has ended where it did not come to that one."""
         known = list(self.history[0]) if self.history else self.columns
         if name not in known:
             raise KeyError(f"no column '{name}' in the history; it has: {', '.join(known)}")
         names = list(dict.fromkeys(row.get("stage") for row in self.history))
         if stage is not None and stage not in names:
             there = ", ".join(filter(None, names)) or ("none" if names else "no accepted step")
+            if stage in self.system.stages.names:
+                why = f"the history has: {there}; the run has ended: {self.verdict.reason}"
+                raise KeyError(f"stage '{stage}' has no accepted step, {why}")
             raise KeyError(f"no stage '{stage}' in the history; it has: {there}")
         return np.array([row[name] for row in self.history if stage is None or row["stage"] == stage])
 

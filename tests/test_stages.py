@@ -588,6 +588,56 @@ def test_stages_to_come_may_be_changed_those_behind_not(folder):
     refused(lambda: solve(scene, move={ball: (0, 0, -1)}, steps=1, resume=True, **kept), "another scene")
 
 
+def with_a_stage(last, out=None):
+    """A ball pressed in and, by a stage that may come later, dragged, turned or followed by arc length."""
+    scene, ball = pressed()
+    ways = {
+        "turn": Stage("turn", move={ball: Motion(rz=0.2)}, steps=1),
+        "free": Stage("free", move={ball: Motion(force=(0, 0, -6.0), moment=(0, 0, 0.1), free="rz")}, steps=1),
+        "arc": Stage("arc", push={ball: (0.3, 0, -6.0)}, method="arc_length", steps=1, until=Load(1.0)),
+    }
+    stages = [Stage("press", move={ball: (0, 0, -0.6)}, steps=1), *([ways[last]] if last else [])]
+    kept = {"out": out, "checkpoint": True, "resume": True} if out else {}
+    record = {"tilt": lambda view: 1.0}
+    return solve(scene, stages=stages, record=record, **kept, **TIGHT)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("last", ["turn", "free", "arc"])
+def test_a_stage_added_on_restart_brings_its_columns(folder, last):
+    with_a_stage(None, folder).require()
+    resumed, whole = with_a_stage(last, folder).require(), with_a_stage(last).require()
+    assert list(resumed.history[0]) == list(resumed.history[1]) == list(whole.history[0])
+    same(resumed, whole, 1e-8)
+    if COMM.rank == 0:
+        head, *rows = (folder / "history.csv").read_text().splitlines()
+        assert head.split(",") == list(whole.history[0]) and len(rows) == 2
+    again = with_a_stage(last, folder).require()  # a run that is through goes on from its end: nothing is left to do
+    assert len(again.history) == 2
+
+
+@pytest.mark.parallel
+def test_a_stage_left_out_on_restart_takes_its_columns_along(folder):
+    scene, ball = pressed()
+    press = Stage("press", move={ball: (0, 0, -0.6)}, steps=1)
+    turn = Stage("turn", move={ball: Motion(rz=0.2)}, steps=1)
+    with pytest.raises(Killed):
+        solve(scene, stages=[press, turn], record=dying(2), out=folder, checkpoint=True, **TIGHT)
+    drag = Stage("drag", move={ball: (0.2, 0, 0)}, steps=1)
+    resumed = solve(scene, stages=[press, drag], record=dying(9), out=folder, resume=True, **TIGHT).require()
+    assert len(resumed.table()["t"]) == 2 and "ball_angle_z_rad" not in resumed.history[0]
+
+
+@pytest.mark.parallel
+def test_a_stage_that_was_not_reached_is_told_from_one_that_is_not_stated(folder):
+    scene, ball = pressed()
+    out = Stage("out", move={ball: lambda s: (0, 0, -1e3 * s)}, steps=1)  # through the block
+    result = solve(scene, stages=[Stage("press", move={ball: (0, 0, -0.2)}, steps=1), out], smallest_step=0.5, **TIGHT)
+    assert not result.converged
+    with pytest.raises(KeyError, match="stage 'out' has no accepted step, the history has: press; the run has ended: "):
+        result.column("t", "out")
+
+
 # -- started from another run -----------------------------------------------------------------------------------------
 def goes_on(result, whole):
     """Whether a run that starts from another one has given what the last stages of one run of both did."""

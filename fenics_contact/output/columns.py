@@ -1,6 +1,6 @@
 """The columns of a run's history: names that carry units, and their numbers at a step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Protocol
@@ -16,8 +16,8 @@ from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
 
 AXES = "xyz"
-# columns that only some runs have
-SOME = ("stage", "augmentations", "limit_point", "station", "negative_pivots", "bifurcation")
+ARCS = ("limit_point", "station", "negative_pivots", "bifurcation")  # of runs with a stage by arc length
+SOME = ("stage", "augmentations", *ARCS)  # columns that only some runs have
 
 HistoryRow = dict[str, Any]  # numbers, and the name of the stage
 
@@ -52,6 +52,22 @@ class Columns:
 
     def all(self) -> list[str]:
         """The names of all columns a run may have but the user's own."""
+        return [*self._first(), *SOME, damping_column(self.units)]
+
+    def fitted(self, row: HistoryRow, at_rest: HistoryRow, own: Iterable[str]) -> HistoryRow:
+        """A row of a run whose stages to come were others, with the columns of this run, in their order: tools that had not
+        turned have angles of 0. at_rest: this run's last columns, as of a step in which nothing of theirs comes to pass;
+        own: names of the user's columns."""
+        turns = {name for tool in self.tools for name in _vector(f"{tool}_angle", np.zeros(3), "rad", AXES)}
+        mine = {name: 0.0 if name in turns else np.nan for name in self._first()} | at_rest
+        others = turns.union(ARCS).difference(mine, own)  # of stages that are stated no more, which had not begun
+        whole = mine | {name: value for name, value in row.items() if name not in others}
+        lead = {name: whole[name] for name in ("step", "stage") if name in whole}
+        last = {name: whole.pop(name) for name in at_rest}
+        return lead | whole | last
+
+    def _first(self) -> HistoryRow:
+        """A row of zeros, with the columns that all rows of a run have."""
         nothing, report = np.zeros(3), SimpleNamespace(iterations=0, residuals=[0.0])
         zeros: dict[str, Any] = dict.fromkeys(ContactResult.__dataclass_fields__, 0.0)
         vectors = dict.fromkeys(("force", "friction", "moment", "point", "peak_at", "width"), nothing)
@@ -65,7 +81,7 @@ class Columns:
             Energies(friction={name: 0.0 for name, rough in self.contacts.items() if rough}),
             dict.fromkeys(self.pairs, nothing),
         )
-        return [*self.row(0, 0.0, report, 0.0, 0.0, result), *SOME, damping_column(self.units)]
+        return self.row(0, 0.0, report, 0.0, 0.0, result)
 
     def clash(self) -> str | None:
         """A column that two tools, contacts or groups would share, or None."""
