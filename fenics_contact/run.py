@@ -154,10 +154,10 @@ def solve(
 
 def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder, timers: Timers) -> Summary:
     """What summary.json says of a run that has ended, but for its seconds, remarked too. Collective."""
-    system, verdict = built.system, kept.verdict
+    system, verdict, noise = built.system, kept.verdict, built.system.scales.noise
+    loads = greatest_loads(kept.history, [c.name for c in system.contacts], scene.units)
     kept.remark(verdict.cut_notes())
     if verdict.converged:
-        loads, noise = greatest_loads(kept.history, [c.name for c in system.contacts], scene.units), system.scales.noise
         unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
         kept.remark([note for note in unmet if note])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
@@ -172,7 +172,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     astray = [term.name for term, error in misfits(system).items() if error > ASTRAY] if verdict.converged else []
-    kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, astray))
+    kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]

@@ -9,9 +9,11 @@ from mpi4py import MPI
 
 from fenics_contact import (
     Body,
+    Penalty,
     Scene,
     Units,
     mooney_rivlin,
+    neo_hooke,
     read_gmsh,
     rigid_cylinder,
     rigid_plane,
@@ -19,7 +21,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, punch_plate, two_blocks
+from fenics_contact.meshes import box, punch_plate, rectangles, two_blocks
 from fenics_contact.output.history import penalty_lines
 
 pytestmark = pytest.mark.parallel
@@ -238,3 +240,66 @@ def test_where_nothing_presses_any_more_the_penalties_cost_nothing(pushed):
     assert not any("penalties" in note for note in result.verdict.notes), result.verdict.notes
     error = result.summary["penalty_error"]["contacts"]["c"]
     assert error["load_N"] == error["force_change_over_load"] == error["load_change_over_load"] == 0.0
+
+
+def draw_slot():
+    """A block 6 x 2.4 with a slot 0.4 high from its right end to x = 1.5."""
+    geo, model = gmsh.model.geo, gmsh.model
+    points = [geo.addPoint(0.0, y, 0.0) for y in (-1.2, -0.2, 0.2, 1.2)]
+    for i, (low, high, layers) in enumerate(zip(points[:-1], points[1:], (4, 2, 4), strict=True)):
+        line = geo.addLine(low, high)
+        geo.mesh.setTransfiniteCurve(line, layers + 1)
+        end = geo.extrude([(1, line)], 1.5, 0, 0, numElements=[3], recombine=True)[0]
+        if i != 1:
+            geo.extrude([end], 4.5, 0, 0, numElements=[12], recombine=True)
+    geo.synchronize()
+    model.setPhysicalName(2, model.addPhysicalGroup(2, [tag for _, tag in model.getEntities(2)]), "body")
+    sides = {"left": (-0.1, -2, 0.1, 2), "top": (1.4, 1.1, 7, 1.3), "bot": (1.4, -1.3, 7, -1.1)}
+    sides |= {"slot_top": (1.4, 0.1, 7, 0.3), "slot_low": (1.4, -0.3, 7, -0.1)}
+    for name, (x, y, right, above) in sides.items():
+        curves = model.getEntitiesInBoundingBox(x, y, -1, right, above, 1, 1)
+        model.setPhysicalName(1, model.addPhysicalGroup(1, [tag for _, tag in curves]), name)
+    model.mesh.generate(2)
+
+
+def closed_slot(factor):
+    """Its arms pressed together; beside the slot's end what facets see is held in the last step."""
+    scene = Scene(Body(read_gmsh(draw_slot), "body", neo_hooke(1.0, 5.0)), plane="strain", degree=2)
+    scene.fix("left")
+    scene.prescribe("top", "x", 0.0)
+    scene.prescribe("bot", "x", 0.0)
+    scene.prescribe("top", "y", -0.5)
+    scene.prescribe("bot", "y", 0.5)
+    scene.contact("slot_top", "slot_low", 0.3, penalty=Penalty(factor=factor), name="c")
+    return solve(scene, steps=5, progress=False).require()
+
+
+def test_a_state_is_varied_with_the_sights_that_it_was_accepted_with():
+    soft, stiff = closed_slot(100), closed_slot(200)
+    of = soft.summary["penalty_error"]["contacts"]["c"]
+    loads = [result.column("c_load_N")[-1] for result in (soft, stiff)]
+    assert of["load_N"] == pytest.approx(loads[0], rel=1e-9)
+    assert 0.5 * of["load_change_over_load"] == pytest.approx(loads[1] / loads[0] - 1.0, rel=0.1)
+    assert of["force_change_over_load"] < 0.01 and not any("penalties change" in note for note in soft.verdict.notes)
+    soft.audit()  # goes away from the state and back
+    assert soft.system.assemble_residual() < 1e-8 * loads[0]
+
+
+@pytest.mark.parametrize("penetration", [1e-4, 1e-6])
+def test_what_is_left_of_a_load_that_is_gone_has_no_note(penetration):
+    """A block that swells in a closed box and shrinks back to where it began."""
+    scene = Scene(
+        Body(read_gmsh(rectangles.build, rectangles={"b": ((0, 0), (2, 1), (4, 2))}), "b", neo_hooke(1.0, 5.0)),
+        plane="strain",
+        element="mixed",
+        degree=2,
+    )
+    scene.fix("b_xmin", "x")
+    scene.fix("b_ymin", "y")
+    scene.contact("b_xmax", rigid_plane((2, 0, 0), (-1, 0, 0), name="a"), name="a", penetration=penetration)
+    scene.contact("b_ymax", rigid_plane((0, 1, 0), (0, -1, 0), name="b"), name="b", penetration=penetration)
+    scene.swell("b", lambda t: 1.0 + 0.2 * np.sin(np.pi * t))
+    result = solve(scene, steps=[0.25, 0.5, 0.75, 1.0], progress=False).require()
+    assert max(result.column("a_load_N")) == pytest.approx(5.0 * (1.0 - 1.0 / 1.2), rel=1e-3)
+    assert result.column("a_load_N")[-1] < 1e-4
+    assert not any("penalties change" in note for note in result.verdict.notes)

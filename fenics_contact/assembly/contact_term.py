@@ -1,6 +1,7 @@
 """What solvers and the output ask of a contact; of what is its own they know that it can be handed back: `Any`."""
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
 from fenics_contact.assembly.finding import Finding
@@ -113,6 +114,10 @@ class ContactPlaces(Protocol):
     """Where the points are at a state, as the partner sees them. Collective."""
 
     def feet(self, state: State) -> Any: ...
+
+    def as_accepted(self) -> AbstractContextManager[None]:
+        """Feet are found meanwhile as they were when the last state was accepted."""
+        ...
 
     def looks(self, state: State) -> Floats: ...
 

@@ -1,7 +1,7 @@
 """By what all contacts judge their points within a step, beside the present gaps."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from fenics_contact.assembly.contact_term import ContactTerm, Trials
@@ -73,3 +73,11 @@ class Foresight:
     def hold_sights(self, state: State) -> bool:
         """Hold what facets all contacts see until a commit or rollback; False where that changes nothing. Collective."""
         return max((contact.hold_sights(state) for contact in self._all), default=False)
+
+    @contextmanager
+    def as_accepted(self) -> Iterator[None]:
+        """All contacts see meanwhile what they saw when the last state was accepted."""
+        with ExitStack() as stack:
+            for contact in self._all:
+                stack.enter_context(contact.places.as_accepted())
+            yield

@@ -1,5 +1,7 @@
 """Where the samples of averaged contacts meet another body, and what a tangent there knew."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from fenics_contact.assembly.pose import Pose
@@ -49,6 +51,7 @@ class Sights:
         self._facets, self._corners, self._limits = facets, corners, (search, margin)
         self._free = self.pairing = Pairing(facets, seek_along, search, margin)
         self.held: Sight | None = None
+        self._accepted: tuple[Sight | None, Pairing] = None, self.pairing
 
     def hold(self, feet: MortarFeet) -> None:
         """From the next change of the state on, until `free`."""
@@ -58,3 +61,18 @@ class Sights:
     def free(self) -> None:
         """From the next change of the state on."""
         self.held, self.pairing = None, self._free
+
+    def commit(self) -> None:
+        """The state is accepted as it is seen; freed from its next change on."""
+        self._accepted = self.held, self.pairing
+        self.free()
+
+    @contextmanager
+    def as_accepted(self) -> Iterator[None]:
+        """See meanwhile, from the next change of the state on, what was seen when the last state was accepted: where that
+        was held, the state is in balance so alone."""
+        self.held, self.pairing = self._accepted
+        try:
+            yield
+        finally:
+            self.free()

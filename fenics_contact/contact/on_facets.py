@@ -1,5 +1,6 @@
 """What holds of any master of facets, however the slave meets it."""
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -69,6 +70,10 @@ class PlacesOnFacets(Generic[Feet]):
             self._directions = Directions(self.master, friction)
         known = self._directions
         return known if friction.ratio != 1.0 and known is not None and len(known.parts) else None
+
+    def as_accepted(self) -> AbstractContextManager[None]:
+        """Feet are found meanwhile as they were when the last state was accepted."""
+        return self.sights.as_accepted() if self.sights else nullcontext()
 
     def point(self, state: State) -> Floats | None:
         """A tool's reference point (3,) at a state [length]; None for a body."""

@@ -1,5 +1,6 @@
 """Where slave points lie to an analytic tool: distances, normals, and what of the body lies in it."""
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,10 @@ class RigidPlaces:
         self.reach = tool.reach
         self._feet: RigidFeet | None = None
         self._beside: Beside | None = None  # once asked for
+
+    def as_accepted(self) -> AbstractContextManager[None]:
+        """Nothing: feet depend on the state alone."""
+        return nullcontext()
 
     def point(self, state: State) -> Floats:
         """The tool's reference point (3,) at a state [length]."""

@@ -130,7 +130,7 @@ class Contact:
         """Accept the state: the only place where history changes for good."""
         self.trial = self.trial.judging()
         if self.places.sights:
-            self.places.sights.free()
+            self.places.sights.commit()
         anchors, trial, response = self.partner.anchors, self.trial, self.response(state)
         feet, h = self.places.feet(state), trial.history
         rests = h.rests

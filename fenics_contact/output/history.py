@@ -218,20 +218,30 @@ def energy_notes(
     ]
 
 
-def penalty_notes(summary: Summary, travel: Mapping[str, Floats], units: Units, astray: Collection[str] = ()) -> list[str]:
+def penalty_notes(
+    summary: Summary,
+    travel: Mapping[str, Floats],
+    units: Units,
+    greatest: Mapping[str, float],
+    astray: Collection[str] = (),
+) -> list[str]:
     """A note per contact whose penalties cost more than COSTLY of its load, and per tool whose travel {name: (3,)} is so far
-    off by them. astray: contacts that end far from their penetration=, of which no first order tells what that costs.
+    off by them.
+
+    greatest: of each contact the greatest load in any step [force]: one that has been let off, to less than COSTLY of that,
+    has what balance and multipliers have left, of which the penalties may hold all; astray: contacts that end far from
+    their penetration=, of which no first order tells what that costs.
 
     Penalties are springs in series with the bodies: of stiffnesses e and k they lose k / (k + e) of the load to first order,
     and k / e in truth.
     """
     notes = []
     for name, e in summary.get("contacts", {}).items():
-        share = max(e["force_change_over_load"], abs(e["load_change_over_load"]))
+        share, load = max(e["force_change_over_load"], abs(e["load_change_over_load"])), e[f"load_{units.force}"]
         if name in astray:
             text = "its force may be far off, for it ends far from the penetration= asked for"
             notes.append(f"contact '{name}': {text}; {KEPT}")
-        elif share > COSTLY:
+        elif share * load > COSTLY * max(load, COSTLY * greatest[name]):
             about = f"about {share / (1.0 - share):.1%}" if share < SOFT else f"more than {SOFT / (1.0 - SOFT):.0%}"
             notes.append(f"contact '{name}': its penalties change the force by {about} of the load; {STIFFER}")
     for name, gone in travel.items() if summary else ():

@@ -72,7 +72,8 @@ def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
     others = [term for term in system.terms if term not in system.contacts]
     blocks = [_taylor(system, term, term.name, 0, move, {}) for term in others]
     blocks += [block for contact in system.contacts for block in _blocks(system, contact, move)]
-    system.assemble_residual()  # the terms' tractions are those of the state again
+    with system.foresight.as_accepted():
+        system.assemble_residual()  # the terms' tractions are those of the state again
     return Audit(blocks, list(residuals), _order(residuals))
 
 

@@ -41,10 +41,13 @@ def sensitivities(system: System, linear: LinearSolver, varied: Sequence[Vary]) 
 
     The whole residual is differenced: a fluid's share goes by what the contacts press with. Collective.
     """
-    if not system.contacts or (rates := _rates(system, linear, varied)) is None:
+    if not system.contacts:
         return None
-    found = [_along(system, vary, *rate) for vary, rate in zip(varied, rates, strict=True)]
-    system.assemble_residual()  # the state itself is what the terms remember
+    with system.foresight.as_accepted():
+        if (rates := _rates(system, linear, varied)) is None:
+            return None
+        found = [_along(system, vary, *rate) for vary, rate in zip(varied, rates, strict=True)]
+        system.assemble_residual()  # the state itself is what the terms remember
     return found
 
 
