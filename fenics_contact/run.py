@@ -163,8 +163,9 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
         kept.remark(overlaps(system))
         loaded = [c for c in system.contacts if loads[c.name] > noise]
-        at_nodes = [c.name for c in loaded if c.surface.gradients is None or c.surface.corners]
-        kept.remark(sparse_notes(kept.history, at_nodes, 3 if scene.section else 4, scene.units))
+        at_nodes = [c for c in loaded if c.surface.gradients is None or c.surface.corners]
+        areas = {c.name: system.comm.allreduce(float(c.surface.area.sum())) for c in at_nodes}
+        kept.remark(sparse_notes(kept.history, areas, 3 if scene.section else 4, scene.units))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {})

@@ -171,3 +171,19 @@ def test_a_contact_that_touches_by_rounding_alone_never_closed():
     assert result.verdict.converged and result.column("m_load_N")[-1] < 1e-12
     said = [note for note in result.verdict.notes if "'m'" in note or "supports prescribe" in note]
     assert len(said) == 1 and "never closed" in said[0], result.verdict.notes
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_block_that_swells_evenly_in_a_closed_box_is_told_nothing(degree):
+    """Its multipliers take over the steps' pressures; with nodes of degree 1 three carry a wall's, the same each."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((0, 0), (2, 1), (4, 2))})
+    scene = Scene(Body(mesh, "b", neo_hooke(1.0, 5.0)), plane="strain", element="mixed", degree=degree)
+    scene.fix("b_xmin", "x")
+    scene.fix("b_ymin", "y")
+    walls = {"a": ((2, 0, 0), (-1, 0, 0), "b_xmax"), "b": ((0, 1, 0), (0, -1, 0), "b_ymax")}
+    for name, (point, normal, side) in walls.items():
+        scene.contact(side, rigid_plane(point, normal, name=name), name=name, penetration=1e-8)
+    scene.swell("b", 1.2)
+    result = solve(scene, steps=[0.25, 0.5, 0.75, 1], progress=False).require()
+    assert result.column("a_load_N")[-1] == pytest.approx(5.0 * (1.0 - 1.0 / 1.2), rel=1e-6)  # K (1 - 1/J)
+    assert result.verdict.notes == []

@@ -30,6 +30,8 @@ KEPT = (
     "leave its penalty= out, which is then raised as multipliers need it, or state a Penalty(factor=...) a hundred times as "
     "great beside penetration="
 )
+BETWEEN = 3  # nodes of a side: with one between its ends they show a pressure that rises towards these
+EVEN = 0.01  # of the peak pressure: a mean that is less below it is the same all over
 SOFT = 0.95  # of a load, to first order: beyond that the penalties' springs are a twentieth as stiff as the bodies, or less
 
 # of what is not accounted for: what a contact's pressures leave of it to be its cause
@@ -162,15 +164,17 @@ def greatest_loads(history: Sequence[HistoryRow], contacts: Sequence[str], units
     return {name: max((row[column] for row in history), default=0.0) for name, column in columns.items()}
 
 
-def sparse_notes(history: Sequence[HistoryRow], contacts: Sequence[str], most: int, units: Units) -> list[str]:
+def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, float], most: int, units: Units) -> list[str]:
     """A note for each of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest, and
-    not zero."""
+    not zero; by name the area of the slave [length^2]. Not where three or more, which would show how pressure varies, carry
+    the same pressure all over it."""
     notes = []
-    for name in contacts:
+    for name, area in contacts.items():
         plain = plain_name(name)
         heaviest = max(history, key=lambda row: row[f"{plain}_load_{units.force}"])
-        carrying = heaviest[f"{plain}_active_points"]
-        if carrying <= most:
+        carrying, whole = heaviest[f"{plain}_active_points"], area * heaviest[f"{plain}_peak_pressure_{units.pressure}"]
+        even = carrying >= BETWEEN and heaviest[f"{plain}_load_{units.force}"] > (1.0 - EVEN) * whole
+        if carrying <= most and not even:
             carry = "node carries" if carrying == 1 else "nodes carry"
             notes.append(
                 f"contact '{name}': {carrying:.0f} slave {carry} all of its greatest load: so few know pressures and "

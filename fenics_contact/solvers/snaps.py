@@ -5,9 +5,10 @@ import numpy as np
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
+from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
-from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.softness import AHEAD, fold_ahead, load_change
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
@@ -49,6 +50,7 @@ def snapped(system: System, goal: float) -> str | None:
     are not solved the path before must lead nowhere near the state beyond. The system is left at the accepted state.
     """
     newton = Newton(LinearSolver(system))
+    stepper = Augmented(newton) if system.augmented else newton  # under old multipliers penalties give way by as much
     reached = [(t, _place(system, u, q)) for u, q, t in system.trail.accepted]
     before, low = reached[-2] if len(reached) > 1 else None, reached[-1]
     high, blocked = (goal, _place(system)), None  # blocked: the first t found that no step reaches
@@ -59,7 +61,7 @@ def snapped(system: System, goal: float) -> str | None:
         middle = 0.5 * (low[0] + (blocked or high[0]))
         system.trail.rollback()
         try:
-            newton.step(system, middle)
+            stepper.step(system, middle)
         except StepFailed:
             blocked = middle
             continue
@@ -70,7 +72,7 @@ def snapped(system: System, goal: float) -> str | None:
             high, blocked = here, None
     jumped = _distance(system, low[1], high[1]) > MOST * total
     if jumped and blocked:
-        jumped = before is not None and (_leaps(system, before, low, high) or _folds(system, newton, before, low, blocked))
+        jumped = before is not None and (_leaps(system, before, low, high) or _folds(system, stepper, before, low, blocked))
     system.trail.rollback()
     if not jumped:
         return None
@@ -92,12 +94,12 @@ def _leaps(system: System, before: Reached, low: Reached, high: Reached) -> bool
     return 0.0 < LEAP * on < _distance(system, low[1], high[1])
 
 
-def _folds(system: System, newton: Newton, before: Reached, low: Reached, blocked: float) -> bool:
+def _folds(system: System, stepper: Stepper, before: Reached, low: Reached, blocked: float) -> bool:
     """Whether the path folds back between its state `low` and t = blocked, which no step reaches. Collective."""
     system.trail.rollback()
     if low[0] > system.trail.last.t:
         try:
-            newton.step(system, low[0])
+            stepper.step(system, low[0])
         except StepFailed:
             return False
     return fold_ahead(system, [Accepted(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
