@@ -34,6 +34,7 @@ from fenics_contact.output.history import (
     sparse_notes,
     stages_line,
     stages_summary,
+    widest_turn,
 )
 from fenics_contact.output.units import Units
 from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
@@ -181,7 +182,9 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     kept.remark(kept.results.notes())
     taken = len(kept.history)
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest
-    kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps) if verdict.converged else [])
+    if verdict.converged:
+        turned = widest_turn(kept.history, scene.units, list(travel))
+        kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps, turned))
     return summary
 
 

@@ -3,9 +3,22 @@
 import math
 
 import gmsh
+import numpy as np
 import pytest
 
-from fenics_contact import Body, Motion, Scene, Stage, coulomb, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Scene,
+    Stage,
+    coulomb,
+    neo_hooke,
+    read_gmsh,
+    rigid_hub,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -187,3 +200,49 @@ def test_a_block_that_swells_evenly_in_a_closed_box_is_told_nothing(degree):
     result = solve(scene, steps=[0.25, 0.5, 0.75, 1], progress=False).require()
     assert result.column("a_load_N")[-1] == pytest.approx(5.0 * (1.0 - 1.0 / 1.2), rel=1e-6)  # K (1 - 1/J)
     assert result.verdict.notes == []
+
+
+# -- a remedy is more than what is there ------------------------------------------------------------------------------
+def test_cells_that_a_ball_comes_in_between_are_told_the_size_that_holds_it():
+    """With cells of a third of its radius, which a ball that tilts the surface beside it still comes in between."""
+    told = []
+    for cells in (6, 8):
+        mesh = read_gmsh(box.build, size=(4, 4, 2), cells=(cells, cells, 3))
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+        scene.fix("zmin")
+        ball = rigid_sphere(2.0, (1.6, 2.2, 4), name="ball")
+        scene.contact("zmax", ball, 0.5, name="c")
+        turn = Stage("turn", move={ball: Motion(x=0.3, rx=0.4, rz=0.8)}, steps=4)
+        stages = [Stage("press", move={ball: (0, 0, -0.5)}, steps=2), turn]
+        notes = solve(scene, stages=stages, progress=False).require().verdict.notes
+        told.append([note for note in notes if "between nodes the surface hangs" in note])
+    assert len(told[0]) == 1 and told[0][0].endswith("mesh it more finely, cells of 0.5 there") and not told[1]
+
+
+def test_work_missed_on_turns_is_told_from_work_that_is_lost():
+    """Two blocks that stick are turned together: nothing slides, and what is missing falls with the square of the turns, to
+    what friction does on the way between a node and its place in the master."""
+    missing, told = [], []
+    for steps in (10, 20, 40):
+        drawn = {"low": ((0, 0), (6, 2), (9, 3)), "up": ((1.2, 2.0), (3, 2), (7, 4))}
+        mesh = read_gmsh(rectangles.build, rectangles=drawn)
+        scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 5.0)) for name in drawn), plane="strain")
+        hubs = [rigid_hub(name, (0, 0, 0)) for name in ("one", "other")]
+        scene.tie("low_ymin", hubs[0])
+        scene.tie("up_ymax", hubs[1])
+        scene.contact("up_ymin", "low_ymax", 0.4, name="c")
+        press = Stage("press", move={hubs[1]: Motion(y=-0.3)}, steps=6)
+        shear = Stage("shear", move={hubs[1]: Motion(x=0.3)}, steps=6)
+        turn = Stage("turn", move={hubs[0]: Motion(rz=3.0), hubs[1]: Motion(rz=3.0, **AROUND)}, steps=steps)
+        result = solve(scene, stages=[press, shear, turn], progress=False).require()
+        told.append([note for note in result.verdict.notes if note.startswith("energy")])
+        missing.append(np.diff(result.column("energy_error_Nmm")[11:]).sum())
+    assert "most of that in steps that turn a tool by up to 17 degrees" in told[0][0] and not told[2]
+    assert (missing[0] - missing[1]) / (missing[1] - missing[2]) == pytest.approx(4.0, rel=0.05)
+
+
+# how far a point goes that has come to (0.3, -0.3) when all turns about the origin
+AROUND = {
+    "x": lambda s: 0.3 * (np.cos(3.0 * s) - 1.0 + np.sin(3.0 * s)),
+    "y": lambda s: 0.3 * (np.sin(3.0 * s) - np.cos(3.0 * s) + 1.0),
+}

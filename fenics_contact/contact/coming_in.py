@@ -27,12 +27,27 @@ BETWEEN, PIERCED = 0.1, 0.3
 # and what more makes the whole force too small
 LITTLE, MOST = 0.1, 0.5
 FINER = "cells of a third of its radius"
+AIM = (
+    0.75  # of BETWEEN: what finer cells are to hang by; that falls with their size, and grows where their nodes let more in
+)
 
 
-def held_better(contact: Contact) -> str:
-    """What keeps a tool from coming in between the points of a slave surface."""
+def held_better(contact: Contact, size: float | None = None) -> str:
+    """What keeps a tool from coming in between the points of a slave surface; size: of the cells that do [length], None:
+    known by the tool's radius alone."""
     first = "points=3 (Gauss points), or " if contact.surface.between else ""
-    return f"take {first}a finer mesh under the tool, {FINER}"
+    return f"take {first}a finer mesh under the tool, {FINER if size is None else _cells(size)}"
+
+
+def _cells(size: float) -> str:
+    return f"cells of {size:.2g} there"
+
+
+def _size(contact: Contact, state: State, hung: tuple[Floats, Ints64]) -> float:
+    """Size of cells [length] that hang into the tool by AIM of BETWEEN, where those `_hung` do by more. Collective."""
+    shares, facets = hung
+    sizes = contact.surface.dense.spacing[facets] * AIM * BETWEEN / np.maximum(shares, BETWEEN)
+    return float(min(state.comm.allgather(sizes.min(initial=np.inf))))
 
 
 def _hung(contact: Contact, state: State) -> tuple[Floats, Ints64]:
@@ -80,7 +95,7 @@ def between_note(contact: Contact, state: State) -> str | None:
     if share <= BETWEEN or (part := _part_there(contact, state, hung, BETWEEN)) <= LITTLE:
         return None
     there = f"{part:.0%} of the force acts there, and is too small" if np.isfinite(part) else "nothing presses on it yet"
-    return f"{place}: {text}; {there}: mesh it more finely, {FINER}"
+    return f"{place}: {text}; {there}: mesh it more finely, {_cells(_size(contact, state, hung))}"
 
 
 def pierced_note(contact: Contact, state: State) -> str | None:
@@ -88,7 +103,7 @@ def pierced_note(contact: Contact, state: State) -> str | None:
     share, text, place = _between(contact, state, hung := _hung(contact, state), PIERCED)
     if share <= PIERCED or _part_there(contact, state, hung, PIERCED) <= MOST:
         return None
-    return f"{place}: {text}; a third of the force or more is missing: {held_better(contact)}"
+    return f"{place}: {text}; a third of the force or more is missing: {held_better(contact, _size(contact, state, hung))}"
 
 
 def pierced(contact: Contact, state: State) -> Finding | None:

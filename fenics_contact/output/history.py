@@ -34,11 +34,12 @@ BETWEEN = 3  # nodes of a side: with one between its ends they show a pressure t
 EVEN = 0.01  # of the peak pressure: a mean that is less below it is the same all over
 SOFT = 0.95  # of a load, to first order: beyond that the penalties' springs are a twentieth as stiff as the bodies, or less
 
-# of what is not accounted for: what a contact's pressures leave of it to be its cause
+# of what is not accounted for: what more of it a contact's pressures, or turns, leave is to be its cause
 MOST = 0.5
 # times what pressures leave: what more of it comes with steps twice as long is the steps'. Of these it is 4 on smooth paths,
 # 2.2 ... 3.6 on those of a tube crushed flat and of round bodies that roll, and 1.01 ... 1.02 at sharp edges
 GROWS = 1.5
+WIDE = 0.1  # rad: forces that turn by less in a step have their work missed by a thousandth of itself, the angle's square/12
 EDGE = (
     "as much with steps twice as long: they act along the slave's normals, which are not the master's where a sharp edge "
     "digs in and slides; more steps, finer cells and multipliers do not mend that: let the side without that edge be the "
@@ -184,13 +185,24 @@ def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, float], m
     return notes
 
 
+def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Sequence[str]) -> float:
+    """The most by which a tool turns in a step [rad], where more than MOST of what is not accounted for was left in steps
+    that turn one by more than WIDE; else 0."""
+    left = np.abs(np.diff([0.0, *(row[f"energy_error_{energy_unit(units)}"] for row in rows)]))
+    names = [[f"{plain_name(tool)}_angle_{axis}_rad" for axis in "xyz"] for tool in tools]
+    angles = np.array([[[row.get(name, 0.0) for name in of] for of in names] for row in rows]).reshape(len(rows), -1, 3)
+    turns = np.linalg.norm(np.diff(angles, axis=0, prepend=0.0), axis=2).max(axis=1, initial=0.0)
+    return float(turns.max(initial=0.0)) if left[turns > WIDE].sum() > MOST * left.sum() else 0.0
+
+
 def energy_notes(
-    summary: Summary, steps: int, units: Units, unknown: float = 0.0, overlaps: Sequence[str] = ()
+    summary: Summary, steps: int, units: Units, unknown: float = 0.0, overlaps: Sequence[str] = (), turned: float = 0.0
 ) -> list[str]:
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
 
     unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work;
-    overlaps: names of the contacts that overlap at the start, whose energy the first step lets go.
+    overlaps: names of the contacts that overlap at the start, whose energy the first step lets go; turned: see
+    `widest_turn` [rad].
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
     1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
@@ -215,6 +227,11 @@ def energy_notes(
         if growth <= GROWS:
             return [left + EDGE]
         return [f"{left}{growth:.2g} times as much with steps twice as long; {where}: take more steps, there above all"]
+    if turned > 0.0:
+        where = (
+            f"most of that in steps that turn a tool by up to {math.degrees(turned):.0f} degrees: forces that turn along "
+            "do their work on an arc, which is missed by the square of the angle"
+        )
     return [
         f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step "
         "(damping=True carries it) or into friction: where sticking turns to sliding, and against round tools (penetration= "
