@@ -39,7 +39,7 @@ from fenics_contact.solid.materials import (
 )
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.uncaught import install as _install
-from fenics_contact.values import SceneError
+from fenics_contact.values import FolderError, SceneError
 
 gc.freeze()  # as in `packages`: in a small run the collector would look through all of it once, for 45 ms
 _install()  # of wrong statements that end a script only the message and the script's own lines are printed
@@ -52,6 +52,7 @@ __all__ = [
     "Branch",
     "Displacement",
     "Film",
+    "FolderError",
     "Load",
     "Motion",
     "NamedMesh",

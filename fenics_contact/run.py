@@ -88,9 +88,9 @@ def solve(
     (3,) at t = 1 [force], or a function of t}; steps: number of equal load steps, or the increasing list of their t; out:
     folder for history.csv, summary.json, results.pvd and body.png; method: "newton", "incremental" (one solve per step, the
     paper's), "snes" or "arc_length"; linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a
-    step counts as converged (1e-8); smallest_step: share of the load below which a step is not cut (1e-4 of the schedule's
-    shortest step); record: {name: function of a View -> number}, columns added to the history, called on all ranks, which
-    must agree on it; or a Film, which draws every step.
+    step counts as converged (1e-8), as it does wherever rounding is all that is left; smallest_step: share of the load below
+    which a step is not cut (1e-4 of the schedule's shortest step); record: {name: function of a View -> number}, columns
+    added to the history, called on all ranks, which must agree on it; or a Film, which draws every step.
 
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 

@@ -20,6 +20,10 @@ class SceneError(ValueError):
     """The scene cannot be computed as stated; the message names the thing and the remedy. Raised on all ranks."""
 
 
+class FolderError(ValueError):
+    """A file of the output folder cannot be written, or must not be; raised on all ranks."""
+
+
 def shown(value: object) -> str:
     """A value as an error shows it: short, and without addresses, which differ from rank to rank."""
     words = re.sub(" at 0x[0-9a-f]+", "", repr(value))

@@ -155,7 +155,9 @@ def test_parameters_must_be_finite_and_stable():
     refused(lambda: fc.yeoh(0.1, 0.1, NAN, 5.0), "yeoh", "c3")
     refused(lambda: fc.mooney_paper(0.1, NAN, 5.0), "mooney_paper", "nan")
     refused(lambda: fc.mooney_rivlin(0.1, -0.2, 5.0), "mooney_rivlin", "positive")
-    refused(lambda: fc.from_elastic(1.0, 0.5), "nu")
+    refused(lambda: fc.from_elastic(1.0, 0.5), "nu", kind=fc.SceneError)
+    refused(lambda: fc.ogden([1.0], [-2.0], 5.0), "ogden", "shear modulus", kind=fc.SceneError)
+    refused(lambda: fc.ogden([1.0, 2.0], [2.0], 5.0), "ogden", "as many", kind=fc.SceneError)
     refused(lambda: fc.from_elastic(1.0, NAN), "nu")
 
 
@@ -366,6 +368,9 @@ WRONG_VALUES = {
     "friction infinite": (lambda s: pressed(s.mesh, friction=float("inf")), "top", "friction", "inf", "positive"),
     "penalty text": (lambda s: pressed(s.mesh, penalty="1"), "top", "penalty", "'1'", "positive"),
     "penalty truth": (lambda s: pressed(s.mesh, penalty=True), "top", "penalty", "True", "positive"),
+    "penetration of rounding": (
+        lambda s: solved(pressed(s.mesh, penetration=1e-16)[0]), "top", "penetration = 1e-16", "last places", "greater"
+    ),
     "penetration list": (lambda s: pressed(s.mesh, penetration=[1e-5]), "top", "penetration", "positive"),
     "factor zero": (lambda s: pressed(s.mesh, penalty=fc.Penalty(factor=0)), "top", "factor", "positive"),
     "points truth": (lambda s: pressed(s.mesh, points=True), "top", "points", "True", "Gauss"),

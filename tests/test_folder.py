@@ -17,11 +17,10 @@ from refusals import refused
 from test_restart import alone, mpirun
 from vtu_files import times_of_fields
 
-from fenics_contact import Body, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact import Body, FolderError, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
 from fenics_contact.meshes import box
 from fenics_contact.output import checkpoint
 from fenics_contact.output.checkpoint import CheckpointFiles
-from fenics_contact.output.files import FolderError
 from fenics_contact.output.history import HistoryFile
 from fenics_contact.restart import first_difference
 from fenics_contact.solid.materials import Isotropic

@@ -524,6 +524,8 @@ def test_one_part_and_one_instance_are_the_part(folder):
 def test_other_files_that_are_refused(folder):
     refused(lambda: read_mesh(written(folder / "mesh.xyz", "")), "mesh.xyz", "'.xyz'", ".inp", ".step", ".stl for a tool")
     refused(lambda: read_mesh(str(folder / "none.inp")), "none.inp", "does not exist")
+    refused(lambda: read_mesh(str(folder)), str(folder), "it is a folder")
+    refused(lambda: read_mesh(written(folder / "junk.msh", "hello")), "junk.msh", "begin with $MeshFormat", "write it again")
     refused(lambda: read_mesh(written(folder / "cube.inp", CUBE), mesh_size=1.0), "mesh_size=", ".step", "leave it out")
     tetrahedron = NASTRAN + "CTETRA,1,7,1,2,3,4\nENDDATA\n"
     assert set(read_mesh(written(folder / "one.bdf", tetrahedron)).volumes) == {"pid_7"}

@@ -14,8 +14,18 @@ from fenics_contact.mesh_files.nastran import read_bdf
 from fenics_contact.mesh_files.stl import read_stl
 from fenics_contact.mesh_files.vtu import read_vtu
 
+
+def read_msh(path: str) -> None:
+    """A mesh that gmsh has written; what is none, gmsh would take for a script of its own."""
+    with open(path, "rb") as file:
+        begins = file.read(200).lstrip()
+    if not begins.startswith(b"$"):
+        raise ValueError("it is no mesh that gmsh has written, for it does not begin with $MeshFormat; write it again")
+    gmsh.open(path)
+
+
 READERS: dict[str, Callable[..., Any]] = {
-    ".msh": gmsh.open,
+    ".msh": read_msh,
     ".inp": read_inp,
     ".bdf": read_bdf,
     ".nas": read_bdf,
@@ -43,6 +53,8 @@ def load(path: str, mesh_size: float | None = None, bodies: str | Sequence[str] 
     """
     suffix, stated = Path(path).suffix.lower(), {"mesh_size": mesh_size, "bodies": bodies}
     stated = {name: value for name, value in stated.items() if value is not None}
+    if Path(path).is_dir():
+        raise ValueError("it is a folder; give the path of a file")
     if not Path(path).is_file():
         raise ValueError("the file does not exist")
     if suffix not in READERS:

@@ -10,6 +10,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from fenics_contact.agreement import agreed
+from fenics_contact.values import FolderError
 
 STEPS = "steps"  # folder of the field files, one per step
 FIELDS = "results.pvd"  # their table of contents
@@ -17,10 +18,6 @@ TOOLS = "tools"  # folder of the tools' files, one per step, and their tables of
 CHECKPOINTS = ("checkpoint_0.npz", "checkpoint_1.npz")
 # Everything a run writes but the files of its steps. Checkpoints go first: without them nothing resumes half a folder.
 NAMES = (*CHECKPOINTS, "history.csv", "summary.json", "body.png")
-
-
-class FolderError(ValueError):
-    """A file of the output folder cannot be written, or must not be; raised on all ranks."""
 
 
 @dataclass(frozen=True)

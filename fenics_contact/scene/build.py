@@ -285,7 +285,14 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
         surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), softer, points, scene.section)
         partner = _partner(scene, stated, surface, timers, supports)
         numbers = stated.friction, stated.penalty, stated.penetration
-        found.append(Contact(stated.name, partner, *numbers, supports, state, timers))
+        contact = Contact(stated.name, partner, *numbers, supports, state, timers)
+        touch = contact.trial.law.touch
+        if stated.penetration is not None and stated.penetration < touch:
+            raise SceneError(
+                f"contact '{stated.name}': penetration = {stated.penetration:.3g} is below what last places of coordinates "
+                f"tell of a gap, {touch:.2g}; give a greater one"
+            )
+        found.append(contact)
     return found
 
 

@@ -17,7 +17,7 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from fenics_contact.solid.powers import power_sum
 from fenics_contact.types import Constant, Expr, Function
-from fenics_contact.values import finite, function, positive, text
+from fenics_contact.values import SceneError, finite, function, positive, text
 
 CHAINS = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)  # of the series of the inverse Langevin function
 # volume without stress over that at the start, and the variable that energies have for it
@@ -81,7 +81,7 @@ def _finite(law: str, **parameters: float) -> None:
 
 def _stable(law: str, shear: float) -> None:
     if not shear > 0.0:
-        raise ValueError(f"{law}: the shear modulus at rest is {shear}; choose parameters that make it positive")
+        raise SceneError(f"{law}: the shear modulus at rest is {shear}; choose parameters that make it positive")
 
 
 def moderate_pressure(J: Expr, K: float) -> Expr:
@@ -226,7 +226,7 @@ def ogden(mu: Sequence[float], alpha: Sequence[float], K: float, volumetric: Vol
     moduli, exponents = (finite(values, f"ogden: {name}", (len(np.atleast_1d(values)),)).tolist()
                          for name, values in (("mu", mu), ("alpha", alpha)))  # fmt: skip
     if len(moduli) != len(exponents) or 0.0 in exponents:
-        raise ValueError(f"ogden: mu = {moduli} and alpha = {exponents} must be as many, and no exponent zero")
+        raise SceneError(f"ogden: mu = {moduli} and alpha = {exponents} must be as many, and no exponent zero")
     at_rest = sum(m * a for m, a in zip(moduli, exponents, strict=True)) / 2
     _stable("ogden", at_rest)
 
@@ -247,7 +247,7 @@ def arruda_boyce(mu: float, locking: float, K: float, volumetric: Volumetric = m
     _positive("arruda_boyce", mu=mu, K=K)
     _finite("arruda_boyce", locking=locking)
     if not locking > 1.0:
-        raise ValueError(f"arruda_boyce: locking = {locking} must be a stretch above 1")
+        raise SceneError(f"arruda_boyce: locking = {locking} must be a stretch above 1")
     factors = [C * locking ** (-2 * i) for i, C in enumerate(CHAINS)]
 
     def isochoric(I1: Expr, I2: Expr) -> Expr:
@@ -265,7 +265,7 @@ def from_elastic(E: float, nu: float, volumetric: Volumetric = moderate_pressure
     _positive("from_elastic", E=E)
     _finite("from_elastic", nu=nu)
     if not -1.0 < nu < 0.5:
-        raise ValueError(f"from_elastic: nu = {nu} must lie in (-1, 0.5)")
+        raise SceneError(f"from_elastic: nu = {nu} must lie in (-1, 0.5)")
     return neo_hooke(E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), volumetric)
 
 
