@@ -66,7 +66,7 @@ def _between(contact: Contact, state: State, hung: tuple[Floats, Ints64], above:
     return share, text, place
 
 
-def _forces(contact: Contact, state: State) -> Function:
+def pressing_forces(contact: Contact, state: State) -> Function:
     """What pressure exerts on the slave's nodes, a vector at each. Collective."""
     s, normals = contact.surface, contact.forces.normals(state)
     pressing = contact.forces.split_traction(state)[0] * s.area
@@ -84,7 +84,7 @@ def _part_there(contact: Contact, state: State, hung: tuple[Floats, Ints64], abo
     space = state.u.function_space
     there = named(space, contact.surface.dense.nodes[facets[shares > above]].ravel())
     count = space.dofmap.index_map.size_local
-    load = np.linalg.norm(_forces(contact, state).x.array.reshape(-1, 3), axis=1)[:count]
+    load = np.linalg.norm(pressing_forces(contact, state).x.array.reshape(-1, 3), axis=1)[:count]
     here, total = state.comm.allreduce(np.array([load[there[:count]].sum(), load.sum()]))
     return float(here / total) if total > 0.0 else np.inf
 
@@ -114,7 +114,7 @@ def pierced(contact: Contact, state: State) -> Finding | None:
 
 def _free(contact: Contact, state: State, found: Entered) -> Bools:
     """In which of the facets that a tool has entered (n,) no pressure at their nodes holds it from the front. Collective."""
-    forces = _forces(contact, state).x.array.reshape(-1, 3)
+    forces = pressing_forces(contact, state).x.array.reshape(-1, 3)
     return np.asarray(np.einsum("nkc,nc->n", forces[contact.surface.dense.nodes[found.facets]], found.normals) >= 0.0)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.trial import DRAWN
@@ -261,7 +262,7 @@ class Findings:
             text = f"'{contact.master_name}' was passed through by {depth:.3g}: a point lies too deep to be held"
             remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
             return Finding(LOST, text, f"contact '{contact.name}'", remedy)
-        through = came_in(contact, state) or _passed(contact, state)
+        through = came_in(contact, state) or come_in(contact, state) or _passed(contact, state)
         if found := through or _sunk(contact, state, SUNK) or _folded(contact, state):
             return found
         if known := _beyond_the_law(contact, state):
@@ -286,7 +287,12 @@ class Findings:
         lost, text, place = _slid_off(contact, state)
         if lost > SLID_OFF:
             return Finding(LOST, text, place, contact.partner.slid_off)
-        return _sunk(contact, state, SUNK) or came_in(contact, state, NEARLY) or pierced(contact, state)
+        return (
+            _sunk(contact, state, SUNK)
+            or came_in(contact, state, NEARLY)
+            or come_in(contact, state, NEARLY)
+            or pierced(contact, state)
+        )
 
     def deep(self, state: State) -> Finding | None:
         """A point lies deep enough to be distrusted."""
@@ -315,6 +321,8 @@ class Findings:
             "deep": _depth_note,
             "between": between_note,
             "pierced": pierced_note,
+            "hidden": hidden_note,
+            "led in": led_in_note,
             "leans": _lean_note,
             "edges": _edge_note,
         }

@@ -178,7 +178,7 @@ class MasterSurface(_Surface):
         self._counts = 3 * np.array(self.comm.allgather(len(self.owned)))
         self.keys = np.concatenate(self.comm.allgather(node_keys(space)[self.owned]))
         self.blocks = self.moving
-        X, self.section = self._gather(space.tabulate_dof_coordinates()[self.owned]), section
+        X, self.section = self.gathered(space.tabulate_dof_coordinates()[self.owned]), section
         if section is not None:
             ends = everywhere[0][:, :2]
             half = 0.5 * np.linalg.norm(X[ends[:, 1]] - X[ends[:, 0]], axis=1).mean() if len(ends) else 0.0
@@ -190,14 +190,15 @@ class MasterSurface(_Surface):
         count = {LINE: 2, TRIANGLE: 3}.get(int(everywhere[1].max(initial=0)), 4) if whole else 4
         super().__init__(everywhere, X, count)
 
-    def _gather(self, owned: Floats) -> Floats:
+    def gathered(self, owned: Floats) -> Floats:
+        """Values (n, 3) of all nodes, of strips the near ones, from those of this rank's own. Collective."""
         everything = np.empty((self._counts.sum() // 3, 3))
         self.comm.Allgatherv(np.ascontiguousarray(owned), [everything, self._counts])
         return everything
 
     def positions(self, state: State) -> Floats:
         """Current positions (nm, 3) [length] on every rank. Collective."""
-        u = self._gather(state.u.x.array.reshape(-1, 3)[self.owned])
+        u = self.gathered(state.u.x.array.reshape(-1, 3)[self.owned])
         return self.X + (u if self.section is None else np.tile(u, (2, 1)))
 
     def each(self, x: Floats, forces: Floats) -> tuple[Floats, Floats]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
@@ -40,10 +41,16 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     samples: Samples
 
     def __init__(
-        self, surface: SlaveSurface, skin: MasterSurface, master: MasterSurface | ToolSurface, timers: Timers, free: Array
+        self,
+        surface: SlaveSurface,
+        skin: MasterSurface,
+        master: MasterSurface | ToolSurface,
+        crossing: Crossing,
+        timers: Timers,
+        free: Array,
     ) -> None:
         search = SEARCH * max(surface.cell_height, master.longest)
-        super().__init__(surface, master, skin.owned, len(skin.X), search, skin.comm, timers)
+        super().__init__(surface, master, crossing, skin.owned, len(skin.X), search, skin.comm, timers)
         self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free)

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.crossing import Crossed, Crossing
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.joints import Directions
@@ -39,19 +40,21 @@ Feet = TypeVar("Feet", bound=Meeting)
 class PlacesOnFacets(Generic[Feet]):
     """Where a slave lies to the facets of a master; `first_feet` and the rest depend on how it meets them.
 
-    surface: SlaveSurface; master: the facets, which each rank knows in full; slave (n,): this rank's nodes of the slave;
-    first: where the master's nodes begin among the coordinates, facets: their nodes and sizes there; search: gaps from this
-    on are not told apart [length].
+    surface: SlaveSurface; master: the facets, which each rank knows in full; crossing: what of either lies behind the other;
+    slave (n,): this rank's nodes of the slave; first: where the master's nodes begin among the coordinates, facets: their
+    nodes and sizes there; search: gaps from this on are not told apart [length].
     """
 
     sights: Sights | None = None
     _watch: Watch  # over the nodes that positions rest on
     _feet: Feet | None = None
+    _crossed: tuple[Feet, Crossed] | None = None
 
     def __init__(
         self,
         surface: SlaveSurface,
         master: MasterSurface | ToolSurface,
+        crossing: Crossing,
         slave: Ints64,
         first: int,
         search: float,
@@ -59,6 +62,7 @@ class PlacesOnFacets(Generic[Feet]):
         timers: Timers,
     ) -> None:
         self.surface, self.master, self.slave, self.first = surface, master, slave, first
+        self.crossing = crossing
         self.search, self.comm, self.timers = search, comm, timers
         self.facets: Surface = (master.facets[0] + first, master.facets[1])
         self.reach = float(np.abs(master.X).max(initial=0.0))
@@ -88,6 +92,14 @@ class PlacesOnFacets(Generic[Feet]):
 
     def entered(self, state: State, nearly: float = 1.0, normals: Floats | None = None) -> Entered | None:
         """None: between slave points is not looked."""
+
+    def crossed(self, state: State) -> Crossed:
+        """Nodes of either surface behind the other's facets. Collective."""
+        feet = self.feet(state)
+        if self._crossed is None or self._crossed[0] is not feet:
+            with self.timers("crossing"):
+                self._crossed = feet, self.crossing.found(state)
+        return self._crossed[1]
 
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Depth [length] of the deepest point, or sample, too deep in the master to have a partner, or zero. Collective."""

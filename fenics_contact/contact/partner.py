@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.contact_term import ContactPartner, ContactPlaces
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.crossing import Crossed, Crossing
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.meeting import Sights
@@ -43,6 +44,13 @@ class Places(ContactPlaces, Protocol):
     def entered(self, state: State, nearly: float = 1.0, normals: Floats | None = None) -> Entered | None:
         """The slave's facets that the master has entered between their points, nearly: see `entered`; normals (n, 3): of the
         body at its nodes, in the place of those of facets. None where that is not looked for."""
+        ...
+
+    @property
+    def crossing(self) -> Crossing | None: ...
+
+    def crossed(self, state: State) -> Crossed | None:
+        """Nodes of either surface behind the other's facets; None where the master has none. Collective."""
         ...
 
     def beside(self, state: State) -> Beside | None: ...

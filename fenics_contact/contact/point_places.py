@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
@@ -57,12 +58,13 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         surface: SlaveSurface,
         facets: tuple[Ints64, Ints64, Ints64],
         master: MasterSurface | ToolSurface,
+        crossing: Crossing,
         space: Space,
         timers: Timers,
     ) -> None:
         slave = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         search = max(surface.cell_height, master.longest)
-        super().__init__(surface, master, slave, len(slave), search, space.mesh.comm, timers)
+        super().__init__(surface, master, crossing, slave, len(slave), search, space.mesh.comm, timers)
         self.space = space
         (_, nq, k), along = surface.a.shape, surface.gradients
         self.nodes = np.repeat(np.searchsorted(slave, surface.nodes), nq, axis=0).astype(np.int64)

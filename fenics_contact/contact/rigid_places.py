@@ -30,6 +30,7 @@ class RigidPlaces:
     """Of the points of a surface, and the other nodes of its body, at a tool; index: the tool's row in the state's q."""
 
     sights = None
+    crossing = None
     search = np.inf  # gaps from this on are not told apart [length]
 
     def __init__(self, surface: SlaveSurface, tool: RigidTool, index: int) -> None:
@@ -116,6 +117,9 @@ class RigidPlaces:
         x = dense.X + u[dense.nodes]
         points, outward = x if s.between else s.a @ x, None if normals is None else normals[dense.nodes]
         return entered(dense, x, points, self.tool_at(state.pose(self.index)), nearly, outward)
+
+    def crossed(self, state: State) -> None:
+        """None: a tool without facets is asked for with `entered`."""
 
     def beside(self, state: State) -> Beside:
         """The nodes that may meet the tool and are no slaves. Collective."""

@@ -23,6 +23,7 @@ from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.assembly.tool_motion import ToolMotion
+from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.fluid import Fluid
 from fenics_contact.contact.master import MasterSurface, ToolSurface, oriented_facets
@@ -318,12 +319,15 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     else:
         met = _master_surface(scene, stated, master, surface)
     slave, name, tool = scene.mesh.facets(*stated.slave), master_name(master), isinstance(met, ToolSurface)
+    skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
+    other = met  # points of degree 2 meet curves of a plane as such; else these are strips
+    if not isinstance(master, Tool) and stated.points != "averages" and scene.section is not None and scene.degree == 2:
+        other = MasterSurface(scene.space, scene.mesh.facets(*master), scene.section, True)
+    crossing = Crossing(skin, other, supports.free(skin.owned), scene.section is not None)
     if stated.points == "averages":
-        skin = MasterSurface(scene.space, slave, scene.section, scene.degree == 2)
-        return (MeshedToolAverages if tool else MortarPartner)(
-            name, NodePlaces(surface, skin, met, timers, supports.free(surface.nodes)[:, 0])
-        )
-    where = surface, oriented_facets(scene.space, slave), met, scene.space, timers
+        free = supports.free(surface.nodes)[:, 0]
+        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, skin, met, crossing, timers, free))
+    where = surface, oriented_facets(scene.space, slave), met, crossing, scene.space, timers
     if scene.degree == 2 and not tool:
         return QuadraticPartner(name, QuadraticPlaces(*where))
     return (MeshedToolPartner if tool else FacetPartner)(name, PointPlaces(*where))

@@ -1,0 +1,153 @@
+"""What is to be said where surfaces of facets come into each other between the points that hold them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.assembly.finding import LOST, Finding
+from fenics_contact.assembly.term import State
+from fenics_contact.contact.coming_in import BETWEEN, LITTLE, pressing_forces
+from fenics_contact.contact.foremost import worst
+from fenics_contact.kernels.status import OPEN
+from fenics_contact.types import Bools, Floats, Ints64
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.crossing import Crossing
+    from fenics_contact.contact.term import Contact
+
+# Of a facet's size: half of the way from its middle to the nearest corner, at which an analytic tool has come in, too, if
+# nothing holds it; and what no surface of such facets follows, whatever they carry
+COME_IN, DROWNED = 0.25, 1.0
+LED = 0.01  # of a contact's force: what more of it acts on prescribed nodes is worth a note
+
+
+class Sunk(NamedTuple):
+    """Nodes of n places that lie behind facets, of this rank: by how much deeper than the points there, sag (n,) [length],
+    share (n,): of the size of the slave's facet; X (n, 3): reference positions on the slave; slaves (n,): nodes of the
+    slave, at (n,): their numbers there, of others those of the slave's facets; led (n,): supports have led
+    them, or nodes of these facets, in; free (n,): no pressure
+    around holds them. forces (nm,): what pressure exerts on each node of the slave, of all ranks [force]."""
+
+    sag: Floats
+    share: Floats
+    X: Floats
+    slaves: Bools
+    at: Ints64
+    led: Bools
+    free: Bools
+    forces: Floats
+
+
+def _sunk(contact: Contact, state: State) -> Sunk | None:
+    """None where no node lies deep. Collective."""
+    crossing, comm = contact.places.crossing, state.comm
+    if crossing is None or (found := contact.places.crossed(state)) is None:
+        return None
+    if not comm.allreduce(bool((found.depth > BETWEEN * found.size).any()), op=MPI.LOR):
+        return None
+    facets, points = crossing.facet_nodes(), _penetrations(contact, state, crossing)
+    forces = crossing.skin.gathered(pressing_forces(contact, state).x.array.reshape(-1, 3)[crossing.skin.owned])
+    ours, theirs, around, sums = found.slaves, ~found.slaves, forces[facets].sum(axis=1), np.zeros_like(forces)
+    np.add.at(sums, facets, around[:, None])
+    held, pushed = np.empty(len(ours)), np.empty((len(ours), 3))
+    held[ours], held[theirs] = points[found.at[ours]], points[facets[found.at[theirs]]].max(axis=1, initial=0.0)
+    pushed[ours], pushed[theirs] = sums[found.at[ours]], around[found.at[theirs]]
+    sag, free = found.depth - held, np.einsum("nc,nc->n", pushed, found.normals) >= 0.0
+    share, load = sag / found.size, np.linalg.norm(forces, axis=1)
+    led_in = np.zeros(len(forces), dtype=np.int32)
+    led_in[found.at[ours & found.led & (share > BETWEEN)]] = 1
+    comm.Allreduce(MPI.IN_PLACE, led_in, op=MPI.MAX)
+    led = np.zeros(len(ours), dtype=bool)
+    led[ours], led[theirs] = led_in[found.at[ours]] > 0, (led_in[facets[found.at[theirs]]] > 0).any(axis=1)
+    return Sunk(sag, share, found.X, ours, found.at, led, free, load)
+
+
+def _penetrations(contact: Contact, state: State, crossing: Crossing) -> Floats:
+    """The greatest penetration (nm,) [length] of the points around each node of the slave, on all ranks. Collective."""
+    s, response, skin = contact.surface, contact.response(state), crossing.skin
+    depth = np.where(response.status != OPEN, np.maximum(-response.gap, 0.0), 0.0)
+    out = np.zeros(len(skin.moving))
+    nodes = np.searchsorted(skin.moving, compat.global_blocks(state.u.function_space)[s.nodes])
+    np.maximum.at(out, nodes, depth.max(axis=1, initial=0.0)[:, None])
+    state.comm.Allreduce(MPI.IN_PLACE, out, op=MPI.MAX)
+    return out
+
+
+def _part_there(contact: Contact, state: State, found: Sunk, which: Bools) -> float:
+    """Of the contact's pressure the part at the nodes of the facets around some places, endless where nothing presses.
+    Collective."""
+    crossing = contact.places.crossing
+    facets = crossing.facet_nodes() if crossing else np.empty((0, 1), dtype=np.int64)
+    there, ours = np.zeros(len(facets), dtype=np.int32), found.slaves
+    there[found.at[which & ~ours]] = 1
+    there[np.isin(facets, found.at[which & ours]).any(axis=1)] = 1
+    state.comm.Allreduce(MPI.IN_PLACE, there, op=MPI.MAX)
+    total = found.forces.sum()
+    return float(found.forces[np.unique(facets[there > 0])].sum() / total) if total > 0.0 else np.inf
+
+
+def _in_words(contact: Contact, state: State, found: Sunk, values: Floats) -> tuple[str, str]:
+    """(place, what lies how deep) of the place with the largest of values (n,). Collective."""
+    most, place = worst(contact, state.comm, values, found.X)
+    here = values >= most
+    sag = max(state.comm.allgather(found.sag[here].max(initial=0.0)))
+    ours = state.comm.allreduce(bool(found.slaves[here].any()), op=MPI.LOR)
+    what = f"a slave node lies {sag:.3g} inside '{contact.master_name}'"
+    return place, what if ours else f"'{contact.master_name}' lies {sag:.3g} inside the slave between its nodes"
+
+
+def hidden_note(contact: Contact, state: State) -> str | None:
+    """None, or that one surface lies in the other, deeper than the points that carry the load know. Collective."""
+    if (found := _sunk(contact, state)) is None:
+        return None
+    share = np.where(found.led, 0.0, found.share)
+    some = share > BETWEEN
+    if not state.comm.allreduce(bool(some.any()), op=MPI.LOR):
+        return None
+    if (part := _part_there(contact, state, found, some)) <= LITTLE:
+        return None
+    place, text = _in_words(contact, state, found, share)
+    most = max(state.comm.allgather(share.max(initial=0.0)))
+    there = f"{part:.0%} of the force acts there, and is wrong" if np.isfinite(part) else "nothing presses on it yet"
+    return f"{place}: {text}, {most:.0%} of their distance, beyond its pressures' penetration; {there}: {REMEDY}"
+
+
+REMEDY = "mesh the slave there with cells of a third of what comes in, or round the edge"
+
+
+def led_in_note(contact: Contact, state: State) -> str | None:
+    """None, or that supports have led nodes of the slave into the master. Collective."""
+    if (found := _sunk(contact, state)) is None:
+        return None
+    some = found.led & found.slaves
+    if not state.comm.allreduce(bool(some.any()), op=MPI.LOR):
+        return None
+    led = np.zeros(len(found.forces))
+    led[found.at[some]] = found.forces[found.at[some]]
+    state.comm.Allreduce(MPI.IN_PLACE, led, op=MPI.MAX)
+    total = found.forces.sum()
+    if not led.sum() > LED * total:
+        return None
+    place, text = _in_words(contact, state, found, np.where(some, found.share, 0.0))
+    return (
+        f"{led.sum() / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
+        f"{place}: {text}, and what acts there is no body's; leave these nodes free, or take what they lie on out of the "
+        "slave"
+    )
+
+
+def come_in(contact: Contact, state: State, nearly: float = 1.0) -> Finding | None:
+    """None, or the Finding that one surface has come into the other between points that do not hold it; nearly: what of the
+    limits is enough. Collective."""
+    if (found := _sunk(contact, state)) is None:
+        return None
+    through = ((found.share > nearly * COME_IN) & found.free) | (found.share > nearly * DROWNED)
+    values = np.where(through & ~found.led, found.share, 0.0)
+    if not state.comm.allreduce(bool(values.any()), op=MPI.LOR):
+        return None
+    place, text = _in_words(contact, state, found, values)
+    return Finding(LOST, f"{text}, where no pressure holds it", place, REMEDY)
