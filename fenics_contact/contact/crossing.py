@@ -31,8 +31,8 @@ class Crossed(NamedTuple):
     """Nodes of either surface that lie behind the other's facets: n of them, of this rank.
 
     depth (n,) [length]; size (n,): shortest side of the slave's facet there [length]; X (n, 3): a place on the slave in the
-    reference; normals (n, 3): out of the slave; slaves (n,): which are nodes of the slave; at (n,): their numbers on it, else
-    those of the slave's facets that the others lie behind; led (n,): supports hold the slave's node along the normal.
+    reference; normals (n, 3): out of the slave; slaves (n,): which are nodes of the slave; at (n,): their numbers on it,
+    else those of the slave's facets that the others lie behind; led (n,): supports hold the slave's node along the normal.
     """
 
     depth: Floats

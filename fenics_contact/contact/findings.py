@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note
+from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.trial import DRAWN
@@ -322,6 +322,7 @@ class Findings:
             "between": between_note,
             "pierced": pierced_note,
             "hidden": hidden_note,
+            "pierced facet": pierced_facet_note,
             "led in": led_in_note,
             "leans": _lean_note,
             "edges": _edge_note,
