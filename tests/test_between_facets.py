@@ -1,0 +1,150 @@
+"""Bodies and meshed tools that come in between the points of a slave, and slave nodes that means hide, are named."""
+
+import re
+
+import gmsh
+import numpy as np
+import pytest
+
+from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_curve, rigid_surface, solve
+from fenics_contact.meshes import box, rectangles
+
+pytestmark = pytest.mark.parallel
+SOFT, HARD = neo_hooke(1.0, 5.0), neo_hooke(1e4, 5e4)
+FLOOR = ((-3.0, -3.0), (6.0, 3.0))
+
+
+def wedge(wide=1.0, high=1.0):
+    """The two sides of a wedge whose edge is the origin."""
+    x = ((-wide, high), (0.0, 0.0), (wide, high))
+    points = [gmsh.model.geo.addPoint(*place, 0.0) for place in x]
+    lines = [gmsh.model.geo.addLine(*pair) for pair in zip(points[:-1], points[1:], strict=True)]
+    gmsh.model.geo.synchronize()
+    for line in lines:
+        gmsh.model.mesh.setTransfiniteCurve(line, 7)
+    gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, lines), "wedge")
+    gmsh.model.mesh.generate(1)
+
+
+def edge_and_floor(cells, wide=1.0):
+    """A floor of 6 x 3 under a body on its edge in the origin."""
+    g = gmsh.model.geo
+    points = [g.addPoint(*x, 0.0) for x in ((0.0, 0.0), (wide, 1.0), (0.0, 2.0), (-wide, 1.0))]
+    lines = [g.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
+    surface = g.addPlaneSurface([g.addCurveLoop(lines)])
+    for line in lines:
+        g.mesh.setTransfiniteCurve(line, 7)
+    g.mesh.setTransfiniteSurface(surface)
+    g.mesh.setRecombine(2, surface)
+    g.synchronize()
+    for dim, tags, name in ((2, [surface], "wedge"), (1, [lines[0], lines[3]], "sides"), (1, lines[1:3], "held")):
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
+    rectangles.build({"floor": (*FLOOR, (cells, max(5, cells // 4)))})
+
+
+def pressed(kind, cells=9, down=0.4, steps=4, degree=1, wide=1.0, swapped=False, **options):
+    """An edge, a body's or a tool's, pressed into a soft floor, which is the slave unless swapped."""
+    scene_of = {"plane": "strain", "degree": degree}
+    if kind == "tool":
+        mesh = read_gmsh(rectangles.build, rectangles={"floor": (*FLOOR, (cells, max(5, cells // 4)))})
+        scene, tool = Scene(Body(mesh, "floor", SOFT), **scene_of), rigid_curve(wedge, wide=wide)
+        scene.contact("floor_ymax", tool, 0.0, name="c", **options)
+        more = {"move": {tool: (0.0, -down, 0.0)}}
+    else:
+        mesh = read_gmsh(edge_and_floor, cells=cells, wide=wide)
+        scene, more = Scene(Body(mesh, "floor", SOFT), Body(mesh, "wedge", HARD), **scene_of), {}
+        scene.prescribe("held", "y", -down)
+        scene.fix("held", "x")
+        sides = "sides", "floor_ymax"
+        scene.contact(*(sides if swapped else sides[::-1]), 0.0, name="c", **options)
+    scene.fix("floor_ymin")
+    record = {"top": lambda view: view.at((0.0, 0.0, 0.0)).displacement[1]} if kind == "tool" else None
+    return solve(scene, steps=steps, progress=False, record=record, **more)
+
+
+def said(result, words):
+    return [note for note in result.verdict.notes if words in note]
+
+
+def depth(note):
+    return float(re.search(r"lies ([\d.e-]+) inside", note)[1])
+
+
+@pytest.mark.parametrize(("kind", "degree"), [("body", 1), ("body", 2), ("tool", 1), ("tool", 2)])
+def test_an_edge_between_nodes_is_named_with_how_deep_it_lies(kind, degree):
+    result = pressed(kind, degree=degree).require()
+    # the same edge in a floor of 60 cells, where forces settle: 0.58 (of 240 cells 0.576)
+    assert abs(result.column("floor_ymin_reaction_y_N")[-1]) < 0.3
+    (note,) = said(result, "a third or more")
+    assert "step 4 " in note and "inside the slave between its nodes" in note
+    if kind == "tool" and degree == 1:  # it is 0.4 lower, and so is the facet's middle by what its nodes have gone down
+        assert depth(note) == pytest.approx(0.4 + result.column("top")[-1], abs=2e-3)
+
+
+def test_the_remedy_helps_and_says_no_more_at_the_end():
+    result = pressed("body", cells=60, steps=8).require()
+    assert abs(result.column("floor_ymin_reaction_y_N")[-1]) == pytest.approx(0.576, rel=0.03)
+    assert all(int(re.search(r"step (\d+)", note)[1]) < 4 for note in said(result, "inside the slave"))
+
+
+def test_a_blade_that_no_pressure_holds_has_come_in():
+    result = pressed("body", down=0.8, steps=8, wide=0.3)
+    assert result.verdict.kind == "projection lost"
+    assert "between its nodes, where no pressure holds it" in result.verdict.reason
+    # of the facets' size, 0.667, three quarters
+    assert 0.8 * result.column("t")[-1] == pytest.approx(0.5, abs=0.01)
+
+
+def test_an_edge_of_the_slave_that_means_hide_is_named():
+    note = said(pressed("body", swapped=True).require(), "a slave node lies")[0]
+    assert "let 'floor_ymax' be the slave" in note
+
+
+@pytest.mark.parametrize("points", [3, "averages"])
+def test_a_spike_of_a_tool_in_space_is_named(points):
+    def spike():
+        x = (0.2, 0.2, 0.0), (0.4, 0.2, 1.0), (0.1, 0.37, 1.0), (0.1, 0.03, 1.0)
+        tip, *rim = (gmsh.model.geo.addPoint(*place) for place in x)
+        rays = [gmsh.model.geo.addLine(tip, point) for point in rim]
+        around = [gmsh.model.geo.addLine(rim[i], rim[(i + 1) % 3]) for i in range(3)]
+        loops = [gmsh.model.geo.addCurveLoop([rays[i], around[i], -rays[(i + 1) % 3]]) for i in range(3)]
+        faces = [gmsh.model.geo.addPlaneSurface([loop]) for loop in loops]
+        gmsh.model.geo.synchronize()
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, faces), "spike")
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 2.0)
+        gmsh.model.mesh.generate(2)
+
+    mesh = read_gmsh(box.build, size=(3.0, 3.0, 2.0), cells=(3, 3, 2), origin=(-1.5, -1.5, -2.0))
+    # it comes down beside the middle of a facet, where a Gauss point is
+    scene, tool = Scene(Body(mesh, "box", SOFT)), rigid_surface(spike, flip=True)
+    scene.fix("zmin")
+    scene.contact("zmax", tool, 0.0, name="c", points=points)
+    result = solve(scene, move={tool: (0.0, 0.0, -0.4)}, steps=2, progress=False)
+    assert depth(said(result, "inside the slave between its nodes")[0]) >= 0.15
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_nodes_that_supports_lead_into_a_body_are_named_as_the_cause(degree):
+    sides = {"pad": ((0.001, 0.0), (3.0, 3.0), (6, 6)), "wall": ((-1.0, -1.0), (1.0, 5.0), (3, 12))}
+    mesh = read_gmsh(rectangles.build, rectangles=sides)
+    scene = Scene(Body(mesh, "pad", SOFT), Body(mesh, "wall", HARD), plane="strain", degree=degree)
+    scene.fix("pad_ymax", "y")
+    scene.prescribe("pad_ymax", "x", -0.2)
+    scene.fix("wall_xmin")
+    scene.contact("pad_xmin", "wall_xmax", 0.0, name="c")
+    result = solve(scene, steps=3, progress=False).require()
+    (note,) = said(result, "where supports prescribe the slave")
+    assert "(0.001, 3, 0): a slave node lies" in note and "inside 'wall_xmax'" in note
+    assert not said(result, "between its nodes")  # which follows from it
+
+
+def test_what_lies_as_it_should_is_passed_over():
+    sides = {"pad": ((0.0, 0.0), (3.0, 1.0), (7, 3)), "block": ((0.6, 1.0), (1.0, 1.0), (4, 4))}
+    mesh = read_gmsh(rectangles.build, rectangles=sides)
+    scene = Scene(Body(mesh, "pad", SOFT), Body(mesh, "block", SOFT), plane="strain")
+    scene.fix("pad_ymin")
+    scene.fix("block_ymax", "x")
+    scene.prescribe("block_ymax", "y", -0.15)
+    scene.contact("pad_ymax", "block_ymin", 0.3, name="c")
+    result = solve(scene, steps=3, progress=False).require()
+    assert not said(result, " inside ") and np.abs(result.column("c_force_y_N")[-1]) > 0.1
