@@ -45,22 +45,24 @@ def _dofs(space: Space, blocks: Ints64 | None = None) -> Ints64:
 class CondensedPressure(FormTerm):
     """The three-field solid of Simo, Taylor & Pister (1985, doi:10.1016/0045-7825(85)90033-7), in u alone.
 
-    In every cell the dilatation theta is the projection of J, the pressure p that of U'(theta):
+    In every cell the dilatation theta is the projection of J, the pressure p that of the energy's slope in theta:
 
-        M theta = int q J dX,    M p = int q U'(theta) dX,    M = int q q dX,
+        M theta = int q J dX,    M p = int q E_theta dX,    M = int q q dX,
 
-    and the residual is the virtual power at this p(u): a pure function of u. Its derivative is
-    K(p) + B^T D B with B = int q J div v dX, D = M^-1 (int q U''(theta) q dX) M^-1.
+    and the residual is the virtual power at this p(u): a pure function of u. E(F, theta) is W(F) + U(theta), or
+    has a third part that both are in (`materials.at_dilatation`). The residual's derivative is
+    K(p) + B^T D B + B^T M^-1 C + C^T M^-1 B with B = int q J div v dX, C = int q (dE_theta/du . v) dX and
+    D = M^-1 (int q E_theta,theta q dX) M^-1.
 
     In K(p), the tangent at fixed pressure, p is not p(u) but the one Newton's method gives a pressure that is an unknown
-    of its own: p + s (p(u) - p) + D B du after a share s of the last tangent's increment. Far from the solution
+    of its own: p + s (p(u) - p) + (D B + M^-1 C) du after a share s of the last tangent's increment. Far from the solution
     p(u) = K (J - 1) carries K times the second-order error of J, which makes Newton diverge at large K / mu; this one
     does not. The line search looks at the residual of the same pressure. At the first tangent after a commit or a rollback
     it is the committed state's, so that a step cut back equals a small step.
 
-    forms: compiled `volume` int q J, `law` int q U'(theta), `stiffness` int q U''(theta) q, `mass` M, `coupling` B;
-    fields: Functions pressure, predicted, dilatation in q's space, written here; residual holds `pressure`, tangent
-    `predicted`.
+    forms: compiled `volume` int q J, `law` int q E_theta, `stiffness` int q E_theta,theta q, `mass` M, `coupling` B and,
+    unless it is zero, `cross` C; fields: Functions pressure, predicted, dilatation in q's space, written here; residual
+    holds `pressure`, tangent `predicted`.
     """
 
     condensed = True
@@ -81,6 +83,7 @@ class CondensedPressure(FormTerm):
         self._forms, q, v = forms, self.pressure.function_space, u.function_space
         self._coupling = CellBlocks(forms["coupling"], q, v)
         self._stiffness = CellBlocks(forms["stiffness"], q, q)
+        self._cross = CellBlocks(forms["cross"], q, v) if "cross" in forms else None
         mass = CellBlocks(forms["mass"], q, q)
         self._inverse_mass = np.linalg.inv(mass.assemble())
         cells = len(self._inverse_mass)
@@ -145,9 +148,16 @@ class CondensedPressure(FormTerm):
     def tangent(self, state: State) -> Blocks:
         eliminated, own = self._evaluate(), self._follow(state)
         coupling = self._coupling.assemble()
-        slope = self._inverse_mass @ (self._stiffness.assemble() @ (self._inverse_mass @ coupling))
+        dilatation = self._inverse_mass @ coupling  # its rate with the cell's displacement
+        if self._cross is None:
+            slope = self._inverse_mass @ (self._stiffness.assemble() @ dilatation)
+            blocks = coupling.transpose(0, 2, 1) @ slope
+        else:
+            cross = self._cross.assemble()
+            slope = self._inverse_mass @ (self._stiffness.assemble() @ dilatation + cross)
+            blocks = coupling.transpose(0, 2, 1) @ slope + cross.transpose(0, 2, 1) @ dilatation
         self._last = state.u.x.array.copy(), own, eliminated, slope
-        return Blocks(forms=tuple(self._tangents), cells=(self._blocks, coupling.transpose(0, 2, 1) @ slope))
+        return Blocks(forms=tuple(self._tangents), cells=(self._blocks, blocks))
 
     def commit(self, state: State) -> None:
         """Keep the pressure at the accepted displacement: where the next step, or its repetition, starts."""

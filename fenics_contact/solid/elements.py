@@ -137,26 +137,28 @@ def _mixed(
     def summed(integrand: Callable[[Material], Expr]) -> Form:
         return sum(integrand(material) * dx for material, dx in measured)
 
-    def slope(material: Material) -> Expr:
-        return ufl.diff(materials.energy_parts(material)[1](theta), theta)
+    def density(material: Material) -> Expr:
+        return materials.at_dilatation(material, theta, holds)(*vp.invariants(F))
+
+    def stressed(p: Function) -> list[tuple[Isotropic, Measure]]:
+        return [(materials.with_pressure(material, value(p), value(dilatation), holds), dx) for material, dx in measured]
 
     F = vp.deformation_gradient(u, section)
-    theta = ufl.variable(value(dilatation))
+    theta, holds = ufl.variable(value(dilatation)), degree == 2
     forms = {
         "volume": summed(lambda m: value(q) * ufl.det(F)),
-        "law": summed(lambda m: value(q) * slope(m)),
-        "stiffness": summed(lambda m: value(q) * value(dq) * ufl.diff(slope(m), theta)),
+        "law": summed(lambda m: value(q) * ufl.diff(density(m), theta)),
+        "stiffness": summed(lambda m: value(q) * value(dq) * ufl.diff(ufl.diff(density(m), theta), theta)),
         "mass": summed(lambda m: value(q) * value(dq)),
         "coupling": summed(lambda m: value(q) * vp.dilatation_rate(u, du, section)),
     }
+    if holds:
+        forms["cross"] = ufl.derivative(forms["law"], u, du)
     forms = {name: compat.compile_form(form) for name, form in forms.items()}
-    stressed = [(materials.with_pressure(material, value(pressure)), dx) for material, dx in measured]
-    ahead = [(materials.with_pressure(material, value(predicted)), dx) for material, dx in measured]
-    power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in stressed)
-    rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in ahead)
-    laws = [material for material, _ in stressed]
-    densities = (vp.mixed_energy_density(*materials.energy_parts(m), F, value(dilatation)) for m, _ in measured)
-    energy = _energy([(m, density, dx) for (m, dx), density in zip(measured, densities, strict=True)])
+    power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in stressed(pressure))
+    rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in stressed(predicted))
+    laws = [material for material, _ in stressed(pressure)]
+    energy = _energy([(material, density(material), dx) for material, dx in measured])
     return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws, energy)
 
 

@@ -126,10 +126,22 @@ def _with_energy(material: Material, psi: Callable[[Expr, Expr, Expr], Expr]) ->
     return Isotropic(material.name, psi, material.shear_modulus, material.bulk_modulus, *energy_parts(material))
 
 
-def with_pressure(material: Material, p: Expr) -> Isotropic:
-    """Isochoric energy + p J: the volume answers with a pressure p [pressure] that is a field of its own."""
-    isochoric, _ = energy_parts(material)
-    return _with_energy(material, lambda I1, I2, J: isochoric(I1, I2) + p * J)
+def at_dilatation(material: Material, theta: Expr, holds: bool) -> Callable[[Expr, Expr, Expr], Expr]:
+    """Energy [pressure] of (I1, I2, J) whose volume follows a dilatation theta of its own; TypeError as of `energy_parts`.
+
+    holds: with isochoric (J/theta - 1)^2, which keeps J near theta within a cell; zero where they are equal, and at rest.
+    """
+    isochoric, volumetric = energy_parts(material)
+    if not holds:
+        return lambda I1, I2, J: isochoric(I1, I2) + volumetric(theta)
+    return lambda I1, I2, J: isochoric(I1, I2) * (1 + (J / theta - 1) ** 2) + volumetric(theta)
+
+
+def with_pressure(material: Material, p: Expr, theta: Expr, holds: bool) -> Isotropic:
+    """Energy at a dilatation, as of `at_dilatation`, + p J: the volume answers with a pressure p [pressure] that is a field
+    of its own."""
+    energy = at_dilatation(material, theta, holds)
+    return _with_energy(material, lambda I1, I2, J: energy(I1, I2, J) + p * J)
 
 
 def swollen(material: Material, ratio: Constant | Function) -> Material:

@@ -167,20 +167,14 @@ def energy_density(material: Material, u: Function, section: Section | None = No
     F = deformation_gradient(u, section)
     if not isinstance(material, Isotropic):
         return material.psi(F)
-    return material.psi(*_invariants(F), ufl.det(F))
+    return material.psi(*invariants(F))
 
 
-def mixed_energy_density(
-    isochoric: Callable[[Expr, Expr], Expr], volumetric: Callable[[Expr], Expr], F: Expr, dilatation: Expr
-) -> Expr:
-    """Strain energy per reference volume [pressure] where the volume follows a dilatation of its own."""
-    return isochoric(*_invariants(F)) + volumetric(dilatation)
-
-
-def _invariants(F: Expr) -> tuple[Expr, Expr]:
-    """I1 = tr B^ and I2 = tr(B^ . B^)."""
-    B = ufl.det(F) ** (-2 / 3) * ufl.dot(F, F.T)
-    return ufl.tr(B), ufl.tr(ufl.dot(B, B))
+def invariants(F: Expr) -> tuple[Expr, Expr, Expr]:
+    """I1 = tr B^, I2 = tr(B^ . B^) and J."""
+    J = ufl.det(F)
+    B = J ** (-2 / 3) * ufl.dot(F, F.T)
+    return ufl.tr(B), ufl.tr(ufl.dot(B, B)), J
 
 
 def projected_power(weight: Expr, projector: Expr, moved: Expr, v: Expr, dx: Measure) -> Form:
