@@ -27,7 +27,7 @@ from fenics_contact import (
     solve,
     user_energy,
 )
-from fenics_contact.meshes import box, cook, disc, patch_block, rod, sphere_shell, two_blocks
+from fenics_contact.meshes import box, cook, disc, patch_block, rectangles, rod, sphere_shell, two_blocks
 from fenics_contact.output.fields import Fields
 from fenics_contact.solid import materials
 from fenics_contact.solvers import linear
@@ -415,6 +415,76 @@ def test_rubber_cylinder_squeezed_flat():
     assert result.converged, result.verdict.reason
     force = -2 * result.column("rim_force_z_N")[1::2] / 10.0  # kN/m
     assert np.abs(force / [60.15, 170.61, 362.53, 714.81, 1415.74] - 1).max() < 0.01, force
+
+
+# ---- stability
+
+
+def pressed_square(element, triangles=False, cells=4, K=20.0, stretch=0.58, law=None):
+    """A square between rollers on three sides, the fourth free, plane strain, which is to be pressed to a stretch."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((0, 0), (1, 1), (cells, cells))}, triangles=triangles)
+    scene = Scene(Body(mesh, "b", law or neo_hooke(0.7, K)), plane="strain", degree=2, element=element)
+    scene.fix("b_xmin", "x")
+    scene.fix("b_ymin", "y")
+    scene.prescribe("b_ymax", "y", stretch - 1.0)
+    return scene
+
+
+def pressed_cube(mesh, K=20.0, stretch=0.58):
+    """The same of hexahedra or tetrahedra."""
+    scene = Scene(Body(mesh, "box", neo_hooke(0.7, K)), degree=2, element="mixed")
+    scene.fix("xmin", "x")
+    scene.fix(("ymin", "ymax"), "y")
+    scene.fix("zmin", "z")
+    scene.prescribe("zmax", "z", stretch - 1.0)
+    return scene
+
+
+def unstable_from(scene, steps):
+    """Number of the first step after which the tangent has a negative pivot, if any."""
+    result = solve(scene, steps=steps, progress=False).require()
+    notes = [note for note in result.verdict.notes if "negative pivots" in note]
+    return round(steps * float(notes[0].partition(":")[0].rpartition("t = ")[2])) if notes else None
+
+
+PRESSED = {
+    "squares": lambda: pressed_square("mixed"),
+    "squares, K / mu = 7": lambda: pressed_square("mixed", K=5.0),
+    "squares, K / mu = 1000": lambda: pressed_square("mixed", K=700.0),
+    "triangles": lambda: pressed_square("mixed", triangles=True),
+    "one hexahedron": lambda: pressed_cube(read_gmsh(box.build)),
+    "distorted hexahedra": lambda: pressed_cube(distorted_cube()),
+    "tetrahedra, K / mu = 1000": lambda: pressed_cube(read_gmsh(draw_tetrahedra), K=700.0),
+    "Yeoh": lambda: pressed_square("mixed", law=materials.yeoh(0.35, -0.02, 0.01, 20.0)),
+    "Mooney, second invariant": lambda: pressed_square("mixed", law=materials.mooney_paper(A1, A2, 8.0)),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scene", PRESSED)
+def test_degree_2_is_stable_in_compression_as_far_as_the_material_is(scene):
+    """Biot's surface wrinkles from 0.544 of the height on; fields whose J alternates within a cell must not come before."""
+    assert unstable_from(PRESSED[scene](), steps=7) is None
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("triangles", [False, True])
+def test_degree_2_is_unstable_where_the_surface_wrinkles(triangles):
+    """An incompressible half space in plane strain at a stretch of 0.544 (Biot 1963, Appl. Sci. Res. A 12, 168)."""
+    steps = 25
+    first = unstable_from(pressed_square("mixed", triangles, cells=8, stretch=0.5), steps)
+    assert 1.0 - 0.5 * first / steps <= 0.544 < 1.0 - 0.5 * (first - 1) / steps + 0.02  # a step is 0.02; cells hold wrinkles
+
+
+@pytest.mark.serial
+def test_degree_2_follows_a_small_load_aside_under_compression():
+    ends = []
+    for element in ("displacement", "mixed"):
+        scene = pressed_square(element)
+        scene.traction("b_xmax", lambda X, t: np.c_[0.01 * t * np.cos(4 * np.pi * X[:, 1]), 0 * X[:, 0], 0 * X[:, 0]])
+        result = solve(scene, steps=7, progress=False).require()
+        ends.append(result.column("b_ymax_reaction_y_N")[-1])
+    assert abs(ends[1] / ends[0] - 1) < 2e-5, ends  # what the plain element's changes by from 4 to 16 cells
 
 
 # ---- what cannot work is refused
