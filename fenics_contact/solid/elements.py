@@ -5,11 +5,13 @@
     of degree 2 half of it (demos/locking.py).
 "mixed"  the recommended one for rubber, K / mu from 10 to 1e4 and beyond: errors, steps and Newton iterations do not grow
     with it. A pressure per cell, linear in hexahedra of degree 2, condensed out. The tangent costs 1.9 to 2.3 times the
-    plain one in degree 1, 1.3 times in degree 2; the linear solve stays the same. Degree 1 (mean dilatation) has pressure
+    plain one in degree 1, three times in degree 2; the linear solve stays the same. Degree 1 (mean dilatation) has pressure
     modes that alternate from cell to cell, seen in the stress and not in the displacement, is stiff in bending on coarse
     meshes, and may hourglass where cells are pressed to a small fraction of their height. Degree 2 has no such modes and
-    is the most exact per unknown. Tetrahedra of degree 2 take one pressure per cell (the linear one has no stable answer);
-    of degree 1 they gain nothing from a pressure, and lock from K / mu of 5.
+    is the most exact per unknown. In compression it would lose stability before the material does (a plane square at a
+    stretch of 0.65 instead of 0.54): an energy that holds J near its projection, `materials.at_dilatation`, keeps it.
+    Tetrahedra of degree 2 take one pressure per cell (the linear one has no stable answer); of degree 1 they gain nothing
+    from a pressure, and lock from K / mu of 5.
 """
 
 from collections.abc import Callable, Mapping, Sequence
