@@ -36,9 +36,10 @@ lint: bare
 test: lint suite
 
 # The tests alone, without types, which are checked with the libraries that `make setup` is written for. Each runs once: on two
-# processes those that these could change, which do there all that they do on one; on one process they run in `make nightly`
+# processes those that these could change, which do there all that they do on one; on one process they run in `make nightly`.
+# Files are handed out whole: what a file solves once is solved once, and neither process is left with a long rest
 suite: setup
-	@$(ENV) python3 -m pytest -n 2 -m "not parallel and not slow"
+	@$(ENV) python3 -m pytest -n 2 --dist loadfile -m "not parallel and not slow"
 	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and not slow" -p no:cacheprovider --color=no
 
 # Those that take longer than all others of their file: many ranks, fine meshes, long ways
@@ -49,7 +50,7 @@ test-slow: setup
 # What another release could trip over: all that runs on one process, and on two what its communicators, what is freed and
 # when, files and restarts decide; ONLY, FILES: some of these tests alone
 suite-beside: setup
-	@$(ENV) python3 -m pytest -n 2 -m "not parallel and not slow" $(ONLY)
+	@$(ENV) python3 -m pytest -n 2 --dist loadfile -m "not parallel and not slow" $(ONLY)
 	@$(MAKE) suite-ranks FILES="$(FILES) tests/test_plane.py"
 
 FILES := tests/test_faults.py tests/test_restart.py tests/test_steppers.py
@@ -68,7 +69,7 @@ test-rounding: setup
 # What `make test` runs on two processes, on one; then 200 random scenes on one process and on two, each in a process of its
 # own: a line per scene, and how many ended how
 nightly: setup
-	@$(ENV) python3 -m pytest -n 2 -m parallel
+	@$(ENV) python3 -m pytest -n 2 --dist loadfile -m parallel
 	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out results/random_scenes.csv
 
 # Races against the programs that are installed, what a run is made of, anew; the tables of docs/speed.md
