@@ -17,6 +17,7 @@ class PivotWatch:
     def __init__(self, system: System, linear: LinearSolver, verdict: Verdict, on_step: OnStep, arcs: bool) -> None:
         self.system, self.linear, self.verdict, self.on_step, self.arcs = system, linear, verdict, on_step, arcs
         self.negative = 0 if system.scales.accepted == 0.0 else None  # not known of a run that is resumed
+        self._counted = True  # else one motion was found that is not resisted, and there may be more
         self._builds = linear.builds
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
@@ -52,7 +53,7 @@ class PivotWatch:
         self.negative = None
 
     def _look(self, now: int, counted: bool = True) -> None:
-        if self.negative is not None and now > self.negative:
+        if self.negative is not None and now > self.negative and (self._counted or not self.negative):
             if self.system.symmetric:
                 found = f"the tangent has {now} negative pivots, {self.negative or 'none'} in the step before"
                 if not counted:
@@ -71,4 +72,5 @@ class PivotWatch:
             )
             step = f"step {len(self.verdict.residuals)} to t = {self.system.state.t:.6g}"
             self.verdict.notes.append(f"{step}: {found}; {remedy}")
+        self._counted = counted or (self._counted and now == self.negative)
         self.negative = now
