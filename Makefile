@@ -44,8 +44,7 @@ suite: setup
 
 # Those that take longer than all others of their file: many ranks, fine meshes, long ways
 test-slow: setup
-	@$(ENV) python3 -m pytest -n 2 -m "not parallel and slow"
-	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and slow" -p no:cacheprovider --color=no
+	@$(ENV) python3 -m pytest -n 2 -m slow
 
 # What another release could trip over: all that runs on one process, and on two what its communicators, what is freed and
 # when, files and restarts decide; ONLY, FILES: some of these tests alone
@@ -66,10 +65,11 @@ test-rounding: setup
 	@$(ENV) OPENBLAS_CORETYPE=Prescott python3 -m pytest -n 2 tests/test_linear.py tests/test_verdicts.py tests/test_damping.py \
 	  tests/test_stabilisation.py tests/test_arc_length.py tests/test_steppers.py tests/test_branches.py
 
-# What `make test` runs on two processes, on one; then 200 random scenes on one process and on two, each in a process of its
-# own: a line per scene, and how many ended how
+# What `make test` runs on two processes, on one, and what `make test-slow` runs on one, on two; then 200 random scenes on one
+# process and on two, each in a process of its own: a line per scene, and how many ended how
 nightly: setup
-	@$(ENV) python3 -m pytest -n 2 --dist loadfile -m parallel
+	@$(ENV) python3 -m pytest -n 2 --dist loadfile -m "parallel and not slow"
+	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and slow" -p no:cacheprovider --color=no
 	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out results/random_scenes.csv
 
 # Races against the programs that are installed, what a run is made of, anew; the tables of docs/speed.md
