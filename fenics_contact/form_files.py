@@ -24,10 +24,14 @@ def found(module_name: str, object_names: Sequence[str], cache_dir: str | Path, 
     folder = Path(cache_dir)
     folder.mkdir(exist_ok=True, parents=True)
     ready, library = (folder / (module_name + ending) for ending in (".c.cached", EXTENSION_SUFFIXES[0]))
-    while not (ready.exists() and library.exists()):
+
+    def compiled() -> bool:
+        return ready.exists() and library.exists()
+
+    while not compiled():
         if (lock := _lock(folder / (module_name + ".lock"))) is None:
             time.sleep(0.1)
-        elif ready.exists() and library.exists():
+        elif compiled():
             lock.close()
         else:
             _locks.append(lock)

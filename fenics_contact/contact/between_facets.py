@@ -12,6 +12,7 @@ from fenics_contact.assembly.finding import LOST, Finding
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.coming_in import LITTLE, MOST, pressing_forces
 from fenics_contact.contact.foremost import worst
+from fenics_contact.contact.led import LED
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Bools, Floats, Ints64
 
@@ -27,7 +28,6 @@ HIDDEN, PIERCED = 0.15, 0.3
 # from there; what is deeper and held by nothing has come in, and so has what no surface of such facets follows
 COME_IN, DROWNED = 0.75, 1.0
 FINER = "mesh the slave there more finely, with cells of a quarter of how deep it is to go"
-LED = 0.01  # of a contact's force: what more of it acts on prescribed nodes is worth a note
 
 
 class Sunk(NamedTuple):

@@ -27,9 +27,8 @@ BETWEEN, PIERCED = 0.1, 0.3
 # and what more makes the whole force too small
 LITTLE, MOST = 0.1, 0.5
 FINER = "cells of a third of its radius"
-AIM = (
-    0.75  # of BETWEEN: what finer cells are to hang by; that falls with their size, and grows where their nodes let more in
-)
+# Of BETWEEN: what finer cells are to hang by; that falls with their size, and grows where their nodes let more in
+AIM = 0.75
 
 
 def held_better(contact: Contact, size: float | None = None) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.led import FIXED
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import EDGE, VERTEX, closest_points
@@ -16,7 +17,6 @@ from fenics_contact.types import Bools, Floats, Ints64
 
 # Cosine of outward normals above which a facet does not look towards a node: sides of a body pass along each other
 FACING = -0.25
-FIXED = 1e-6  # of a motion along the normal: what else supports leave a node is rounding of the normal
 REACH = 2.0  # times the longest piece of the other surface: what lies deeper has been let in by steps before
 # Flat pieces of facets of degree 2, which have each node for a corner
 PIECES = {

@@ -13,6 +13,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
+from fenics_contact.contact.led import LED
 from fenics_contact.contact.trial import DRAWN
 from fenics_contact.kernels.status import SLIP, STICK
 
@@ -26,7 +27,6 @@ THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by 
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
-LED = 0.01  # of a contact's force: what more of it acts on prescribed points is worth a note
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
 FIXED = 1e-6  # of a point's motion along its normal: what else its free nodes could give is rounding of the normal
+LED = 0.01  # of a contact's force: what more of it acts on prescribed points is worth a note
 
 
 class Led:

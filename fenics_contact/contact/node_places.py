@@ -32,9 +32,9 @@ SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses 
 class NodePlaces(PlacesOnFacets[MortarFeet]):
     """Of slave nodes that meet a master through samples of the facets around them.
 
-    surface: SlaveSurface of nodes; skin: all facets of the slave; free (ns, 3, 3): ways that supports leave the nodes, by
-    rows. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of the
-    others. The constructor and methods that take a state are collective.
+    surface: SlaveSurface of nodes; crossing.skin: all facets of the slave; free (ns, 3, 3): ways that supports leave the
+    nodes, by rows. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of
+    the others. The constructor and methods that take a state are collective.
     """
 
     sights: Sights
@@ -43,13 +43,12 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     def __init__(
         self,
         surface: SlaveSurface,
-        skin: MasterSurface,
         master: MasterSurface | ToolSurface,
         crossing: Crossing,
         timers: Timers,
         free: Array,
     ) -> None:
-        search = SEARCH * max(surface.cell_height, master.longest)
+        skin, search = crossing.skin, SEARCH * max(surface.cell_height, master.longest)
         super().__init__(surface, master, crossing, skin.owned, len(skin.X), search, skin.comm, timers)
         self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1

@@ -326,7 +326,7 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     crossing = Crossing(skin, other, supports.free(skin.owned), scene.section is not None)
     if stated.points == "averages":
         free = supports.free(surface.nodes)[:, 0]
-        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, skin, met, crossing, timers, free))
+        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, met, crossing, timers, free))
     where = surface, oriented_facets(scene.space, slave), met, crossing, scene.space, timers
     if scene.degree == 2 and not tool:
         return QuadraticPartner(name, QuadraticPlaces(*where))
