@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, Stage, mooney_rivlin, read_gmsh, solve
+from fenics_contact import Body, Output, Scene, Stage, mooney_rivlin, read_gmsh, solve
 from fenics_contact.meshes import two_blocks
 
 OUT = Path("results/block_on_block")
@@ -31,7 +31,7 @@ def slide(quick):
     scene.contact(slave="upper_bottom", master="lower_top", friction=FRICTION, name="interface")
     press = Stage("press", prescribe={("upper_top", "z"): -PRESS}, steps=5)
     drag = Stage("drag", prescribe={("upper_top", "x"): DRAG}, steps=20)
-    return solve(scene, stages=[press, drag], out=OUT, overwrite=True).require()
+    return solve(scene, stages=[press, drag], out=Output(OUT, overwrite=True)).require()
 
 
 def figure(t, ratio, normal, blocks):

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import ArcSteps, Body, Branch, Displacement, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import ArcSteps, Body, Branch, Displacement, Output, Scene, from_elastic, read_gmsh, solve
 from fenics_contact.meshes import box
 
 OUT = Path("results/buckling")
@@ -28,9 +28,9 @@ def buckle(quick):
     scene.fix("zmin")
     scene.fix("ymin", "y")
     scene.traction("zmax", (0, 0, -EULER))  # t counts in Euler's loads
-    steps = ArcSteps(first=0.3, largest=0.4, branch=Branch("zmax", "x"))
-    end, seen = Displacement("zmax", "x", SIDEWAYS), {"head": lambda view: view.at("zmax").displacement[0]}
-    return solve(scene, method="arc_length", steps=steps, until=end, record=seen, out=OUT, overwrite=True).require()
+    steps = ArcSteps(until=Displacement("zmax", "x", SIDEWAYS), first=0.3, largest=0.4, branch=Branch("zmax", "x"))
+    seen = {"head": lambda view: view.at("zmax").displacement[0]}
+    return solve(scene, steps=steps, record=seen, out=Output(OUT, overwrite=True)).require()
 
 
 def main(quick=False):

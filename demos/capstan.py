@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, solve
+from fenics_contact import Body, Output, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, solve
 from fenics_contact.meshes import box
 
 OUT = Path("results/capstan")
@@ -53,7 +53,9 @@ def wind(thickness):
     drum = rigid_cylinder(RADIUS, point=(0, 0, 0), axis=(0, 0, 1), name="drum")
     scene.contact("ymin", drum, friction=FRICTION, name="wrap")
     stages = [stage(name, i) for i, name in enumerate(STEPS)]
-    result = solve(scene, stages=stages, out=OUT / f"thickness_{thickness:g}", overwrite=True, progress=False).require()
+    result = solve(
+        scene, stages=stages, out=Output(OUT / f"thickness_{thickness:g}", overwrite=True, progress=False)
+    ).require()
     # wound by 90 degrees, one end pulls along -y and the other along -x; the drum balances both
     wound = result.column("t") > 2 - 1e-9
     ratio = (result.column("wrap_force_y_N") / np.maximum(result.column("wrap_force_x_N"), 1e-12))[wound]

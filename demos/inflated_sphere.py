@@ -17,7 +17,7 @@ from mpi4py import MPI
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from fenics_contact import ArcSteps, Body, Film, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, solve
+from fenics_contact import ArcSteps, Body, Film, Output, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, solve
 from fenics_contact.meshes import sphere_shell
 
 OUT = Path("results/inflated_sphere")
@@ -93,10 +93,10 @@ def inflate(mesh, reading, K, out=None):
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", SCALE)
     radial = inner_radial(scene)
-    arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": lambda state: radial(state) - LAST}
+    arcs = ArcSteps(until=lambda state: radial(state) - LAST, first=0.1, largest=10.0)
     film = Film("displacement", mirror="xz", view=(25, -70))  # half of it, cut open
     record = {"inner_radial_mm": radial, "frame": film}
-    result = solve(scene, **arc, record=record, out=out, overwrite=True, progress=False)
+    result = solve(scene, steps=arcs, record=record, out=Output(out, overwrite=True, progress=False))
     if not result.converged:
         raise SystemExit(f"reading {reading}, K = {K}: {result.verdict.reason}")
     peak = int(np.argmax(result.column("limit_point") == 1))

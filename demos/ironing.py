@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Film, Scene, Stage, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Film, Output, Scene, Stage, from_elastic, read_gmsh, solve
 from fenics_contact.meshes import ironing
 
 OUT = Path("results/ironing")
@@ -43,7 +43,7 @@ def iron(quick):
         Stage("draw", prescribe={("indenter_top", "x"): way}, steps=round(80 * way / DRAW)),
         Stage("lift", prescribe={("indenter_top", "y"): PRESS}, steps=5 if quick else 10),
     ]
-    result = solve(scene, stages=stages, out=OUT, overwrite=True, progress=False, record={"frame": film}).require()
+    result = solve(scene, stages=stages, out=Output(OUT, overwrite=True, progress=False), record={"frame": film}).require()
     return result, film
 
 

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from numpy.polynomial import Polynomial
 from scipy.optimize import minimize
 
-from fenics_contact import Body, Scene, compat, mooney_rivlin, read_gmsh, solve
+from fenics_contact import Body, Method, Output, Scene, compat, mooney_rivlin, read_gmsh, solve
 from fenics_contact.meshes import box, cook, sphere_shell
 from fenics_contact.solid.materials import moderate_pressure
 
@@ -37,7 +37,7 @@ def rubber_scene(mesh, K, element, degree):
 
 
 def computed(scene, steps):
-    result = solve(scene, steps=steps, progress=False, linear="direct")
+    result = solve(scene, steps=steps, out=Output(progress=False), method=Method(linear="direct"))
     if not result.converged:
         raise SystemExit(f"{scene.element}, degree {scene.degree}: {result.verdict.reason}")
     return result, result.u.function_space.tabulate_dof_coordinates()

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from fenics_contact import Body, Scene, compat, mooney_paper, read_gmsh, solve
+from fenics_contact import Body, Output, Scene, compat, mooney_paper, read_gmsh, solve
 from fenics_contact.meshes import tubes
 
 OUT = Path("results/nested_tubes")
@@ -97,7 +97,7 @@ def inflate(around, points):
     scene.contact("inner_outside", "outer_inside", points=points, name="interface")
     record = {"inner": radius(scene, "inner_inside"), "interface": radius(scene, "outer_inside")}
     result = solve(
-        scene, steps=STEPS, out=OUT / f"{points}_{around[0]}", overwrite=True, progress=False, record=record
+        scene, steps=STEPS, out=Output(OUT / f"{points}_{around[0]}", overwrite=True, progress=False), record=record
     ).require()
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on the symmetry plane
     contact = -result.column("interface_force_x_N") / result.column("interface") / depth

@@ -12,7 +12,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Method, Output, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import o_ring
 
 OUT = Path("results/o_ring")
@@ -31,9 +31,13 @@ def seal(plane, cells, steps):
     scene.contact("rim", rigid_plane((MEAN + RADIUS + GAP, 0, 0), (-1, 0, 0), name="wall"), name="wall")
     scene.pressure("rim", 0.0, where="open", from_="wet")
     squeeze, fluid = Stage("squeeze", move={lid: (0, -SQUEEZE, 0)}), Stage("fluid", pressures={"rim": PRESSURE})
-    words = {"steps": steps, "stabilise": True, "overwrite": True, "progress": False}
-    squeezed = solve(scene, stages=[squeeze], out=OUT / "squeezed", **words).require()
-    return squeezed, solve(scene, stages=[fluid], start=squeezed, out=OUT, **words).require()
+    words = {"steps": steps, "method": Method(stabilise=True)}
+    squeezed = solve(
+        scene, stages=[squeeze], out=Output(OUT / "squeezed", overwrite=True, progress=False), **words
+    ).require()
+    return squeezed, solve(
+        scene, stages=[fluid], start=squeezed, out=Output(OUT, overwrite=True, progress=False), **words
+    ).require()
 
 
 def main(plane, quick=False):

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, Stage, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Method, Output, Scene, Stage, from_elastic, read_gmsh, solve
 from fenics_contact.meshes import two_cylinders
 
 OUT = Path("results/partial_slip")
@@ -37,8 +37,8 @@ def press_and_draw(size, points):
     scene.contact("upper_rim", "lower_rim", FRICTION, points=points, name="rim")
     ways = {"press": ("z", -DOWN), "draw": ("x", ALONG)}
     stages = [Stage(name, prescribe={("upper_axis", axis): way}, steps=2) for name, (axis, way) in ways.items()]
-    kept = {"out": OUT / f"points_{points}", "overwrite": True, "progress": False}
-    result = solve(scene, stages=stages, linear="direct", **kept).require()
+    kept = Output(OUT / f"points_{points}", overwrite=True, progress=False)
+    result = solve(scene, stages=stages, method=Method(linear="direct"), out=kept).require()
     contact = result.system.contacts[0]
     pressure, along = contact.forces.split_traction(result.system.state)
     rows = np.stack([contact.spots()[:, 0], pressure.ravel(), np.linalg.norm(along, axis=2).ravel()], axis=1)

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Penalty, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Output, Penalty, Scene, mooney_paper, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import punch_plate
 
 OUT = Path("results/punch_on_plate")
@@ -36,7 +36,7 @@ def press(mesh, case, out, force=None, share=None, steps=10):
     scene.contact("top", punch, case[0], name="top", penalty=Penalty(share=share))
     scene.contact("bottom", floor, case[1], name="bottom", penalty=Penalty(share=share))
     drive = {"move": {punch: (0, 0, -TRAVEL)}} if force is None else {"push": {punch: (0, 0, -force)}}
-    result = solve(scene, **drive, steps=steps, out=out, overwrite=True)
+    result = solve(scene, **drive, steps=steps, out=Output(out, overwrite=True))
     if not result.converged:
         raise SystemExit(f"friction {case}: {result.verdict.reason}")
     u, comm = result.u.x.array[2::3], mesh.comm

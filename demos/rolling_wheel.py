@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
+from fenics_contact import Body, Motion, Output, Scene, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
 from fenics_contact.meshes import ring
 
 OUT = Path("results/rolling_wheel")
@@ -32,7 +32,7 @@ def roll(quick):
         moment=lambda t: (0, -BRAKE * max(t - FREE, 0.0) / (1 - FREE), 0),
     )
     steps = [PRESSED / 2, *np.arange(PRESSED, 1.001, 0.025)]
-    return solve(scene, move={hub: motion}, steps=steps, out=OUT, overwrite=True, progress=False).require()
+    return solve(scene, move={hub: motion}, steps=steps, out=Output(OUT, overwrite=True, progress=False)).require()
 
 
 def main(quick=False):

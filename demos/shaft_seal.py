@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, solve
+from fenics_contact import Body, Motion, Output, Scene, neo_hooke, read_gmsh, rigid_cylinder, solve
 from fenics_contact.meshes import ring
 
 OUT = Path("results/shaft_seal")
@@ -36,7 +36,7 @@ def main(quick=False):
     shaft = rigid_cylinder(RADIUS, point=(0, 0, 0), name="shaft")
     scene.contact("inside", shaft, friction=FRICTION, name="seal")
     motion = Motion(x=lambda t: OFF * min(t / FITTED, 1.0), ry=lambda t: TURN * max(t - FITTED, 0.0) / (1 - FITTED))
-    result = solve(scene, move={shaft: motion}, steps=16, out=OUT, overwrite=True, progress=False).require()
+    result = solve(scene, move={shaft: motion}, steps=16, out=Output(OUT, overwrite=True, progress=False)).require()
     fitted = result.column("t") >= FITTED - 1e-9
     angle, torque = result.column("shaft_angle_y_rad")[fitted], np.abs(result.column("seal_moment_y_Nmm")[fitted])
     sliding = FRICTION * RADIUS * result.column("seal_load_N")[fitted]

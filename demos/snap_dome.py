@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import ArcSteps, Body, Film, Load, Scene, Travel, mooney_rivlin, read_gmsh, rigid_sphere, solve
+from fenics_contact import ArcSteps, Body, Film, Load, Output, Scene, Travel, mooney_rivlin, read_gmsh, rigid_sphere, solve
 from fenics_contact.meshes import dome
 
 OUT = Path("results/snap_dome")
@@ -45,13 +45,9 @@ def push(mesh, largest):
     result = solve(
         scene,
         push={ball: (0, 0, -1.0)},
-        method="arc_length",
-        steps=ArcSteps(first=0.1, largest=largest),
-        until=Travel(ball, "z", -END),
-        back=Load(0.02),
+        steps=ArcSteps(until=Travel(ball, "z", -END), back=Load(0.02), first=0.1, largest=largest),
         record={"frame": film},
-        out=OUT / "pushed",
-        overwrite=True,
+        out=Output(OUT / "pushed", overwrite=True),
     )
     if not result.converged:
         raise SystemExit(f"pushed: {result.verdict.reason}")
@@ -61,7 +57,9 @@ def push(mesh, largest):
 def move(mesh, travels):
     """The same travels prescribed to the ball."""
     scene, ball = scene_of(mesh)
-    result = solve(scene, move={ball: (0, 0, -travels[-1])}, steps=travels / travels[-1], out=OUT / "moved", overwrite=True)
+    result = solve(
+        scene, move={ball: (0, 0, -travels[-1])}, steps=travels / travels[-1], out=Output(OUT / "moved", overwrite=True)
+    )
     if not result.converged:
         raise SystemExit(f"moved: {result.verdict.reason}")
     return result

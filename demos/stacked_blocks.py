@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
+from fenics_contact import Body, Output, Scene, mooney_rivlin, read_gmsh, solve
 from fenics_contact.meshes import two_blocks
 
 OUT = Path("results/stacked_blocks")
@@ -52,7 +52,7 @@ def squeeze(mesh, points, penalty):
     scene.fix("lower_bottom", "z")
     scene.prescribe("upper_top", "z", -2 * 10.0 * SQUEEZE)
     scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="interface")
-    result = solve(scene, steps=2, progress=False).require()
+    result = solve(scene, steps=2, out=Output(progress=False)).require()
     pressure, _ = result.system.contacts[0].forces.split_traction(result.system.state)
     lowest = mesh.comm.allreduce(pressure.min(initial=np.inf), op=MPI.MIN)
     highest = mesh.comm.allreduce(pressure.max(initial=0.0), op=MPI.MAX)

@@ -14,7 +14,7 @@ import ufl
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fenics_contact import Body, Motion, Scene, Stage, read_gmsh, rigid_hub, solve, user_energy
+from fenics_contact import Body, Motion, Output, Scene, Stage, read_gmsh, rigid_hub, solve, user_energy
 from fenics_contact.meshes import half_shell
 
 OUT = Path("results/twisted_shell")
@@ -45,7 +45,7 @@ def twist(kind):
     scene.contact("top", "outer", FRICTION, name="interface")  # the softer body is the slave
     press = Stage("press", move={hub: Motion(z=-PRESS)}, steps=pressing)
     turn = Stage("turn", move={hub: Motion(rz=np.pi)}, steps=turning)
-    return solve(scene, stages=[press, turn], out=OUT, overwrite=True, progress=False).require()
+    return solve(scene, stages=[press, turn], out=Output(OUT, overwrite=True, progress=False)).require()
 
 
 def main(kind=""):

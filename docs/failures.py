@@ -15,7 +15,9 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Displacement,
+    Method,
     Motion,
+    Output,
     Scene,
     SceneError,
     Stage,
@@ -58,7 +60,7 @@ def too_stiff(path):
         scene = block()
         scene.prescribe("zmax", "z", -0.2)
         scene.contact("zmin", rigid_plane(), penalty=penalty, name="floor")
-        result = solve(scene, steps=1, progress=False)
+        result = solve(scene, steps=1, out=Output(progress=False))
         depths.append(result.column("floor_peak_pressure_MPa")[-1] / penalty if result.converged else np.nan)
     with chart(path, "typed penalty [MPa/mm]", "penetration [mm]") as axes:
         depths = np.array(depths)
@@ -80,7 +82,7 @@ def outside_a_law(path):
     scene = block()
     scene.prescribe("zmax", "z", -0.6)
     scene.contact("zmin", rigid_plane(), coulomb(law, up_to=0.5), name="floor")
-    result = solve(scene, steps=8, progress=False)
+    result = solve(scene, steps=8, out=Output(progress=False))
     assert result.verdict.kind == "outside a law", result.verdict.reason
     with chart(path, "pressure over the area at the start [MPa]", "friction μ(p)") as axes:
         p = np.linspace(0.0, 0.8, 100)
@@ -112,7 +114,7 @@ def one_step(linear, n):
     scene = block((n, n, n))
     scene.prescribe("zmax", "z", -0.1)
     scene.contact("zmin", rigid_plane(), name="floor")
-    solve(scene, steps=1, linear=linear, progress=False).require()
+    solve(scene, steps=1, method=Method(linear=linear), out=Output(progress=False)).require()
     most = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
     print(3 * (n + 1) ** 3, int(most[1]) / 1e6)
 
@@ -122,9 +124,9 @@ def out_of_steps(path):
     with chart(path, "displacement of the top [mm]", "load factor") as axes:
         for most, style, words in ((200, ".:", "ArcSteps(most=200)"), (8, "o-", "ArcSteps(most=8)")):
             scene, _ = crushed()
-            way = {"method": "arc_length", "until": Displacement("zmax", "z", -1.0), "progress": False}
+            steps = ArcSteps(until=Displacement("zmax", "z", -1.0), most=most)
             top = {"top": lambda view: view.at("zmax").displacement[2]}
-            result = solve(scene, steps=ArcSteps(most=most), record=top, **way)
+            result = solve(scene, steps=steps, record=top, out=Output(progress=False))
             axes.plot(np.append(0.0, result.column("top")), np.append(0.0, result.column("t")), style, label=words)
         axes.axvline(-1.0, color="tab:red", linestyle="--")
         axes.text(-1.0, 0.0, " target", color="tab:red")
@@ -147,7 +149,7 @@ def comes_through(path):
     result = solve(
         scene,
         stages=[Stage("press", move={upper: Motion(y=-0.1)}, steps=2), Stage("fluid", pressures=fluid, steps=4)],
-        progress=False,
+        out=Output(progress=False),
     )
     result.plot("contact_pressure", path)
     return result.verdict.kind
@@ -160,7 +162,7 @@ def ended_by_an_error(path):
     scene.contact("zmin", rigid_plane(), 0.3, name="floor")
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.suppress(SceneError):
-            solve(scene, steps=6, out=folder, record={"mine": lambda view: 1.0 / int(view.t < 0.6)}, progress=False)
+            solve(scene, steps=6, out=Output(folder, progress=False), record={"mine": lambda view: 1.0 / int(view.t < 0.6)})
         rows = np.genfromtxt(Path(folder) / "history.csv", delimiter=",", names=True)
         kind = json.loads((Path(folder) / "summary.json").read_text())["verdict"]["kind"]
     with chart(path, "t", "force on the floor [N]") as axes:

@@ -1,6 +1,6 @@
 """The numbers of choices.md on steps and cells: `python3 docs/steps_and_cells.py`, a few minutes."""
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_sphere, solve
+from fenics_contact import Body, Output, Scene, Stage, neo_hooke, read_gmsh, rigid_sphere, solve
 from fenics_contact.meshes import box
 
 RADIUS, DEEP, FAR = 4.0, 0.8, 2.0  # mm: of the ball, pressed in by, dragged by
@@ -18,7 +18,9 @@ def dragged(steps, cells):
     ball = rigid_sphere(RADIUS, (3.0, 0.0, size[2] + RADIUS), name="ball")
     scene.contact("zmax", ball, 0.3, name="top")
     press = Stage("press", move={ball: (0, 0, -DEEP)}, steps=steps)
-    result = solve(scene, stages=[press, Stage("drag", move={ball: (FAR, 0, -DEEP)}, steps=steps)], progress=False).require()
+    result = solve(
+        scene, stages=[press, Stage("drag", move={ball: (FAR, 0, -DEEP)}, steps=steps)], out=Output(progress=False)
+    ).require()
     force, work = (abs(result.column(f"top_{name}")[-1]) for name in ("force_x_N", "friction_work_Nmm"))
     return (
         result.column("top_load_N", "press")[-1],

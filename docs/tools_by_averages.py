@@ -8,6 +8,7 @@ import numpy as np
 
 from fenics_contact import (
     Body,
+    Output,
     Scene,
     Stage,
     mooney_rivlin,
@@ -60,7 +61,7 @@ def strap(thick, sides=None):
     for i, name in enumerate(STEPS):
         x, y = (lambda X, t, i=i, k=k: (end(X, i + t) - end(X, i))[:, k] for k in range(2))
         stages.append(Stage(name, prescribe={("strap_xmax", "x"): x, ("strap_xmax", "y"): y}, steps=STEPS[name]))
-    result = solve(scene, stages=stages, progress=False)
+    result = solve(scene, stages=stages, out=Output(progress=False))
     x, y = (result.column(f"wrap_force_{axis}_N")[-1] for axis in "xy")
     return result.verdict.iterations, result.verdict.cuts, y / x
 
@@ -76,7 +77,7 @@ def punch(cells, formula):
     if formula:
         tool = rigid_punch(half_width=WIDE, height=20.0, face=(0, HIGH, 0), direction=(0, -1, 0))
     scene.contact("layer_ymax", tool, name="top")
-    result = solve(scene, move={tool: (0, -0.8, 0)}, steps=4, progress=False)
+    result = solve(scene, move={tool: (0, -0.8, 0)}, steps=4, out=Output(progress=False))
     return result.verdict.iterations, result.verdict.cuts, abs(result.column("top_force_y_N")[-1])
 
 

@@ -17,6 +17,7 @@ from fenics_contact.contact.tools import (
     rigid_union,
 )
 from fenics_contact.mesh_io import NamedMesh, read_gmsh, read_mesh
+from fenics_contact.options import Method, Output
 from fenics_contact.output.film import Film
 from fenics_contact.output.units import Units
 from fenics_contact.result import Result
@@ -54,8 +55,10 @@ __all__ = [
     "Film",
     "FolderError",
     "Load",
+    "Method",
     "Motion",
     "NamedMesh",
+    "Output",
     "Penalty",
     "Result",
     "Scene",

@@ -12,6 +12,7 @@ from fenics_contact.compat import versions
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import box
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -28,7 +29,7 @@ def check() -> str:
     scene.fix("zmin")
     plate = rigid_plane((0, 0, SIDE), (0, 0, -1), name="plate")
     scene.contact("zmax", plate, 0.3, name="lid")
-    result = solve(scene, move={plate: (0, 0, -SHARE * SIDE)}, steps=2, progress=False)
+    result = solve(scene, move={plate: (0, 0, -SHARE * SIDE)}, steps=2, out=Output(progress=False))
     result.require()
     pressed, held = (float(result.column(name)[-1]) for name in ("lid_force_z_N", "zmin_reaction_z_N"))
     if not np.isclose(pressed, -held, rtol=SHUT) or not result.audit().right:

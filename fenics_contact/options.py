@@ -1,8 +1,9 @@
-"""The options of a run: steps, shares, checkpoints, and what only a continuation takes; checked, or a SceneError."""
+"""The options of a run: its method, steps and output, and what a continuation takes; checked, or a SceneError."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from os import PathLike
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.loads import loads_stated
 from fenics_contact.scene.scene import Scene
-from fenics_contact.scene.stage import Moves, Only, Stage
+from fenics_contact.scene.stage import ARC_LENGTH, Moves, Only, Stage
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, count, finite, is_number, positive, shown
@@ -18,18 +19,84 @@ from fenics_contact.values import SceneError, count, finite, is_number, positive
 Steps = int | float | Sequence[float] | Floats | ArcSteps
 
 
+@dataclass(frozen=True)
+class Method:
+    """How the states of a run are found: solve(..., method=Method(...)), or the first word alone, method="snes".
+
+    name: what ends a load step: "newton", "incremental" (one solve per step, the paper's) or "snes" (PETSc's); linear:
+    "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8), as it does
+    wherever rounding is all that is left; smallest_step: share of the load below which a step is not cut (1e-4 of the
+    schedule's shortest step).
+
+    stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
+
+    damping: where shorter steps do not help the load path jumps (a snap, a contact that lets go): loads and drives are held
+    and viscous forces carry the bodies to rest; their work is in the history's damping_work and in the verdict's notes.
+    Unasked so where contact points with friction find no state, by less than a cell.
+    """
+
+    name: str = "newton"
+    linear: str = "auto"
+    tolerance: float | None = None
+    smallest_step: float | None = None
+    stabilise: bool = False
+    damping: bool = False
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a run leaves behind and shows: solve(..., out=Output("folder", ...)), or the folder's path alone.
+
+    folder: of history.csv, summary.json, results.pvd and body.png; None for no files. checkpoint: keep every accepted step
+    (True) or every n-th (n) there, complete whenever the run is killed; resume: go on from the last checkpoint there, where
+    there is one, on any number of ranks. A continuation's holds, beside the state and the history of its contacts, the last
+    increment, the path's direction, the arc that is due and the leg. A checkpoint of another statement is refused, as are
+    damaged ones. overwrite: replace the results of an earlier run there, which otherwise is refused. progress: show how far
+    the run is, and what it remarks.
+    """
+
+    folder: str | PathLike[str] | None = None
+    checkpoint: bool | int = False
+    resume: bool = False
+    overwrite: bool = False
+    progress: bool = True
+
+
+def stated_method(method: str | Method) -> Method:
+    """The numbers of a run's method, checked."""
+    stated = method if isinstance(method, Method) else Method(method)
+    if stated.smallest_step is not None:
+        positive(stated.smallest_step, "smallest_step", most=1.0, more=", a share of the load")
+    if stated.tolerance is not None:
+        positive(stated.tolerance, "tolerance", most=1.0, more=", a share of the force out of balance")
+    return stated
+
+
+def stated_output(out: str | PathLike[str] | Output | None) -> tuple[Output, int]:
+    """Where a run's results go, checked, and after how many accepted steps a checkpoint is due, 0 for never."""
+    stated = out if isinstance(out, Output) else Output(out)
+    if stated.folder is not None and not isinstance(stated.folder, str | PathLike):
+        raise SceneError(f"out = {shown(stated.folder)} must be the path of a folder, or an Output")
+    every = stated.checkpoint
+    if isinstance(every, bool):
+        every = int(every or stated.resume)
+    every = count(every, "checkpoint", 0, "; give True, or the number of accepted steps from one to the next")
+    if every and stated.folder is None:
+        raise SceneError('checkpoint and resume need a folder: out=Output("folder", ...)')
+    return stated, every
+
+
 def stated_stages(
-    scene: Scene, stages: Sequence[Stage] | None, drives: tuple[Moves | None, Mapping[Tool, Drive] | None],
-    ends: Sequence[object], steps: Steps, method: str,
+    scene: Scene, stages: Sequence[Stage] | None, drives: tuple[Moves | None, Mapping[Tool, Drive] | None], steps: Steps,
+    method: Method,
 ) -> list[Stage]:  # fmt: skip
-    """The stages of a run, each with its steps and method; the only one where none are stated. drives: move, push; ends:
-    until, back, which without stages are the run's own."""
+    """The stages of a run, each with its steps and method; the only one where none are stated. drives: move, push, which
+    without stages are the run's own."""
     move, push = drives
     if stages is None:
-        until, back = ends
-        return [Only(move=move or {}, push=push or {}, steps=steps, method=method, until=until, back=back)]
-    if any(one is not None for one in (*drives, *ends)):
-        raise SceneError("stages= beside move, push, until or back: each stage states its own, Stage(..., move=...)")
+        return [_decided(Only(move=move or {}, push=push or {}), steps, method)]
+    if any(one is not None for one in drives):
+        raise SceneError("stages= beside move or push: each stage states its own, Stage(..., move=...)")
     if not isinstance(stages, list | tuple) or not stages or not all(isinstance(stage, Stage) for stage in stages):
         raise SceneError(f'stages = {shown(stages)}: give a list of Stage("name", ...)')
     names = [stage.name for stage in stages]
@@ -40,10 +107,23 @@ def stated_stages(
     given = [*loads_stated(scene), *supports, *pairs]
     if idle := [stage for stage in ([] if given else [first]) + later if stage.idle]:
         raise SceneError(f"{idle[0]} has nothing to do: state what is moved, pushed or loaded in it, or leave it out")
-    return [
-        replace(stage, steps=steps if stage.steps is None else stage.steps, method=stage.method or method)
-        for stage in stages
-    ]
+    return [_decided(stage, steps, method) for stage in stages]
+
+
+def _decided(stage: Stage, steps: Steps, method: Method) -> Stage:
+    """The stage with the run's steps and method where it has none of its own; ArcSteps are a method themselves."""
+    own = stage.steps if stage.steps is not None else steps
+    with within(stage):
+        name = stage.method or method.name
+        if name == ARC_LENGTH:
+            raise SceneError(f"method '{name}': give steps=ArcSteps(until=...), which go by arc length to that target")
+        if isinstance(own, ArcSteps):
+            if stage.method or (stage.steps is None and name != "newton"):
+                raise SceneError(f"steps=ArcSteps(...) go by arc length, not by method '{name}'; leave one of them out")
+            return replace(stage, steps=own, method=ARC_LENGTH)
+        if name == "incremental" and method.tolerance is not None:
+            raise SceneError('tolerance= is not for method "incremental", which takes one solve per step; take more steps')
+    return replace(stage, steps=own, method=name)
 
 
 @contextmanager
@@ -55,40 +135,10 @@ def within(stage: Stage) -> Iterator[None]:
         raise SceneError(stage.says(str(error))) from None
 
 
-def refuse_shares(method: str, tolerance: float | None, smallest_step: float | None) -> None:
-    """Both are shares where they are given, and the first goes with steps that iterate."""
-    if smallest_step is not None:
-        positive(smallest_step, "smallest_step", most=1.0, more=", a share of the load")
-    if tolerance is not None:
-        positive(tolerance, "tolerance", most=1.0, more=", a share of the force out of balance")
-        if method == "incremental":
-            raise SceneError('tolerance= is not for method="incremental", which takes one solve per step; take more steps')
-
-
-def checkpoint_steps(checkpoint: bool | int, resume: bool, out: object) -> int:
-    """After how many accepted steps a checkpoint is due, 0 for never."""
-    if isinstance(checkpoint, bool):
-        checkpoint = int(checkpoint or resume)
-    checkpoint = count(checkpoint, "checkpoint", 0, "; give True, or the number of accepted steps from one to the next")
-    if checkpoint and out is None:
-        raise SceneError("checkpoint and resume need a folder: give out=...")
-    return checkpoint
-
-
-def arc_steps(steps: Steps, until: object, back: object, continuation: bool) -> ArcSteps | None:
-    """ArcSteps of a continuation, checked; None for the other methods."""
-    if not continuation:
-        if until is not None or back is not None or isinstance(steps, ArcSteps):
-            raise SceneError(
-                'until, back and ArcSteps belong to method="arc_length"; the other methods end at the last t of steps'
-            )
-        return None
-    if until is None:
-        raise SceneError('method="arc_length" needs until: a Load, a Displacement or a Travel at which the run ends')
-    if not isinstance(steps, ArcSteps):
-        if np.ndim(steps) != 0:
-            raise SceneError('method="arc_length" chooses its own t; give steps as ArcSteps or as one number')
-        steps = ArcSteps(first=1.0 / len(load_times(steps)))
+def arc_steps(steps: ArcSteps) -> ArcSteps:
+    """ArcSteps of a continuation, checked."""
+    if steps.until is None:
+        raise SceneError("ArcSteps needs until: a Load, a Displacement or a Travel at which the run ends")
     lengths = {"first": steps.first, "largest": steps.largest, "smallest": steps.smallest, "turn": steps.turn}
     counts = {"most": steps.most, "iterations": steps.iterations}
     for name, value in lengths.items():

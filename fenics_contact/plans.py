@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.system import System
-from fenics_contact.options import arc_steps, load_times, refuse_shares, within
+from fenics_contact.options import Method, arc_steps, load_times, within
 from fenics_contact.scene.build import Built
 from fenics_contact.scene.scene import Scene
-from fenics_contact.scene.stage import Stage
+from fenics_contact.scene.stage import ARC_LENGTH, Stage
 from fenics_contact.scene.targets import Branch, distances
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.augmented import Adapted, Augmented
@@ -29,7 +29,7 @@ from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown
 
-STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, "arc_length": ArcLength}
+STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, ARC_LENGTH: ArcLength}
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,13 @@ class Plan:
     arcs: bool
 
 
-def schedule(stage: Stage, tolerance: float | None, smallest_step: float | None) -> tuple[ArcSteps | None, Floats]:
+def schedule(stage: Stage) -> tuple[ArcSteps | None, Floats]:
     """ArcSteps of a stage by arc length, None of another; shares s at which its steps end, or is to be asked. Checked."""
     with within(stage):
         if stage.method not in list(STEPPERS):
-            raise SceneError(f"method {shown(stage.method)} is not one of {', '.join(STEPPERS)}")
+            raise SceneError(f"method {shown(stage.method)} is not one of newton, incremental, snes")
         steps: Any = stage.steps
-        arcs = arc_steps(steps, stage.until, stage.back, stage.method == "arc_length")
-        refuse_shares(stage.method, tolerance, smallest_step)
+        arcs = arc_steps(steps) if isinstance(steps, ArcSteps) else None
         shares = np.array([0.5, 1.0]) if arcs else load_times(steps)
         if stage.name and shares[-1] != 1.0:
             raise SceneError(f"steps end at s = {shares[-1]:g}; a stage ends at s = 1: give shares of it, or a duration")
@@ -69,8 +68,7 @@ def ends_early(stage: Stage, shares: Floats) -> list[str]:
 
 
 def plans_of(
-    scene: Scene, built: Built, stated: Sequence[Stage], schedules: Sequence[tuple[ArcSteps | None, Floats]], linear: str,
-    tolerance: float | None,
+    scene: Scene, built: Built, stated: Sequence[Stage], schedules: Sequence[tuple[ArcSteps | None, Floats]], method: Method,
 ) -> list[Plan]:  # fmt: skip
     """A plan for each stage; what the user's functions give at the t that it will visit is checked. Collective."""
     system = built.system
@@ -85,14 +83,14 @@ def plans_of(
                     "arc length without a load to scale: nothing depends on t; state a load, or move or push a tool"
                 )
             if bool(arcs) not in solvers:
-                solvers[bool(arcs)] = LinearSolver(system, linear, afresh=bool(arcs))
+                solvers[bool(arcs)] = LinearSolver(system, method.linear, afresh=bool(arcs))
             solver = solvers[bool(arcs)]
             if arcs or stage.method not in steppers:
-                steppers[str(stage.method)] = _stepper(str(stage.method), solver, tolerance, built)
+                steppers[str(stage.method)] = _stepper(str(stage.method), solver, method.tolerance, built)
             plain, softened, stepper = steppers[str(stage.method)]
             path = None
             if isinstance(plain, ArcLength) and arcs:
-                legs = [distances(end, scene, system) for end in (stage.until, stage.back) if end is not None]
+                legs = [distances(end, scene, system) for end in (arcs.until, arcs.back) if end is not None]
                 path = Path(
                     system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system), _fork(arcs, scene)
                 )
@@ -142,8 +140,8 @@ def _steady_alone(built: Built) -> list[str]:
     refused."""
     steady = "steps that end in balance, method 'newton' or 'snes', not '{}'"
     asked = {
-        f"stabilise= needs {steady}; leave it out, or choose one of these": built.system.stabilised,
-        f"damping= needs {steady}; leave it out, or choose one of these": built.system.damped,
+        f"stabilise=True needs {steady}; leave it out, or choose one of these": built.system.stabilised,
+        f"damping=True needs {steady}; leave it out, or choose one of these": built.system.damped,
         f'pressure with where="open" needs {steady}; choose one of these, or leave where= out': built.system.fluids,
     }
     return [why for why, there in asked.items() if there]

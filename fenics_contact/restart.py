@@ -144,7 +144,9 @@ def last_state(folder: str | PathLike[str], comm: MPI.Comm) -> Start:
             except Torn as error:
                 raise SceneError(f"start = {name}: {error}; start from another run") from None
             if found is None:
-                raise SceneError(f"start = {name} holds no checkpoint: run it with checkpoint=True, or give its result")
+                raise SceneError(
+                    f"start = {name} holds no checkpoint: run it with Output(..., checkpoint=True), or give its result"
+                )
     arrays, content = found or (None, {})
     left = comm.bcast(content.get("left"))
     if left is None or any(len(tool) != len(LeftTool._fields) for tool in left["tools"].values()):
@@ -165,7 +167,7 @@ def results_folder(out: str | PathLike[str], comm: MPI.Comm, overwrite: bool, re
         found = results_in(folder) if comm.rank == 0 and not (overwrite or resume) else []
         if found:
             raise SceneError(
-                f"output folder '{out}' holds results of an earlier run, {found[0].name}: choose another with out=..., give "
-                "overwrite=True to replace them, or resume=True to go on from their last checkpoint"
+                f"output folder '{out}' holds results of an earlier run, {found[0].name}: choose another with out=..., "
+                "or give Output(..., overwrite=True) to replace them, or resume=True to go on from their last checkpoint"
             )
     return folder

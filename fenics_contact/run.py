@@ -17,7 +17,7 @@ from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.overlap import overlaps
 from fenics_contact.contact.tools import RigidTool, Tool
-from fenics_contact.options import Steps, checkpoint_steps, stated_stages
+from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
     Summary,
@@ -65,90 +65,62 @@ def solve(
     move: Moves | None = None,
     push: Mapping[Tool, Drive] | None = None,
     steps: Steps = 10,
-    out: str | PathLike[str] | None = None,
-    method: str = "newton",
-    linear: str = "auto",
-    tolerance: float | None = None,
-    progress: bool = True,
-    checkpoint: bool | int = False,
-    resume: bool = False,
-    overwrite: bool = False,
-    smallest_step: float | None = None,
-    until: object = None,
-    back: object = None,
-    record: Recorded | None = None,
-    stabilise: bool = False,
-    damping: bool = False,
     stages: Sequence[Stage] | None = None,
     start: Result | str | PathLike[str] | None = None,
+    method: str | Method = "newton",
+    out: str | PathLike[str] | Output | None = None,
+    record: Recorded | None = None,
 ) -> Result:
     """Carry a scene from t = 0 to t = 1, through stages, or by continuation until a target is reached.
 
     move: {tool: travel (3,) at t = 1 [length], or a function of t, or a Motion with rotations and loads}; push: {tool: force
-    (3,) at t = 1 [force], or a function of t}; steps: number of equal load steps, or the increasing list of their t; out:
-    folder for history.csv, summary.json, results.pvd and body.png; method: "newton", "incremental" (one solve per step, the
-    paper's), "snes" or "arc_length"; linear: "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a
-    step counts as converged (1e-8), as it does wherever rounding is all that is left; smallest_step: share of the load below
-    which a step is not cut (1e-4 of the schedule's shortest step); record: {name: function of a View -> number}, columns
-    added to the history, called on all ranks, which must agree on it; or a Film, which draws every step.
-
-    stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
-
-    damping: where shorter steps do not help the load path jumps (a snap, a contact that lets go): loads and drives are held
-    and viscous forces carry the bodies to rest; their work is in the history's damping_work and in the verdict's notes.
-    Unasked so where contact points with friction find no state, by less than a cell.
-
-    checkpoint: keep every accepted step (True) or every n-th (n) in `out`, complete whenever the run is killed; resume: go
-    on from the last checkpoint in `out`, where there is one, on any number of ranks. A continuation's holds, beside the
-    state and the history of its contacts, the last increment, the path's direction, the arc that is due and the leg. A
-    checkpoint of another statement is refused, as are damaged ones. overwrite: replace the results of an earlier run in
-    `out`, which otherwise is refused.
+    (3,) at t = 1 [force], or a function of t}; steps: number of equal load steps, or the increasing list of their t, or
+    ArcSteps, which follow the path through its limit points to a target; method: "newton", "incremental" (one solve per
+    step, the paper's), "snes", or a Method with its numbers; out: folder of the results, or an Output, which says what is
+    kept there and shown; record: {name: function of a View -> number}, columns added to the history, called on all ranks,
+    which must agree on it; or a Film, which draws every step.
 
     stages: list of Stage, gone through one after another, each from where the one before has ended, over a t of its own
-    `duration`; they state move, push, until and back in the place of the run, and steps and method where these differ.
+    `duration`; they state move and push in the place of the run, and steps and method where these differ.
 
     start: a result, or the folder of a run with checkpoints, on the same mesh: its last state, with displacements, places
     of tools, the forces on them and histories of contacts of the same name, is where this run begins, as a stage after it.
     Pushed tools stay so until a stage names them. Loads and supports that the scene states as that run's did stay as they
     were there; others are reached in the first stage.
 
-    method="arc_length" follows the equilibrium path through its limit points, t being an unknown that may pass 1 or fall.
-    until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
-    value), a function of the state (u, t, travel and angles of the tools) that changes its sign there, or a list of these,
-    of which the first reached counts; back: the same for a way back along the path, with friction another one; steps:
-    ArcSteps, or a number whose inverse is the first step's load increment.
-
     Raises SceneError on all ranks before any solve where the statement is wrong. A step that fails is cut back; a run that
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
     """
     timers = Timers()
-    stated = stated_stages(scene, stages, (move, push), (until, back), steps, method)
+    numerics, (output, every) = stated_method(method), stated_output(out)
+    stated = stated_stages(scene, stages, (move, push), steps, numerics)
     refuse_unlike(scene.mesh.comm, stages_told(stated))  # all that follows goes through them on all ranks together
-    schedules = [schedule(stage, tolerance, smallest_step) for stage in stated]
-    every = checkpoint_steps(checkpoint, resume, out)
+    schedules = [schedule(stage) for stage in stated]
     begun = _started(start, scene)
     columns = columns_of(record or {}, scene, turning(stated, begun.tools if begun else {}))
     extra = record or {}
-    if out is not None and not isinstance(out, str | PathLike):
-        raise SceneError(f"out = {shown(out)} must be the path of a folder")
-    folder = results_folder(out, scene.mesh.comm, overwrite, resume) if out is not None else None
-    built = build(scene, stated, timers, stabilise, damping, begun)
+    folder = (
+        results_folder(output.folder, scene.mesh.comm, output.overwrite, output.resume)
+        if output.folder is not None
+        else None
+    )
+    built = build(scene, stated, timers, numerics.stabilise, numerics.damping, begun)
     system = built.system
-    plans = plans_of(scene, built, stated, schedules, linear, tolerance)
+    plans = plans_of(scene, built, stated, schedules, numerics)
     told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven, scene)
     refuse_unlike(system.comm, told([1.0] * len(stated)))
     steppers = [(plan.path, plan.softened) for plan in plans]
-    keeper = Keeper(folder, system, steppers, told, left, every, resume) if every and folder else None
-    kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), progress)
+    keeper = Keeper(folder, system, steppers, told, left, every, output.resume) if every and folder else None
+    kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), output.progress)
     setup = timers.table()["total"]
     kept.remark([*scene.notes, *built.notes])
-    _carried(scene, system, plans, kept, smallest_step)
+    _carried(scene, system, plans, kept, numerics.smallest_step)
     kept.bar.close()
     summary = _concluded(scene, built, plans, kept, timers)
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:
         kept.writer.finish(summary)
-    if progress and system.comm.rank == 0:
+    if output.progress and system.comm.rank == 0:
         tqdm.write("\n".join(_told(scene, kept, summary)), file=sys.stderr)
     return Result(kept.history, kept.verdict, system, summary, scene, kept.results, [*columns.all(), *extra], left())
 

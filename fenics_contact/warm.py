@@ -26,6 +26,7 @@ from fenics_contact.contact.tools import Tool, rigid_plane, rigid_punch
 from fenics_contact.kernels.law import traction
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.meshes import rectangles
+from fenics_contact.options import Method, Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -88,7 +89,7 @@ def bodies(out: Path, draw: Drawn, law: Isotropic, points: int | str = "averages
     scene.fix(f"upper_{above}", across)
     scene.prescribe(f"upper_{above}", along, -PRESSED)
     scene.contact(f"upper_{below}", f"lower_{above}", 0.3, points=points)
-    solve(scene, steps=1, progress=False, out=out).require()
+    solve(scene, steps=1, out=Output(out, progress=False)).require()
 
 
 def tool(out: Path, draw: Drawn, law: Isotropic, pressing: Tool, linear: str = "auto", **element: Any) -> None:
@@ -98,7 +99,9 @@ def tool(out: Path, draw: Drawn, law: Isotropic, pressing: Tool, linear: str = "
     below, above, way = ("ymin", "ymax", (0, -PRESSED, 0)) if mesh.plane else ("below", "above", (0, 0, -PRESSED))
     scene.fix(f"lower_{below}")
     scene.contact(f"lower_{above}", pressing, 0.3)
-    result = solve(scene, move={pressing: way}, steps=1, linear=linear, progress=False, out=out).require()
+    result = solve(
+        scene, move={pressing: way}, steps=1, method=Method(linear=linear), out=Output(out, progress=False)
+    ).require()
     result.plot("contact_pressure", out / "pressure.png")
 
 

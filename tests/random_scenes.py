@@ -220,7 +220,7 @@ def build(s):
     laws = [law, rubber(mesh, 1.4 * s.shear * s.pressure, 0.0, min(s.ratio, 5.0 if s.tetrahedra else s.ratio))]
     parts = [Body(mesh, name, law) for name, law in zip(names, laws, strict=False)]
     scene = Scene(*parts, degree=s.degree, element=s.element)
-    options = {"steps": times(s), "progress": False} | s.options
+    options = {"steps": times(s)} | s.options
     _hold(s, scene)
     _load(s, scene)
     tool = None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Method, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -24,7 +24,7 @@ def punched(mu=0.3, **options):
     scene.fix("xmax", "x")
     scene.fix("ymin", "y")
     scene.pressure("xmin", 0.02)
-    return solve(scene, push={tool: (0.5, 0, -4.0)}, steps=2, progress=False).require()
+    return solve(scene, push={tool: (0.5, 0, -4.0)}, steps=2).require()
 
 
 def blocks():
@@ -35,7 +35,7 @@ def blocks():
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -2.0 * min(t, 0.5)))
     scene.contact("upper_bottom", "lower_top", 0.5, name="c")
-    return solve(scene, steps=2, progress=False).require()
+    return solve(scene, steps=2).require()
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_the_order_of_newton_is_seen():
     scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(0.4, 2.0)))
     scene.fix("zmin")
     scene.traction("zmax", (0.05, 0.0, 0.1))
-    result = solve(scene, steps=1, tolerance=1e-10, progress=False).require()
+    result = solve(scene, steps=1, method=Method(tolerance=1e-10)).require()
     assert 1.7 < result.audit().newton_order < 2.6  # two, as far as three numbers tell
 
 

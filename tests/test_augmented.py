@@ -13,6 +13,7 @@ from fenics_contact import (
     Body,
     Displacement,
     Load,
+    Method,
     Scene,
     SceneError,
     coulomb,
@@ -85,7 +86,7 @@ def test_force_of_a_confined_block_is_the_closed_form(kind, penalty, method):
         scene.contact("upper_bottom", "lower_top", penalty=penalty, penetration=1e-8, name="c")
         scene.prescribe("upper_top", "z", -squeeze)
         drive, sign = {}, 1.0
-    result = solve(scene, **drive, steps=2, method=method, progress=False).require()
+    result = solve(scene, **drive, steps=2, method=method).require()
     for row, stretch in zip(result.history, (1.0 - squeeze / 4, 1.0 - squeeze / 2), strict=True):
         # penetration of 1e-8 against a squeeze of 0.25: 1e-7 of the force at most
         np.testing.assert_allclose(row["c_force_z_N"], sign * 4.0 * confined_pressure(stretch), rtol=1e-6)
@@ -106,10 +107,10 @@ def test_augmentations_take_no_tangents_of_their_own(kind):
     else:
         scene.contact("upper_bottom", "lower_top", penetration=1e-8)
         scene.prescribe("upper_top", "z", -0.5)
-    verdict = solve(scene, **drive, steps=2, progress=False).require().verdict
+    verdict = solve(scene, **drive, steps=2).require().verdict
     plain = replace(scene.contacts[0], penetration=None)
     scene.contacts[0] = plain
-    without = solve(scene, **drive, steps=2, progress=False).require().verdict
+    without = solve(scene, **drive, steps=2).require().verdict
     assert verdict.augmentations >= 4 and verdict.iterations == without.iterations
     assert verdict.corrections > without.corrections
 
@@ -125,7 +126,7 @@ def sphere(**options):
 
 
 def test_converges_where_the_penalty_of_that_penetration_does_not():
-    element, drive = 1.25, {"steps": 1, "smallest_step": 1.0, "progress": False}  # steps are not cut
+    element, drive = 1.25, {"steps": 1, "smallest_step": 1.0}  # steps are not cut
     scene, move = sphere(penalty=1e6)  # what 1e-6 of an element takes at a pressure of 1 MPa
     assert not solve(scene, **move, **drive).converged
     scene, move = sphere(penetration=1e-6 * element)
@@ -139,7 +140,7 @@ def test_the_penalty_does_not_count():
     for penalty in (10.0, 100.0):
         scene, move = sphere(penalty=penalty, penetration=1e-7)
         scene.contacts[0] = replace(scene.contacts[0], friction=coulomb(0.0))
-        forces.append(solve(scene, **move, steps=2, progress=False).require().history[-1]["c_force_z_N"])
+        forces.append(solve(scene, **move, steps=2).require().history[-1]["c_force_z_N"])
     # penetration of 1e-7 over an indentation of 1, times the 1.5 of Hertz: 2e-7
     np.testing.assert_allclose(*forces, rtol=1e-6)
 
@@ -149,7 +150,7 @@ def test_an_incremental_step_ends_where_multipliers_do():
     found = {}
     for method in ("newton", "incremental"):
         scene, move = sphere(penetration=1e-5)
-        found[method] = solve(scene, **move, steps=4, method=method, progress=False).require()
+        found[method] = solve(scene, **move, steps=4, method=method).require()
         assert found[method].column("c_penetration_mm").max() <= 1e-5
     # each ends anywhere within 1e-5 of an indentation of 1, times the 1.5 of Hertz
     forces = [result.history[-1]["c_force_z_N"] for result in found.values()]
@@ -182,7 +183,7 @@ def stuck(kind, mu=0.5):
 
 @pytest.mark.parametrize("kind", ["nodes", "Gauss points", "bodies"])
 def test_a_stuck_block_stays_where_it_is(kind):
-    result = solve(stuck(kind), steps=4, progress=False).require()
+    result = solve(stuck(kind), steps=4).require()
     row, system = result.history[-1], result.system
     assert row["c_sticking_points"] == row["c_active_points"] > 0
     np.testing.assert_allclose([row["c_force_x_N"], row["c_force_z_N"]], [-0.2, 1.0], rtol=1e-6)  # balance
@@ -201,7 +202,7 @@ def test_sliding_still_obeys_coulomb():
     scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), 3.0 * max(t - 0.2, 0.0)))
     scene.prescribe("zmax", "y", 0.0)
     scene.contact("zmin", rigid_plane(), 0.3, penetration=1e-6, name="c")
-    row = solve(scene, steps=[0.2, 0.4, 0.6, 0.8, 1.0], progress=False).require().history[-1]
+    row = solve(scene, steps=[0.2, 0.4, 0.6, 0.8, 1.0]).require().history[-1]
     np.testing.assert_allclose(row["c_force_x_N"], -0.3 * row["c_force_z_N"], rtol=1e-6)
     assert row["c_penetration_mm"] <= 1e-6
 
@@ -220,7 +221,7 @@ def test_snes_and_newton_agree_on_a_pushed_tool(tmp_path):
     folder, travel = COMM.bcast(tmp_path), []
     for method in ("newton", "snes"):
         scene, drive = punch()
-        result = solve(scene, **drive, steps=2, method=method, tolerance=1e-11, out=folder / method, progress=False)
+        result = solve(scene, **drive, steps=2, method=Method(method, tolerance=1e-11), out=folder / method)
         travel.append(result.require().history[-1]["punch_travel_z_mm"])
         assert max(result.history[-1][f"{c}_penetration_mm"] for c in ("c", "bottom")) <= 1e-5
     # each is free to end anywhere within its tolerance of 1e-5 mm, on two surfaces
@@ -240,7 +241,7 @@ def test_on_an_arc_as_at_given_loads():
         scene.fix("zmin")
         ball = rigid_sphere(5.0, (4.0, 4.0, 9.0))
         scene.contact("zmax", ball, 0.4, penetration=1e-6, name="c")
-        way = {"move": {ball: (0.3, 0.0, -1.0)}, "tolerance": 1e-11, "progress": False}
+        way = {"move": {ball: (0.3, 0.0, -1.0)}, "tolerance": 1e-11}
         if arc:
             way |= {"method": "arc_length", "until": Load(1.0)}
         result = solve(scene, **way, steps=2 if arc else [*loads[:-1], 1.0]).require()
@@ -261,7 +262,7 @@ def test_past_a_limit_point():
         if axis != "z":
             scene.fix(f"{axis}min", axis)
     follow = {"method": "arc_length", "steps": ArcSteps(first=0.2), "until": Displacement("zmax", "z", -0.8)}
-    result = solve(scene, **follow, progress=False).require()
+    result = solve(scene, **follow).require()
     (limit,) = result.summary["limit_points"]
     # a tangent that holds multipliers is singular a little off the extremum: by the square of that the load is
     np.testing.assert_allclose(limit["t"], 5.0 * 0.6 * 0.4 ** (2 / 3) / 2.0, rtol=1e-5)
@@ -366,7 +367,7 @@ def test_friction_near_its_limit_is_taken_over_in_part():
         pressed, aside = (np.interp(t, [0.0, 0.5, 1.0], [0.0, *both]) for both in zip(*forces, strict=True))
         return 0.5 * aside * pressed, 0.0, -pressed
 
-    result = solve(scene, push={lid: push}, steps=4, progress=False).require()
+    result = solve(scene, push={lid: push}, steps=4).require()
     assert not [note for note in result.verdict.notes if "penetration= is not kept" in note]
     np.testing.assert_allclose(result.history[-1]["c_friction_x_N"], 0.9, rtol=1e-6)
 
@@ -399,13 +400,13 @@ def test_what_cannot_be_augmented_is_refused():
 
 def test_deep_penetration_is_said_once():
     scene, move = sphere(penalty=1.0)
-    result = solve(scene, **move, steps=4, progress=False).require()
+    result = solve(scene, **move, steps=4).require()
     depth = result.history[-1]["c_penetration_mm"]
     assert depth > 0.05 * 1.25  # DEEP of the cells, 1.25 mm high
     said = [note for note in result.verdict.notes if "penetration= keeps it out" in note]
     assert len(said) == 1 and "contact 'c' at (" in said[0]
     scene, move = sphere()
-    assert not [note for note in solve(scene, **move, steps=4, progress=False).verdict.notes if "keeps it out" in note]
+    assert not [note for note in solve(scene, **move, steps=4).verdict.notes if "keeps it out" in note]
 
 
 # -- nodes between Gauss points ---------------------------------------------------------------------------------------
@@ -444,7 +445,7 @@ def test_a_node_that_sinks_in_between_points_on_a_body_is_said():
         scene.fix("upper_top", "xy")
         scene.prescribe("upper_top", "z", -1.0)
         scene.contact("lower_top", "upper_bottom", 0.3, points=points, name="c")
-        result = solve(scene, steps=1, progress=False).require()
+        result = solve(scene, steps=1).require()
         found.append(said_of_nodes(result))
     assert [len(notes) for notes in found] == [1, 0]
 
@@ -456,7 +457,7 @@ def test_a_side_that_sinks_in_without_being_a_slave_is_said(slave, said):
     scene.prescribe("zmin", "x", 0.4)
     scene.fix("zmin", "yz")
     scene.contact(slave, rigid_plane((2.3, 0, 0), (-1.0, 0, 0), name="wall"), 0.3, name="c")
-    result = solve(scene, steps=2, progress=False).require()
+    result = solve(scene, steps=2).require()
     notes = [note for note in result.verdict.notes if "a node that is no slave, contact 'c' at (2, " in note]
     assert bool(notes) == said
     if said:

@@ -78,7 +78,7 @@ def squeezed(mesh, slave, master):
     scene.fix("lower_bottom", "z")
     scene.prescribe("upper_top", "z", -0.1 * 2 * HIGH)
     scene.contact(slave, master, name="c", penalty=500.0)
-    result = solve(scene, steps=2, progress=False).require()
+    result = solve(scene, steps=2).require()
     pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
     return abs(result.history[-1]["c_force_z_N"]), 0.5 * np.ptp(pressure) / pressure.mean()
 
@@ -112,7 +112,7 @@ def test_sides_that_do_not_match_feel_one_pressure(plane, degree, lower, upper):
         scene.fix("lower_ymin", "y")
         scene.prescribe("upper_ymax", "y", -2.0)
         scene.contact("upper_ymin", "lower_ymax", name="c", penalty=500.0)
-        result = solve(scene, steps=2, progress=False).require()
+        result = solve(scene, steps=2).require()
         pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0].ravel()
         pressure = np.concatenate(COMM.allgather(pressure))
         found.append(result.history[-1]["c_force_y_N"])
@@ -268,7 +268,7 @@ def ironed(press, draw, swapped=False, **contact):
         Stage("press", prescribe={("indenter_top", "z"): -ironing.PRESS}, steps=press),
         Stage("draw", prescribe={("indenter_top", "x"): ironing.SHORT}, steps=draw),
     ]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     return result, np.array([result.history[-1][f"c_force_{axis}_N"] for axis in "xz"])
 
 
@@ -311,7 +311,7 @@ def test_a_steady_step_begins_on_the_curve_through_the_last():
     scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -0.1)
     scene.contact("upper_bottom", "lower_top", friction=0.05, name="c")
-    result = solve(scene, steps=5, progress=False).require()
+    result = solve(scene, steps=5).require()
     assert 0 < result.history[-1]["c_sticking_points"] < result.history[-1]["c_active_points"]
     assert (result.column("iterations")[2:] == 1).all()
 
@@ -327,7 +327,7 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -0.3 * min(4 * t, 1)))
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 3.0 * max(t - 0.25, 0) / 0.75))
     scene.contact("upper_bottom", "lower_top", 0.3, points="averages", name="c")
-    result = solve(scene, steps=16, progress=False).require()
+    result = solve(scene, steps=16).require()
     force = result.column("c_force_z_N")
     assert result.verdict.cuts == 0 and 0.4 * force.max() < force[-1] < 0.7 * force.max()
     # 2 x 4 of 16 mm2 lie over the master, and by how much the sole lags behind its top; all of it is wider by now
@@ -362,7 +362,7 @@ def test_a_sharp_block_is_led_over_another_and_off_its_end(sharp, slave):
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 7.5 * max(t - 0.25, 0) / 0.75))
     sides = "lower_top", "upper_bottom"
     scene.contact(sides[slave], sides[1 - slave], 0.3, points="averages", name="c")
-    result = solve(scene, steps=60, progress=False).require()
+    result = solve(scene, steps=60).require()
     force = np.abs(result.column("c_force_z_N"))
     assert result.verdict.iterations <= 4.5 * 60
     assert result.verdict.cuts <= 2 or (sharp, slave) == (1.0, 0)  # there they count by the solves they cost alone
@@ -384,7 +384,7 @@ def test_multipliers_over_an_end_are_the_limit_of_the_penalty(steps):
         scene.fix("upper_top", "xy")
         scene.prescribe("upper_top", "z", -0.2)
         scene.contact("lower_top", "upper_bottom", 0.3, points="averages", name="c", **contact)
-        result = solve(scene, steps=steps, progress=False).require()
+        result = solve(scene, steps=steps).require()
         assert 0.0 < result.history[-1]["c_penetration_mm"] < 1e-6
         force.append([result.history[-1][f"c_force_{axis}_N"] for axis in "xyz"])
     # of the whole: sideways there is a hundredth of it, and samples lie where the surfaces of the penalties' own balance do
@@ -415,7 +415,7 @@ def square_blade(master):
         Stage("press", prescribe={("blade_ymax", "y"): -0.1}, steps=2),
         Stage("drag", prescribe={("blade_ymax", "x"): 2.0}, steps=12),
     ]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
     edge = result.system.contacts[0].findings.pressing_edge(result.system.state)  # what a verdict would name
     return ratio[-1], [note for note in result.verdict.notes if "lean" in note], edge
@@ -445,7 +445,7 @@ def dragged_block(slave, degree=1):
         Stage("press", prescribe={("block_ymax", "y"): -0.5}, steps=4),
         Stage("drag", prescribe={("block_ymax", "x"): 2.0}, steps=16),
     ]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
     return ratio[-6:], [note for note in result.verdict.notes if "lean" in note]
 
@@ -480,7 +480,7 @@ def test_edges_of_a_block_that_is_pressed_alone_are_no_matter(half):
         scene.fix(name, "x")
     scene.contact("block_ymin", "pad_ymax", friction=0.05, name="c")
     scene.prescribe("block_ymax", "y", -0.8)
-    result = solve(scene, steps=4, progress=False).require()
+    result = solve(scene, steps=4).require()
     assert result.history[-1]["c_sticking_points"] < result.history[-1]["c_active_points"]
     assert not [note for note in result.verdict.notes if "lean" in note]
 
@@ -498,7 +498,7 @@ def test_a_frictionless_indenter_is_drawn_along():
         Stage("press", prescribe={("indenter_top", "y"): -1.0}, steps=10),
         Stage("draw", prescribe={("indenter_top", "x"): draw * 10.0 / 81}, steps=draw),
     ]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     late = result.column("t") > 1.4  # more than its width from where it began
     # what it has left behind is not what would keep it from going on
     assert result.system.contacts[0].findings.trouble(result.system.state) is None

@@ -14,7 +14,9 @@ from refusals import refused
 
 import fenics_contact as fc
 from fenics_contact import (
+    ArcSteps,
     Body,
+    Method,
     Scene,
     read_gmsh,
     rigid_cone,
@@ -62,7 +64,7 @@ def pressed(mesh, **contact):
 
 
 def solved(scene, **options):
-    return solve(scene, **{"progress": False, "steps": 1, **options})
+    return solve(scene, **{"steps": 1, **options})
 
 
 def driven(mesh, out, **options):
@@ -229,18 +231,18 @@ def test_tools_must_have_sane_lengths():
 @pytest.mark.parametrize("steps", [0, -3, 2.5, NAN, [], [0.5, 0.2], [0.5, NAN]])
 def test_steps(mesh, out, steps):
     scene, tool = pressed(mesh)
-    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, steps=steps, out=out, progress=False), "steps", "increasing")
+    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, steps=steps, out=out), "steps", "increasing")
 
 
 @pytest.mark.parametrize("drive", ["move", "push"])
 def test_nan_in_a_tools_drive(mesh, out, drive):
     scene, tool = pressed(mesh)
-    refused(lambda: solve(scene, **{drive: {tool: (0, 0, NAN)}}, out=out, progress=False), drive, "punch", "finite")
+    refused(lambda: solve(scene, **{drive: {tool: (0, 0, NAN)}}, out=out), drive, "punch", "finite")
 
     def late(t):  # fine at first: a run that only looks at the present step would fail half-way
         return (0.0, 0.0, -0.1 * t if t < 0.8 else NAN)
 
-    refused(lambda: solve(scene, **{drive: {tool: late}}, out=out, progress=False), drive, "punch", "finite")
+    refused(lambda: solve(scene, **{drive: {tool: late}}, out=out), drive, "punch", "finite")
 
 
 def test_nan_in_loads_and_supports(mesh, out):
@@ -249,7 +251,7 @@ def test_nan_in_loads_and_supports(mesh, out):
     refused(lambda: held(mesh).prescribe("zmax", "z", NAN), "zmax", "finite")
     scene = held(mesh)
     scene.prescribe("zmax", "z", lambda X, t: np.where((t > 0.8) & (X[:, 0] > 3.5), NAN, -0.1 * t))
-    refused(lambda: solve(scene, steps=10, out=out, progress=False), "zmax", "finite")
+    refused(lambda: solve(scene, steps=10, out=out), "zmax", "finite")
 
 
 # -- values of the wrong kind: one clear error each, no raw one of Python's ---------------------------------------------
@@ -524,8 +526,8 @@ def test_what_is_measured_over_a_surface_inside_the_material():
     refused(lambda: scene.area(("zmax", "between")), "'between'", "inside the material")
     scene.prescribe("zmax", "z", -0.1)
     until = fc.Displacement("between", "z", -0.02)
-    refused(lambda: solve(scene, method="arc_length", until=until, progress=False), "'between'", "inside the material")
-    refused(lambda: solve(scene, steps=1, progress=False, record={"u": lambda view: view.at("between").J}),
+    refused(lambda: solve(scene, steps=ArcSteps(until=until)), "'between'", "inside the material")
+    refused(lambda: solve(scene, steps=1, record={"u": lambda view: view.at("between").J}),
             "'between'", "inside the material")  # fmt: skip
 
 
@@ -642,7 +644,7 @@ def test_tool_deep_inside_the_body(mesh, out):
     scene = held(mesh)
     tool = rigid_punch(half_width=5.0, height=10.0, face=(2.0, 2.0, 0.5))
     scene.contact("zmax", tool, name="top")
-    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=out, progress=False), "top", "inside", "outwards")
+    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=out), "top", "inside", "outwards")
 
 
 def test_narrow_tool_deep_inside_the_body(mesh):
@@ -664,7 +666,7 @@ def test_a_profile_whose_points_go_the_wrong_way(mesh):
 def test_contradictory_supports(mesh, out):
     scene = held(mesh)
     scene.prescribe("xmin", "z", 0.1)
-    refused(lambda: solve(scene, out=out, progress=False), "zmin", "xmin", "contradict")
+    refused(lambda: solve(scene, out=out), "zmin", "xmin", "contradict")
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="one rank alone states one thing")
@@ -672,7 +674,7 @@ def test_stages_that_differ_from_rank_to_rank(mesh, out):
     """Their number above all, for what follows goes through them on all ranks together."""
     scene, tool = pressed(mesh)
     down = {"move": {tool: (0, 0, -0.1)}, "steps": 1}
-    run = {"out": out, "progress": False}
+    run = {"out": out}
     stages = [fc.Stage(f"down {i}", **down) for i in range(1 + COMM.rank)]
     refused(lambda: solve(scene, stages=stages, **run), "number of stages", "1 on rank 0", "2 on rank 1")
     refused(lambda: solve(scene, stages=[fc.Stage(f"down {COMM.rank}", **down)], **run), "stage 1", "down 0 on rank 0")
@@ -684,7 +686,7 @@ def test_supports_that_contradict_each_other_at_some_step_alone(mesh, out):
     """They agree at the start, half way and at the end."""
     scene = held(mesh)
     scene.prescribe("xmin", "z", lambda X, t: 0.1 * np.sin(8 * np.pi * t))
-    run = {"out": out, "progress": False}
+    run = {"out": out}
     refused(lambda: solve(scene, steps=[0.3, 1.0], **run), "t = 0.3", "zmin", "xmin", "contradict")
     stages = [fc.Stage("rest", prescribe={("xmin", "z"): 0.0}, steps=1)]
     stages += [fc.Stage("shake", prescribe={("xmin", "z"): lambda X, s: 0.1 * np.sin(4 * np.pi * s)}, steps=[0.3, 1.0])]
@@ -698,21 +700,21 @@ def test_nothing_against_rigid_motion(mesh, out, held_axes):
         scene.fix("zmin", held_axes)
     scene.traction("zmax", (0, 0, -0.1))
     loose = ", ".join(a for a in "xyz" if a not in held_axes)
-    refused(lambda: solve(scene, out=out, progress=False), "box", f"along {loose}:", "fix")
+    refused(lambda: solve(scene, out=out), "box", f"along {loose}:", "fix")
 
 
 def test_frictionless_floor_does_not_hold_sideways(mesh, out):
     scene = Scene(Body(mesh, "box", fc.neo_hooke(1.0, 5.0)))
     scene.contact("zmin", rigid_plane(), name="floor")
-    refused(lambda: solve(scene, out=out, progress=False), "box", "along x, y:")
+    refused(lambda: solve(scene, out=out), "box", "along x, y:")
 
 
 def test_unknown_words(mesh, out):
     scene, tool = pressed(mesh)
     other = rigid_plane(name="other")
-    refused(lambda: solve(scene, move={other: (0, 0, 1)}, out=out, progress=False), "other", "in no contact")
+    refused(lambda: solve(scene, move={other: (0, 0, 1)}, out=out), "other", "in no contact")
     refused(lambda: solve(scene, move={tool: (0, 0, 0)}, method="magic", out=out), "magic", "newton")
-    refused(lambda: solve(scene, move={tool: (0, 0, 0)}, linear="magic", out=out, progress=False), "magic", "direct")
+    refused(lambda: solve(scene, move={tool: (0, 0, 0)}, method=Method(linear="magic"), out=out), "magic", "direct")
     refused(lambda: scene.fix("zmin", "w"), "'w'", "x, y, z")
     refused(lambda: pressed(mesh, points=0), "top", "points", "Gauss")
 
@@ -723,7 +725,7 @@ def test_unwritable_folder(mesh, tmp_path):
         blocker.write_text("not a folder")
     COMM.Barrier()
     scene, tool = pressed(mesh)
-    action = lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=blocker / "results", progress=False)  # noqa: E731
+    action = lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=blocker / "results")  # noqa: E731
     refused(action, "a_file", "out=")
     COMM.Barrier()
     assert blocker.read_text() == "not a folder"
@@ -765,4 +767,4 @@ def test_frictionless_punch_does_not_hold_sideways(mesh, out):
     scene.fix("zmin", "xz")
     tool = rigid_punch(half_width=5.0, height=2.0, face=(2.0, 2.0, 2.0))
     scene.contact("zmax", tool, name="top")
-    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=out, progress=False), "box", "along y:")
+    refused(lambda: solve(scene, move={tool: (0, 0, -0.1)}, out=out), "box", "along y:")

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, solve
+from fenics_contact import Body, Method, Scene, mooney_rivlin, read_gmsh, solve
 from fenics_contact.meshes import box
 
 WIDTH, HEIGHT, SQUEEZE = 40.0, 5.0, 5e-4  # mm, of a quarter; a strain of 1e-4: the energy is quadratic to that
@@ -26,7 +26,7 @@ def strip(K, element, degree, cells):
     scene.fix("ymin", "y")
     scene.fix(("zmin", "zmax"), "z")
     scene.prescribe("ymax", "y", -SQUEEZE)
-    result = solve(scene, steps=1, progress=False, linear="direct")
+    result = solve(scene, steps=1, method=Method(linear="direct"))
     assert result.converged, result.verdict.reason
     X, forces = result.u.function_space.tabulate_dof_coordinates(), np.zeros(len(result.u.x.array))
     result.system.terms[0].add_residual(result.system.state, forces, None)

@@ -59,7 +59,7 @@ def pressed(kind, cells=9, down=0.4, steps=4, degree=1, wide=1.0, swapped=False,
         scene.contact(*(sides if swapped else sides[::-1]), 0.0, name="c", **options)
     scene.fix("floor_ymin")
     record = {"top": lambda view: view.at((0.0, 0.0, 0.0)).displacement[1]} if kind == "tool" else None
-    return solve(scene, steps=steps, progress=False, record=record, **more)
+    return solve(scene, steps=steps, record=record, **more)
 
 
 def said(result, words):
@@ -119,7 +119,7 @@ def test_a_spike_of_a_tool_in_space_is_named(points):
     scene, tool = Scene(Body(mesh, "box", SOFT)), rigid_surface(spike, flip=True)
     scene.fix("zmin")
     scene.contact("zmax", tool, 0.0, name="c", points=points)
-    result = solve(scene, move={tool: (0.0, 0.0, -0.4)}, steps=2, progress=False)
+    result = solve(scene, move={tool: (0.0, 0.0, -0.4)}, steps=2)
     assert depth(said(result, "inside the slave between its nodes")[0]) >= 0.15
 
 
@@ -132,7 +132,7 @@ def test_nodes_that_supports_lead_into_a_body_are_named_as_the_cause(degree):
     scene.prescribe("pad_ymax", "x", -0.2)
     scene.fix("wall_xmin")
     scene.contact("pad_xmin", "wall_xmax", 0.0, name="c")
-    result = solve(scene, steps=3, progress=False).require()
+    result = solve(scene, steps=3).require()
     (note,) = said(result, "where supports prescribe the slave")
     assert "(0.001, 3, 0): a slave node lies" in note and "inside 'wall_xmax'" in note
     assert not said(result, "between its nodes")  # which follows from it
@@ -146,5 +146,5 @@ def test_what_lies_as_it_should_is_passed_over():
     scene.fix("block_ymax", "x")
     scene.prescribe("block_ymax", "y", -0.15)
     scene.contact("pad_ymax", "block_ymin", 0.3, name="c")
-    result = solve(scene, steps=3, progress=False).require()
+    result = solve(scene, steps=3).require()
     assert not said(result, " inside ") and np.abs(result.column("c_force_y_N")[-1]) > 0.1

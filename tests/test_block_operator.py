@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Method, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
 from fenics_contact.assembly import block_operator
 from fenics_contact.assembly.block_operator import Blocks
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
@@ -179,7 +179,7 @@ def test_options_of_the_user_s_own_reach_petsc(option):
         if given:
             PETSc.Options()[option[0]] = option[1]
         try:
-            result = solve(scene, move={plate: (0, 0, -0.2)}, steps=2, linear="iterative", progress=False).require()
+            result = solve(scene, move={plate: (0, 0, -0.2)}, steps=2, method=Method(linear="iterative")).require()
         finally:
             PETSc.Options().delValue(option[0])
         found.append((result.history[-1]["lid_force_z_N"], result.summary["method"]["krylov_iterations"]))
@@ -202,7 +202,7 @@ def test_an_interrupt_within_a_product_ends_the_solve(monkeypatch, at):
     scene.fix("zmin")
     scene.prescribe("zmax", "z", -0.2)
     with pytest.raises(KeyboardInterrupt):
-        solve(scene, steps=4, linear="iterative", progress=False)
+        solve(scene, steps=4, method=Method(linear="iterative"))
     assert len(calls) >= at
     monkeypatch.setattr(block_operator, "add_product", add_product)
-    assert solve(scene, steps=1, linear="iterative", progress=False).converged  # nothing of it is left
+    assert solve(scene, steps=1, method=Method(linear="iterative")).converged  # nothing of it is left

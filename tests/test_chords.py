@@ -109,7 +109,7 @@ def fit(cells, interference, order=1, swap=False, deep=False, degree=None, point
     sides = ("shaft_outside", "hub_inside") if deep else ("shaft_outer", "hub_inner")
     slave, master = sides[::-1] if swap else sides
     scene.contact(slave, master, name="fit", points=points)
-    return solve(scene, steps=1, progress=False).require()
+    return solve(scene, steps=1).require()
 
 
 def load(result, deep=1.0):
@@ -210,7 +210,7 @@ def test_a_bore_of_straight_cells_on_a_round_pin(points, off):
         scene.fix("hub_xmin", "x")
         pin = rigid_cylinder(BORE + 0.02, (0, 0, 0), (0, 0, 1), name="pin")
         scene.contact("hub_inner", pin, name="fit", points=points)
-        result = solve(scene, steps=1, progress=False).require()
+        result = solve(scene, steps=1).require()
         loads.append(load(result))
         if order == 1:
             change, noted = said(result), notes(result)

@@ -12,6 +12,8 @@ from mpi4py import MPI
 from fenics_contact import (
     Body,
     Load,
+    Method,
+    Output,
     Penalty,
     Scene,
     SceneError,
@@ -97,9 +99,9 @@ def test_the_way_of_the_drive_is_no_jump():
 
 @pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), pytest.param(blade, 20, marks=pytest.mark.slow)])
 def test_the_verdict_names_damping_and_damping_cures(scene, steps):
-    failed = solve(scene(), steps=steps, smallest_step=1e-3, progress=False)
-    assert not failed.converged and "solve(..., damping=True)" in failed.verdict.remedy, failed.verdict.reason
-    cured = solve(scene(), steps=steps, damping=True, progress=False)
+    failed = solve(scene(), steps=steps, method=Method(smallest_step=1e-3))
+    assert not failed.converged and "solve(..., method=Method(damping=True))" in failed.verdict.remedy, failed.verdict.reason
+    cured = solve(scene(), steps=steps, method=Method(damping=True))
     assert cured.converged, cured.verdict.reason
     assert any("jumped" in note for note in cured.verdict.notes)
     assert max(row["residual"] for row in cured.history) <= 1e-8  # in balance without damping
@@ -112,9 +114,9 @@ def test_the_verdict_names_damping_and_damping_cures(scene, steps):
 def test_no_steps_go_past_the_end_of_a_cantilever_without_a_word(steps):
     """Newton's method fails at the snap, with the remedy, or comes over it and says so."""
     scene, move = past_the_end()
-    result = solve(scene, move=move, steps=steps, smallest_step=1e-3, progress=False)
+    result = solve(scene, move=move, steps=steps, method=Method(smallest_step=1e-3))
     said = result.verdict.notes if result.converged else [result.verdict.remedy]
-    assert any("solve(..., damping=True)" in words for words in said), said
+    assert any("solve(..., method=Method(damping=True))" in words for words in said), said
 
 
 @pytest.mark.parametrize("moved", [False, True], ids=["load", "drive"])
@@ -126,7 +128,7 @@ def test_a_load_or_drive_that_jumps_is_no_snap(moved):
         scene.prescribe("xmax", "z", lambda X, t: np.full(len(X), 0.1 * t + (t > 0.55)))
     else:
         scene.traction("xmax", lambda t: (0, 0, 0.001 * t + 0.01 * (t > 0.55)))
-    notes = solve(scene, steps=10, progress=False).require().verdict.notes
+    notes = solve(scene, steps=10).require().verdict.notes
     assert any("loads or drives jump near t = 0.55" in note for note in notes)
     assert not any("snap" in note for note in notes)
 
@@ -134,11 +136,11 @@ def test_a_load_or_drive_that_jumps_is_no_snap(moved):
 @pytest.mark.slow
 def test_a_ball_goes_past_the_end_of_a_cantilever():
     scene, move = past_the_end()
-    cured = solve(scene, move=move, steps=10, damping=True, progress=False).require()
+    cured = solve(scene, move=move, steps=10, method=Method(damping=True)).require()
     assert cured.column("c_active_points")[-1] == 0  # the ball is past it
     assert np.abs(cured.u.x.array).max() < 1e-6  # and the cantilever straight again; steps end at 1e-8 of the force
     scene, move = past_the_end(-2.4)
-    assert solve(scene, move=move, steps=4, progress=False).converged  # a path that ends before needs none
+    assert solve(scene, move=move, steps=4).converged  # a path that ends before needs none
 
 
 @pytest.mark.parametrize(("element", "method"), [("displacement", "newton"), ("displacement", "snes"), ("mixed", "newton")])
@@ -146,7 +148,7 @@ def test_the_state_after_a_snap_is_the_one_beyond_the_limit_point(element, metho
     """Past the jump a dead load has one stable state: that of any other steps, at all its loads, by any method."""
     ends = []
     for steps, way in ((4, method), (10, "newton")):
-        result = solve(loaded_dome(element), steps=steps, damping=True, method=way, progress=False).require()
+        result = solve(loaded_dome(element), steps=steps, method=Method(way, damping=True)).require()
         assert result.summary["damping"]["jumps"] == 1
         ends.append(displacements(result.u))
     np.testing.assert_allclose(*ends, atol=1e-6 * np.abs(ends[0]).max())  # steps end at 1e-8 of the force
@@ -165,11 +167,11 @@ def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated
     if COMM.size > 1 and scene is blade:
         pytest.skip("which solves fail as it flips is round-off, and MUMPS adds up in another order each time")
     folder = COMM.bcast(tmp_path)
-    kept = {"damping": True, "method": method, "checkpoint": True, "progress": False, "tolerance": 1e-11}
+    kept = {"damping": True, "method": method, "checkpoint": True, "tolerance": 1e-11}
     whole = solve(scene(**stated), steps=times, out=folder / "whole", **kept).require()
     begun = solve(scene(**stated), steps=times[:-1], out=folder / "parts", **kept).require()
     assert begun.summary["damping"]["jumps"] > 0
-    parts = solve(scene(**stated), steps=times, out=folder / "parts", resume=True, **kept).require()
+    parts = solve(scene(**stated), steps=times, out=Output(folder / "parts", resume=True), **kept).require()
     # on several processes MUMPS adds up in another order each time: behind a jump solves may be some more or fewer
     for name in ("t", "damping_work_Nmm", *(["iterations"] if COMM.size == 1 else [])):
         np.testing.assert_allclose(parts.column(name), whole.column(name), rtol=1e-9)  # steps end at 1e-11 of the force
@@ -182,7 +184,7 @@ def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated
 @pytest.mark.slow
 def test_the_blade_slides_on_as_with_other_steps():
     """Behind the jump it slides, and has forgotten where it let go."""
-    force = [solve(blade(), steps=n, damping=True, progress=False).require().history[-1] for n in (10, 20)]
+    force = [solve(blade(), steps=n, method=Method(damping=True)).require().history[-1] for n in (10, 20)]
     names = [f"floor_force_{axis}_N" for axis in "xz"]
     one, other = ([row[name] for name in names] for row in force)
     np.testing.assert_allclose(one, other, rtol=1e-6)  # steps end at 1e-8 of the force, once ten times as great
@@ -201,7 +203,7 @@ def test_work_is_what_the_jump_lets_go():
         """Of the loads of t = 1 against the displacement."""
         return COMM.allreduce(float(load @ state.u.x.array[: len(load)]))
 
-    result = solve(scene, steps=40, damping=True, progress=False, record={"work": work}).require()
+    result = solve(scene, steps=40, method=Method(damping=True), record={"work": work}).require()
     t, work_of_load = np.append(0.0, result.column("t")), np.append(0.0, result.column("work"))
     taken = result.column("damping_work_Nmm")
     jump, mean = int(taken.argmax()), 0.5 * (t[1:] + t[:-1])
@@ -212,10 +214,10 @@ def test_work_is_what_the_jump_lets_go():
 
 def test_a_snap_within_a_step_is_said():
     """One step of the whole load ends in balance beyond the limit point, which it has at 0.1169 of it."""
-    result = solve(loaded_dome(), steps=1, progress=False).require()
+    result = solve(loaded_dome(), steps=1).require()
     (note,) = (note for note in result.verdict.notes if "passed through a snap" in note)
     assert "damping=True" in note and 0.1169 - 1 / 64 < float(note.split("near t = ")[1].split()[0]) < 0.1169
-    moderate = solve(loaded_dome(), steps=[0.05, 0.1], progress=False).require()
+    moderate = solve(loaded_dome(), steps=[0.05, 0.1]).require()
     assert [note for note in moderate.verdict.notes if "steps= go to t = 0.1" not in note] == []
 
 
@@ -229,10 +231,10 @@ def steps_taken(monkeypatch):
 def test_a_step_that_is_looked_at_is_not_solved_twice(monkeypatch):
     """The state beyond the snap is taken up again by the solves that its last balance needs."""
     taken = steps_taken(monkeypatch)
-    looked = solve(loaded_dome(), steps=1, progress=False).require()
+    looked = solve(loaded_dome(), steps=1).require()
     assert taken.count(1.0) == 1 and len(taken) > 1
     monkeypatch.setattr(control, "wandered", lambda system, report: False)
-    plain = solve(loaded_dome(), steps=1, progress=False).require()
+    plain = solve(loaded_dome(), steps=1).require()
     ends = [displacements(result.u) for result in (looked, plain)]
     np.testing.assert_allclose(*ends, atol=1e-8 * np.abs(ends[1]).max())  # steps end at 1e-8 of the force
 
@@ -250,14 +252,14 @@ def test_one_half_tells_that_an_even_path_does_not_jump(monkeypatch):
 def test_wrong_methods_are_refused():
     for options in ({"method": "incremental"}, {"method": "arc_length", "until": Load(1.0)}):
         with pytest.raises(SceneError, match="damping"):
-            solve(loaded_dome(), damping=True, progress=False, **options)
+            solve(loaded_dome(), method=Method(damping=True), **options)
 
 
 def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
     scene, built = blade(penetration=1e-4), []
     monkeypatch.setattr(run, "build", lambda *stated: built.append(build(*stated)) or built[0])
     record = {"misfit": lambda state: misfit(built[0].system)}
-    result = solve(scene, steps=np.arange(1, 6) / 10, damping=True, record=record, progress=False).require()
+    result = solve(scene, steps=np.arange(1, 6) / 10, method=Method(damping=True), record=record).require()
     assert result.column("damping_work_Nmm").any()
     # deepest point, slip in stick and pressure across a gap, over 1e-4 mm
     assert result.column("misfit").max() <= 1.0
@@ -334,7 +336,7 @@ def squashed(points, **options):
     lid, floor = rigid_plane((0, 10, 0), (0, -1, 0), name="lid"), rigid_plane((0, 0, 0), (0, 1, 0), name="floor")
     scene.contact(("rubber_ymax", "rubber_xmax"), lid, 0.3, points=points, name="lid")
     scene.contact(("rubber_ymin", "rubber_xmax"), floor, 0.3, points=points, name="floor")
-    return solve(scene, move={lid: (0.0, -5.0, 0.0)}, progress=False, **options)
+    return solve(scene, move={lid: (0.0, -5.0, 0.0)}, **options)
 
 
 @pytest.mark.parametrize("steps", [20, pytest.param(33, marks=pytest.mark.slow)])
@@ -377,7 +379,7 @@ def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
         scene.fix(side, "y")
     scene.pressure("zmax", 0.8)
     scene.contact("upper", "lower", 0.3, name="slot")
-    result = solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.45], progress=False).require()
+    result = solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.45]).require()
     assert any("in short steps too" in note for note in result.verdict.notes)
     assert result.summary["damping"]["work_share"] < 1e-3
     assert result.column("balance_error_N")[-1] < 1e-6 * result.column("slot_load_N")[-1]
@@ -385,10 +387,10 @@ def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
 
 def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):
     folder, times = COMM.bcast(tmp_path), [0.2, 0.4, 0.6, 0.7, 0.8, 0.9]
-    kept = {"checkpoint": True, "progress": False, "tolerance": 1e-11}
+    kept = {"checkpoint": True, "tolerance": 1e-11}
     whole = solve(stumbling(None)[0], steps=times, out=folder / "whole", **kept).require()
     begun = solve(stumbling(None)[0], steps=times[:-1], out=folder / "parts", **kept).require()
-    parts = solve(stumbling(None)[0], steps=times, out=folder / "parts", resume=True, **kept).require()
+    parts = solve(stumbling(None)[0], steps=times, out=Output(folder / "parts", resume=True), **kept).require()
     assert begun.summary["damping"]["jumps"] == 1
     assert parts.summary["damping"] == pytest.approx(whole.summary["damping"], rel=1e-9)
     for name in ("t", "floor_force_x_N", "energy_error_Nmm"):
@@ -397,8 +399,8 @@ def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):
 
 def test_a_jump_of_more_than_a_cell_is_not_taken_unasked(monkeypatch):
     monkeypatch.setattr(control, "jump", partial(jump_by, control.jump, 1e-4))
-    ended = solve(stumbling(None)[0], steps=5, progress=False)
-    assert not ended.converged and "solve(..., damping=True)" in ended.verdict.remedy
+    ended = solve(stumbling(None)[0], steps=5)
+    assert not ended.converged and "solve(..., method=Method(damping=True))" in ended.verdict.remedy
     assert not ended.summary["damping"]
 
 

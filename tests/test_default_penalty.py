@@ -85,7 +85,7 @@ def test_what_is_said_at_the_default_penalty(name):
     results = []
     for factor in (100.0, 1000.0):
         scene, drive = DEFAULT[name](factor)
-        results.append(solve(scene, **drive, progress=False).require())
+        results.append(solve(scene, **drive).require())
     before, after = (np.array([r.history[-1][f"top_force_{a}_N"] for a in "xyz"]) for r in results)
     said, at_ten = (r.summary["penalty_error"]["contacts"]["top"] for r in results)
     change = np.array(said["force_change_N"])
@@ -116,14 +116,14 @@ def test_a_penetration_of_some_of_a_cell_keeps_a_tenth_of_a_percent(name):
     """3e-4 of its height, against a stiff penalty with the change that it says is left."""
     # pressed on a curved master at 1e4 E/h, steps are cut back, and friction takes another way
     scene, drive = DEFAULT[name](1e3 if "pressed" in name else 1e4)
-    result = solve(scene, **drive, progress=False).require()
+    result = solve(scene, **drive).require()
     said = result.summary["penalty_error"]["contacts"]["top"]["force_change_N"]
     force = [result.history[-1][f"top_force_{a}_N"] for a in "xyz"]
     scene, drive = DEFAULT[name](100.0)
     at = next(i for i, contact in enumerate(scene.contacts) if contact.name == "top")
     height = float(np.median(result.system.contacts[at].surface.height))
     scene.contacts[at] = replace(scene.contacts[at], penetration=3e-4 * height)
-    kept = solve(scene, **drive, progress=False).require()
+    kept = solve(scene, **drive).require()
     found = [kept.history[-1][f"top_force_{a}_N"] for a in "xyz"]
     unbent = np.add(force, said)
     assert np.linalg.norm(found - unbent) < 1e-3 * np.linalg.norm(unbent)
@@ -134,7 +134,7 @@ def test_peaks_at_a_sharp_edge_belong_to_the_mesh():
     peaks = []
     for cells in (4, 8):
         scene, tool = punched_plate(cells, 0.0, 3, None, 0.1)
-        result = solve(scene, move={tool: (0, 0, -1.0)}, steps=3, progress=False).require()
+        result = solve(scene, move={tool: (0, 0, -1.0)}, steps=3).require()
         said = result.summary["penalty_error"]["contacts"]["top"]
         assert max(said["peak_pressure_at_mm"][:2]) > 20.0 * (1 - 1 / cells)  # in the row of cells at the edge
         peaks.append(said["peak_pressure_MPa"])

@@ -66,7 +66,7 @@ def drawn(mesh, friction, sheet, way, points, degree):
             scene.prescribe(group, axis, lambda X, t, end=end: np.full(len(X), max(2.0 * t - 1.0, 0.0) * end))
     scene.traction("upper_top", lambda t: (0.0, 0.0, -PRESS * min(10.0 * t, 1.0)))
     scene.contact("upper_bottom", "lower_top", friction, points=points, penalty=Penalty(1e5, 1e4), name="joint")
-    return solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0], progress=False).require()
+    return solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0]).require()
 
 
 def turned_and_sheared(turn, shear):
@@ -117,7 +117,7 @@ def rubbed(mesh, way, along, points, law=directed):
     for axis, end in zip("xy", way, strict=True):
         scene.prescribe("upper_top", axis, lambda X, t, end=end: np.full(len(X), max(2.0 * t - 1.0, 0.0) * end))
     scene.contact("upper_bottom", "lower_top", law(along), points=points, name="joint")
-    return solve(scene, steps=10, progress=False)
+    return solve(scene, steps=10)
 
 
 def joint(result):

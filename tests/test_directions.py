@@ -9,6 +9,7 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Load,
+    Method,
     Scene,
     from_elastic,
     neo_hooke,
@@ -57,7 +58,7 @@ def pressed(Q, linear="auto", **options):
     tool = rigid_cylinder(1.5, Q @ (0.8, 0.0, 2.5), Q @ (0.0, 1.0, 0.0))
     scene.contact("zmax", tool, 0.3, penetration=1e-4, name="roll")
     way = lambda t: Q @ (0.1 * max(2 * t - 1, 0.0), 0.0, -0.1 * min(2 * t, 1.0))  # noqa: E731
-    result = solve(scene, move={tool: way}, steps=4, linear=linear, progress=False)
+    result = solve(scene, move={tool: way}, steps=4, method=Method(linear=linear))
     assert result.converged, result.verdict.reason
     contact = np.column_stack([result.column(f"roll_force_{axis}_N") for axis in "xyz"]) @ Q
     energy = [result.column(name)[-1] for name in ("strain_energy_Nmm", "external_work_Nmm", "roll_friction_work_Nmm")]
@@ -103,7 +104,7 @@ def test_a_wedge_that_is_pushed(degree):
     """Statics of a body on two frictionless planes: N sin(a) = F of the skew one, N cos(a) of the floor."""
     scene = wedge(degree=degree)
     scene.traction("back", (0.7, 0.0, 0.0))
-    result = solve(scene, steps=2, progress=False)
+    result = solve(scene, steps=2)
     assert result.converged, result.verdict.reason
     slope = np.arctan(0.5)
     skew, floor = reactions(result, np.eye(3), "skew", "floor")
@@ -124,7 +125,7 @@ def test_work_of_a_skew_support_falls_with_the_square_of_the_step():
         scene.fix("back", "x")
         scene.supports = [one for one in scene.supports if one.group != ("skew",)]
         scene.prescribe("skew", value=-0.2, normal=True)
-        result = solve(scene, steps=steps, progress=False)
+        result = solve(scene, steps=steps)
         assert result.converged, result.verdict.reason
         errors.append(abs(result.column("energy_error_Nmm")[-1]))
     assert np.log2(np.divide(errors[:-1], errors[1:])).min() > 1.9
@@ -142,7 +143,7 @@ def test_forces_where_supports_meet():
         if twice:
             scene.prescribe("zmin", direction=-along, value=-0.1)
             scene.prescribe(("zmin", "zmin"), direction=along, value=lambda X, t: 0.1 * t)
-        result = solve(scene, steps=1, progress=False)
+        result = solve(scene, steps=1)
         assert result.converged, result.verdict.reason
         u = result.system.state.u.x.array.reshape(-1, 3)
         nodes = mesh.nodes(scene.space, "zmin")
@@ -162,7 +163,7 @@ def test_a_skew_plane_on_the_way_along_an_arc():
             scene.fix(group, normal=True)
         scene.prescribe("zmax", value=0.2, normal=True)
         scene.traction("xmax", Q @ (0.3, 0.0, 0.0))
-        result = solve(scene, method="arc_length", until=Load(1.0), steps=ArcSteps(first=0.2), progress=False)
+        result = solve(scene, steps=ArcSteps(until=Load(1.0), first=0.2))
         assert result.converged, result.verdict.reason
         found.append(np.append(result.column("t"), reactions(result, Q, "xmin", "zmax")))
     np.testing.assert_allclose(found[1], found[0], atol=1e-7)
@@ -179,7 +180,7 @@ def test_edges_and_points(degree):
     scene.prescribe("xmax", value=0.4, normal=True)
     nodes = mesh.comm.allreduce(int((mesh.nodes(scene.space, "edge") < scene.space.dofmap.index_map.size_local).sum()))
     assert nodes == 2 * degree + 1
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     assert result.converged, result.verdict.reason
     pull, edge, corner = reactions(result, TURN, "xmax", "edge", "corner")
     scale = 1e-7 * np.abs(pull).max()

@@ -18,6 +18,7 @@ from taylor import change, orders, remainders
 from fenics_contact import (
     ArcSteps,
     Body,
+    Method,
     Scene,
     SceneError,
     mooney_rivlin,
@@ -122,7 +123,7 @@ def test_patch(element, degree, tetrahedra):
     for i, letter in enumerate("xyz"):
         faces = tuple(a + end for a in "xyz" for end in ("min", "max"))
         scene.prescribe(faces, letter, lambda X, t, i=i: t * X @ (F - np.eye(3))[i])
-    result = solve(scene, steps=2, progress=False, tolerance=1e-12)
+    result = solve(scene, steps=2, method=Method(tolerance=1e-12))
     assert result.converged, result.verdict.reason
     X = scene.space.tabulate_dof_coordinates()
     assert np.abs(result.u.x.array.reshape(-1, 3) - X @ (F - np.eye(3)).T).max() < 1e-10  # tolerance times stiffness
@@ -144,7 +145,7 @@ def test_uniaxial_stress_of_one_element(element, degree, stretch, nominal):
     for letter in "xyz":
         scene.fix(letter + "min", letter)
     scene.prescribe("zmax", "z", stretch - 1)
-    result = solve(scene, steps=5, progress=False, tolerance=1e-11)
+    result = solve(scene, steps=5, method=Method(tolerance=1e-11))
     assert abs(reaction(result, 2, 1.0, 2) - nominal) < 5.1e-8  # targets: seven decimals, and the comparison's rounding
 
 
@@ -162,7 +163,7 @@ def strip_scene(K, degree=1, cells=8, squeeze=0.1, comm=MPI.COMM_WORLD, element=
 
 def strip(K, degree=1, cells=8, squeeze=0.1, comm=MPI.COMM_WORLD, element="mixed", **options):
     """The result of the strip and its force per depth [N/mm]."""
-    result = solve(strip_scene(K, degree, cells, squeeze, comm, element), progress=False, linear="direct", **options)
+    result = solve(strip_scene(K, degree, cells, squeeze, comm, element), method=Method(linear="direct"), **options)
     assert result.converged, result.verdict.reason
     return result, -2 * reaction(result, 1, 5.0, 1) / (5.0 / cells)
 
@@ -240,7 +241,7 @@ def test_steps_and_iterations_do_not_grow_with_the_bulk_modulus(degree):
 @pytest.mark.serial
 def test_output_stress_holds_the_mixed_pressure():
     scene = strip_scene(200.0, cells=2)
-    result = solve(scene, steps=2, progress=False)
+    result = solve(scene, steps=2)
     fields = Fields(scene, result.system)
     fields.update()
     mean = np.trace(fields.cauchy_stress.x.array.reshape(-1, 3, 3), axis1=1, axis2=2) / 3
@@ -260,7 +261,7 @@ def membrane(law, traction, cells, place, degree=1, element="mixed"):
     scene.fix("left")
     scene.fix(("front", "back"), "z")
     scene.traction("right", (0.0, traction, 0.0))
-    result = solve(scene, steps=1, progress=False, linear="direct")
+    result = solve(scene, steps=1, method=Method(linear="direct"))
     assert result.converged and result.verdict.cuts == 0, result.verdict.reason
     return displacement_at(result, (*place, 0.0))
 
@@ -318,7 +319,7 @@ def test_block_under_a_patch_load(degree, cells, load, compression):
     scene.fix("symmetry_z", "z")
     scene.fix(("patch", "top"), "xz")
     scene.traction("patch", (0.0, -4.0 * load, 0.0))
-    result = solve(scene, steps=load // 20, progress=False, linear="direct")
+    result = solve(scene, steps=load // 20, method=Method(linear="direct"))
     assert result.converged and result.verdict.cuts == 0, result.verdict.reason
     assert abs(-displacement_at(result, (0, 1, 0))[1] / compression - 1) < 0.003  # the reference's own uncertainty
 
@@ -370,7 +371,7 @@ def test_torsion(exact_torsion):
 
                 scene.prescribe(end, "xy"[axis], turned)
             scene.fix(end, "z")
-        result = solve(scene, steps=2, progress=False, linear="direct")
+        result = solve(scene, steps=2, method=Method(linear="direct"))
         assert result.converged, result.verdict.reason
         system = result.system
         forces = np.zeros(len(system.state.u.x.array))
@@ -392,9 +393,7 @@ def test_arc_length_passes_the_limit_point_of_an_inflated_shell():
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", 0.005)
     steps = ArcSteps(first=0.1, largest=10.0)
-    result = solve(
-        scene, method="arc_length", steps=steps, until=lambda state: np.abs(state.u.x.array).max() - 60.0, progress=False
-    )
+    result = solve(scene, steps=ArcSteps(until=lambda state: np.abs(state.u.x.array).max() - 60.0, first=1 / steps))
     assert result.converged, result.verdict.reason
     peak = int(np.argmax(result.column("limit_point") == 1))
     # a chord of 0.2 rad lies 0.2^2 / 12 = 0.33 % of the radius inside the sphere on average, and p goes with 1 / radius
@@ -411,7 +410,7 @@ def test_rubber_cylinder_squeezed_flat():
     scene.fix(("front", "back"), "y")
     plate = rigid_plane((0, 0, 200.0), (0, 0, -1.0))
     scene.contact("rim", plate, name="rim")
-    result = solve(scene, move={plate: (0, 0, -100.0)}, steps=10, progress=False, linear="direct")
+    result = solve(scene, move={plate: (0, 0, -100.0)}, steps=10, method=Method(linear="direct"))
     assert result.converged, result.verdict.reason
     force = -2 * result.column("rim_force_z_N")[1::2] / 10.0  # kN/m
     assert np.abs(force / [60.15, 170.61, 362.53, 714.81, 1415.74] - 1).max() < 0.01, force
@@ -442,7 +441,7 @@ def pressed_cube(mesh, K=20.0, stretch=0.58):
 
 def unstable_from(scene, steps):
     """Number of the first step after which the tangent has a negative pivot, if any."""
-    result = solve(scene, steps=steps, progress=False).require()
+    result = solve(scene, steps=steps).require()
     notes = [note for note in result.verdict.notes if "negative pivots" in note]
     return round(steps * float(notes[0].partition(":")[0].rpartition("t = ")[2])) if notes else None
 
@@ -482,7 +481,7 @@ def test_degree_2_follows_a_small_load_aside_under_compression():
     for element in ("displacement", "mixed"):
         scene = pressed_square(element)
         scene.traction("b_xmax", lambda X, t: np.c_[0.01 * t * np.cos(4 * np.pi * X[:, 1]), 0 * X[:, 0], 0 * X[:, 0]])
-        result = solve(scene, steps=7, progress=False).require()
+        result = solve(scene, steps=7).require()
         ends.append(result.column("b_ymax_reaction_y_N")[-1])
     assert abs(ends[1] / ends[0] - 1) < 2e-5, ends  # what the plain element's changes by from 4 to 16 cells
 
@@ -532,7 +531,7 @@ def bonded_block(size, degree, ratio):
     scene.fix("zmin")
     scene.fix("zmax", "xy")
     scene.prescribe("zmax", "z", -0.1)
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     return reaction(result, 2, 1.0, 2), " ".join(result.verdict.notes)
 
 
@@ -552,7 +551,7 @@ def test_linear_tetrahedra_have_nothing_to_gain():
         scene.fix("zmin")
         scene.fix("zmax", "xy")
         scene.prescribe("zmax", "z", -0.2)
-        ends.append(solve(scene, steps=2, progress=False, tolerance=1e-11).u.x.array.copy())
+        ends.append(solve(scene, steps=2, method=Method(tolerance=1e-11)).u.x.array.copy())
     assert np.abs(ends[0] - ends[1]).max() < 1e-9  # tolerance
 
 
@@ -562,7 +561,7 @@ def sheared_cell(comm, degree, element):
     scene.fix("zmin")
     scene.fix("zmax", "yz")
     scene.prescribe("zmax", "x", 0.2)
-    return scene, solve(scene, steps=1, progress=False, tolerance=1e-11).require().history[-1]["smallest_J"]
+    return scene, solve(scene, steps=1, method=Method(tolerance=1e-11)).require().history[-1]["smallest_J"]
 
 
 @pytest.mark.parallel
@@ -584,7 +583,7 @@ def two_squeezed_blocks(comm, ranks=None):
     for name, moved in (("lower_bottom", 0.0), ("lower_top", -0.05), ("upper_bottom", 0.0), ("upper_top", -0.1)):
         scene.fix(name, "xy")
         scene.prescribe(name, "z", moved)
-    return solve(scene, steps=1, progress=False, tolerance=1e-11).require().history[-1]["smallest_J"]
+    return solve(scene, steps=1, method=Method(tolerance=1e-11)).require().history[-1]["smallest_J"]
 
 
 @pytest.mark.parallel

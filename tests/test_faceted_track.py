@@ -56,7 +56,7 @@ def led_round(facets, plane):
         Stage("press", move={hub: Motion(y=-DEEP)}, steps=PRESSING),
         Stage("turn", move={hub: turn}, steps=2 * PER_FACET),
     ]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     x, y, phi = (result.column(f"hub_{name}", "turn") for name in ("travel_x_mm", "travel_y_mm", "angle_z_rad"))
     fx, fy, m = (result.column(f"hub_{name}", "turn") for name in ("force_x_N", "force_y_N", "moment_z_Nmm"))
     normal = np.sin(phi) * fx - np.cos(phi) * fy

@@ -13,7 +13,7 @@ import refusals
 from mpi4py import MPI
 from test_restart import alone, mpirun
 
-from fenics_contact import Body, Load, Scene, SceneError, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Load, Output, Scene, SceneError, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.agreement import alike
 from fenics_contact.meshes import box
 
@@ -67,7 +67,7 @@ def drives(name):
 )
 def test_a_function_that_fails_on_one_rank_is_named_on_all(name):
     scene, drive = drives(name)
-    message = refused(lambda: solve(scene, **drive, steps=2, progress=False), name, "RuntimeError: the table ends here")
+    message = refused(lambda: solve(scene, **drive, steps=2), name, "RuntimeError: the table ends here")
     assert COMM.size == 1 or f"failed on rank {COMM.size - 1}:" in message
 
 
@@ -81,10 +81,8 @@ def test_functions_of_the_state_that_fail_on_one_rank():
             raise KeyError("no such thing")
         return 1.0 - state.t
 
-    refused(
-        lambda: solve(scene, steps=2, record={"mine": late}, progress=False), "record 'mine'", "KeyError", "no such thing"
-    )
-    arc = {"method": "arc_length", "until": late, "progress": False}
+    refused(lambda: solve(scene, steps=2, record={"mine": late}), "record 'mine'", "KeyError", "no such thing")
+    arc = {"method": "arc_length", "until": late}
     refused(lambda: solve(scene, **arc), "target 1, late = 0", "KeyError")
 
 
@@ -102,7 +100,7 @@ def test_a_run_that_an_error_ends_leaves_what_it_accepted(tmp_path):
                 raise ValueError("the table ends here")
             return view.t
 
-        return solve(scene, steps=4, out=folder, checkpoint=True, record={"mine": mine}, progress=False, **options)
+        return solve(scene, steps=4, out=Output(folder, checkpoint=True), record={"mine": mine}, **options)
 
     refused(lambda: run(True), "the table ends here")
     COMM.Barrier()
@@ -118,15 +116,15 @@ def test_a_record_must_be_a_number_and_the_same_on_all_ranks():
     scene = bar()
     scene.prescribe("xmax", "x", 0.1)
     for value, words in ((None, "None"), (np.ones(3), "an array of shape (3,)"), ("1", "'1'"), ([1.0], "[1.0]")):
-        run = lambda value=value: solve(scene, steps=1, record={"mine": lambda state: value}, progress=False)  # noqa: E731
+        run = lambda value=value: solve(scene, steps=1, record={"mine": lambda state: value})  # noqa: E731
         refused(run, "record 'mine'", words, "one number")
     for value in (np.float32(2.0), np.array(2.0), 2, True, float("nan")):
-        result = solve(scene, steps=1, record={"mine": lambda state, value=value: value}, progress=False)
+        result = solve(scene, steps=1, record={"mine": lambda state, value=value: value})
         np.testing.assert_equal(result.column("mine"), [float(value)])
     local = {"size": lambda state: float(len(state.u.x.array) + COMM.rank)}
     if COMM.size > 1:
-        refused(lambda: solve(scene, steps=1, record=local, progress=False), "record 'size'", "on rank 0", "allreduce")
-        arc = {"method": "arc_length", "until": [Load(1.0), local["size"]], "progress": False}
+        refused(lambda: solve(scene, steps=1, record=local), "record 'size'", "on rank 0", "allreduce")
+        arc = {"method": "arc_length", "until": [Load(1.0), local["size"]]}
         refused(lambda: solve(scene, **arc), "target 2", "on rank 0", "allreduce")
 
 
@@ -146,10 +144,10 @@ def test_columns_have_names_of_their_own():
     scene.contact("xmax", plate, name="end")
     taken = ("t", "step", "plate_travel_x_mm", "end_force_z_N", "end_penetration_mm", "limit_point")
     for name in taken:
-        run = lambda name=name: solve(scene, record={name: lambda state: 1.0}, progress=False)  # noqa: E731
+        run = lambda name=name: solve(scene, record={name: lambda state: 1.0})  # noqa: E731
         refused(run, f"record '{name}'", "column of that name")
-    refused(lambda: solve(scene, record={"mine": 1.0}, progress=False), "record 'mine'", "function")
-    result = solve(scene, move={plate: (-0.1, 0, 0)}, steps=1, record={"mine": lambda state: 1.0}, progress=False)
+    refused(lambda: solve(scene, record={"mine": 1.0}), "record 'mine'", "function")
+    result = solve(scene, move={plate: (-0.1, 0, 0)}, steps=1, record={"mine": lambda state: 1.0})
     assert set(taken[:-1]) | {"mine"} <= set(result.history[0])
 
 
@@ -173,7 +171,7 @@ def test_a_function_of_points_sees_all_of_them_on_any_rank():
         return 0.1 * t * (X[:, 1] + X[:, 2]) / (X[:, 1] + X[:, 2]).max()
 
     scene.prescribe("xmax", "x", ramped)
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     assert shapes == {(4, 3)}
     X, owned = scene.space.tabulate_dof_coordinates(), scene.space.dofmap.index_map.size_local
     u = result.u.x.array.reshape(-1, 3)
@@ -192,7 +190,7 @@ def test_what_a_function_of_points_must_give():
     ):
         scene = bar()
         scene.prescribe("xmax", "x", value)
-        refused(lambda scene=scene: solve(scene, steps=1, progress=False), "xmax along x", words)
+        refused(lambda scene=scene: solve(scene, steps=1), "xmax along x", words)
 
 
 def of_rank(size):
@@ -219,9 +217,9 @@ def test_what_ranks_state_differently_is_refused(name):
     scene = bar()
     UNLIKE[name](scene)
     if COMM.size == 1:
-        assert solve(scene, steps=1, progress=False).converged
+        assert solve(scene, steps=1).converged
     else:
-        refused(lambda: solve(scene, steps=1, progress=False), name, "on rank 0", f"on rank {COMM.size - 1}")
+        refused(lambda: solve(scene, steps=1), name, "on rank 0", f"on rank {COMM.size - 1}")
 
 
 ALONE = """
@@ -246,7 +244,7 @@ if sys.argv[1] == "function":
 else:
     plans.LinearSolver = Failing
     scene.prescribe("xmax", "x", 0.1)
-solve(scene, steps=1, progress=False)
+solve(scene, steps=1)
 print("came to its end")
 """
 
@@ -272,7 +270,7 @@ sys.path.insert(0, 'tests')
 from test_faults import bar
 scene = bar()
 scene.prescribe("xmax", "x", 0.1)
-solve(scene, steps=1, progress=False)
+solve(scene, steps=1)
 del scene
 vector = PETSc.Vec().createMPI((2, 4), comm=MPI.COMM_WORLD)
 if MPI.COMM_WORLD.rank == 1:

@@ -213,7 +213,7 @@ def test_what_is_drawn_of_an_endless_tool_stays_on_it(folder):
                                                          ("hexahedra", 2, "mixed"), ("tetrahedra", 2, "mixed")])  # fmt: skip
 def test_a_run_writes_its_fields(folder, kind, degree, element):
     scene = scene_of(kind, degree, element=element, units=Units("m", "kN", "kPa"))
-    result = solve(scene, move={scene.tools[0]: (0, 0, -0.05)}, steps=1, out=folder / "run", progress=False).require()
+    result = solve(scene, move={scene.tools[0]: (0, 0, -0.05)}, steps=1, out=folder / "run").require()
     COMM.Barrier()
     grid = read_vtu(read_pvd(folder / "run" / "results.pvd")[-1][1])
     fields = Fields(scene, result.system)
@@ -254,7 +254,7 @@ def test_a_hub_is_a_point_that_is_drawn(folder):
     scene.fix("zmin")
     hub = rigid_hub("hub", (0.5, 0.5, 1.0))
     scene.tie("zmax", hub)
-    solve(scene, move={hub: (0.1, 0, 0)}, steps=1, out=folder / "hub", progress=False).require()
+    solve(scene, move={hub: (0.1, 0, 0)}, steps=1, out=folder / "hub").require()
     COMM.Barrier()
     grid = read_vtu(read_pvd(folder / "hub" / "tools" / "hub.pvd")[-1][1])
     np.testing.assert_allclose(grid["Points"]["Points"], [[0.6, 0.5, 1.0]])

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from refusals import refused
 from scipy.optimize import brentq
 
-from fenics_contact import Body, Scene, Stage, from_elastic, neo_hooke, read_gmsh, solve, user_energy
+from fenics_contact import Body, Output, Scene, Stage, from_elastic, neo_hooke, read_gmsh, solve, user_energy
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.meshes import box, rectangles, tubes
 from fenics_contact.scene.build import build
@@ -35,7 +35,7 @@ def symmetric(mesh, material, **options):
 
 
 def solved(scene, steps=1, **options):
-    result = solve(scene, steps=steps, progress=False, **options)
+    result = solve(scene, steps=steps, **options)
     assert result.converged, result.verdict.reason
     return result
 
@@ -357,7 +357,7 @@ def test_a_run_of_all_these_is_resumed(block, tmp_path):
         return made
 
     whole = solved(scene(), 4)
-    solve(scene(), steps=[0.25, 0.5], out=folder / "run", checkpoint=True, progress=False)
+    solve(scene(), steps=[0.25, 0.5], out=Output(folder / "run", checkpoint=True))
     resumed = solved(scene(), 4, out=folder / "run", checkpoint=True, resume=True)
     for name in ("strain_energy_Nmm", "external_work_Nmm", "xmin_reaction_x_N"):
         assert abs(resumed.column(name)[-1] - whole.column(name)[-1]) < 1e-10 * max(1.0, abs(whole.column(name)[-1]))
@@ -405,13 +405,13 @@ def test_bad_loads(block):
     refused(lambda: scene().swell("box", lambda X, t: 1.0 + t * X), "swelling of 'box'", "one number per point")
     cold = scene()
     cold.swell("box", lambda X, t: 1.0 - t * X[:, 0])
-    refused(lambda: solve(cold, steps=10, progress=False), "swelling of 'box' at t = ", "positive")
+    refused(lambda: solve(cold, steps=10), "swelling of 'box' at t = ", "positive")
     again = scene()
     again.swell("box", 1.1)
     refused(lambda: again.swell("box", 1.1), "swell 'box'", "already")
     late = scene()
     late.swell("box", lambda t: 1.0 - 1.1 * t)
-    refused(lambda: solve(late, steps=10, progress=False), "swelling of 'box' at t = 1", "positive")
+    refused(lambda: solve(late, steps=10), "swelling of 'box' at t = 1", "positive")
     refused(lambda: scene().spring("xmax", -1.0), "spring on 'xmax'", "stiffness", "positive")
     refused(lambda: scene().spring("xmax", 1.0, direction=(0, 0, 0)), "spring on 'xmax'", "no length")
     refused(lambda: scene().spring("xmax", 1.0, direction=(1, 0, 0), normal=True), "spring on 'xmax'", "three ways")
@@ -424,11 +424,11 @@ def test_a_spinning_ring_needs_no_support_along_its_radius():
     a, b, mu, bulk, density = 1.0, 2.0, 1.0, 2.0, 1e-4
     mesh = read_gmsh(rectangles.build, rectangles={"ring": ((a, 0.0), (b - a, 0.2), (8, 1))})
     scene = Scene(Body(mesh, "ring", neo_hooke(mu, bulk)), plane="axisymmetric", degree=2)
-    refused(lambda: solve(scene, steps=1, progress=False), "nothing holds body 'ring' along y: ")
+    refused(lambda: solve(scene, steps=1), "nothing holds body 'ring' along y: ")
     scene.fix(("ring_ymin", "ring_ymax"), "y")
     scene.spin(1.0, density, axis=(0, 1, 0))
     inside = {"u": lambda view: view.at((a, 0.1, 0.0)).displacement[0]}
-    result = solve(scene, steps=1, record=inside, progress=False).require()
+    result = solve(scene, steps=1, record=inside).require()
     v, young = (3 * bulk - 2 * mu) / (2 * (3 * bulk + mu)), 9 * bulk * mu / (3 * bulk + mu)
     flat, v_flat = young / (1 - v * v), v / (1 - v)
     exact = density * a / (4 * flat) * ((3 + v_flat) * b * b + (1 - v_flat) * a * a)

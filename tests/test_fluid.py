@@ -57,7 +57,7 @@ def test_a_fluid_on_a_pad_of_unstructured_cells(size):
         scene.fix(f"{side}ymin")
         scene.contact(f"{side}ymax", lid := rigid_plane((0, 1, 0), (0, -1, 0), name="lid"), name="top")
         scene.pressure((f"{side}ymax", f"{side}xmax"), 0.1, where="open")
-        result = solve(scene, move={lid: (0, -0.1, 0)}, steps=1, progress=False).require()
+        result = solve(scene, move={lid: (0, -0.1, 0)}, steps=1).require()
         forces.append(result.column("top_force_y_N")[-1])
     assert forces[0] == pytest.approx(forces[1], rel=0.03)
 
@@ -157,7 +157,7 @@ def squeezed(p, steps=10, cells=(6, 1, 2), source="xmax"):
     scene.prescribe("zmax", "z", lambda X, t: np.full(len(X), -0.1 * min(2 * t, 1.0)))
     scene.contact("zmin", rigid_plane(), name="floor")
     scene.pressure(("zmin", "xmax"), p, where="open", from_=source)
-    return solve(scene, steps=steps, progress=False)
+    return solve(scene, steps=steps)
 
 
 def fluid_of(result):
@@ -245,7 +245,7 @@ def ring(cells=5, p=3.0, points=None, source="wet", penalty=None, **options):
     scene.contact("rim", lid, points=points, penalty=penalty, name="lid")
     scene.contact("rim", rigid_plane((1.6, 0, 0), (-1, 0, 0), name="side"), points=points, penalty=penalty, name="side")
     scene.pressure("rim", lambda t: p * max(2 * t - 1, 0.0), where="open", from_=source)
-    drive = {"move": {lid: lambda t: (0, -0.4 * min(2 * t, 1.0), 0)}, "stabilise": True, "steps": 6, "progress": False}
+    drive = {"move": {lid: lambda t: (0, -0.4 * min(2 * t, 1.0), 0)}, "stabilise": True, "steps": 6}
     return solve(scene, **{**drive, **options})
 
 
@@ -328,7 +328,7 @@ def test_a_fluid_comes_in_between_two_bodies():
     scene.contact("upper_bottom", "lower_top", name="joint")
     fluid = ("upper_bottom", "lower_top")
     scene.pressure(fluid, lambda t: 0.6 * max(t - 0.5, 0.0), where="open", from_=("upper_xmax", "lower_xmax"))
-    result = solve(scene, steps=10, progress=False).require()
+    result = solve(scene, steps=10).require()
     top, bottom = (result.column(f"{name}_reaction_z_N") for name in ("upper_top", "lower_bottom"))
     joint = result.column("joint_force_z_N")
     np.testing.assert_allclose(top, -bottom, rtol=1e-7)
@@ -354,7 +354,7 @@ def between_hubs(**options):
     fluid = {("up_ymin", "up_xmax"): 0.4, "low_ymax": 0.4}
     stages = [Stage("press", move={upper: Motion(y=-0.1)}, steps=2), Stage("fluid", pressures=fluid, steps=4)]
     corner = {"corner": lambda view: view.at((0.0, 1.0, 0.0)).displacement[0]}
-    return solve(scene, stages=stages, record=corner, progress=False, **options)
+    return solve(scene, stages=stages, record=corner, **options)
 
 
 @pytest.mark.parallel
@@ -422,5 +422,5 @@ def test_what_has_one_value_for_the_whole_says_so_and_round_off_is_no_negative_p
         refused(lambda load=load: load(lambda X, t: t * X[:, 0]), "one value for the whole", "value(t)", "traction")
     scene.contact("zmax", rigid_plane((0, 0, 2.2), (0, 0, -1), name="lid"), name="c")
     scene.pressure("zmax", lambda X, t: t * (0.01 * X[:, 0] - 1e-17), where="open")
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     assert result.column("zmin_reaction_z_N")[-1] == pytest.approx(0.01 * 2.0 * 16.0, rel=0.02)

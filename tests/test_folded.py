@@ -30,7 +30,7 @@ def pressed(tool_of, deep, steps, friction=0.5, points=None):
     scene.fix("zmin")
     tool = tool_of()
     scene.contact("zmax", tool, friction, points=points, name="top")
-    return solve(scene, move={tool: (0, 0, -deep)}, steps=steps, progress=False)
+    return solve(scene, move={tool: (0, 0, -deep)}, steps=steps)
 
 
 def ball(radius, aside=0.0):
@@ -70,7 +70,7 @@ def pushed_in(tool, deep, points=None, steps=6):
     scene = Scene(Body(read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(5, 5, 3)), "box", from_elastic(E=5.0, nu=0.3)))
     scene.fix("zmin")
     scene.contact("zmax", tool, points=points, name="top")
-    return solve(scene, move={tool: (0, 0, -deep)}, steps=steps, progress=False)
+    return solve(scene, move={tool: (0, 0, -deep)}, steps=steps)
 
 
 def small_ball(radius, x, y):
@@ -136,5 +136,5 @@ def test_a_ball_that_presses_a_wall_beside_its_edge_is_not_in_the_face_above(z):
     scene.fix("zmin")
     tool = rigid_sphere(2.5, (6.5, 2.1, z), name="tool")
     scene.contact(("zmax", "xmax"), tool, name="side")
-    result = solve(scene, move={tool: (-0.5, 0, 0)}, steps=6, progress=False).require()
+    result = solve(scene, move={tool: (-0.5, 0, 0)}, steps=6).require()
     assert "projection lost" not in result.verdict.causes and (np.diff(result.column("side_force_x_N")) < 0.0).all()

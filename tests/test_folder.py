@@ -53,7 +53,7 @@ def press(out, depth=-1.0, steps=4, method="newton", record=None, **options):
     }
     scene, ball = scene_of(**options)
     drive = {"move": {ball: lambda t: (0.5 * t, 0.0, depth * t)}}
-    return solve(scene, **drive, steps=steps, out=out, method=method, record=record, progress=False, **kept)
+    return solve(scene, **drive, steps=steps, out=out, method=method, record=record, **kept)
 
 
 def raised(kind, action, *words):
@@ -261,7 +261,7 @@ def test_paths_are_compared_as_far_as_the_run_has_come(folder):
         scene.fix("zmin")
         plane = rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="plane")
         scene.contact("zmax", plane, name="c")
-        return solve(scene, move={plane: path}, steps=steps, out=folder, progress=False, **options).require()
+        return solve(scene, move={plane: path}, steps=steps, out=folder, **options).require()
 
     go(lambda t: way(t, None), [0.5, 1.0, 2.0], checkpoint=True)
     with pytest.raises(SceneError, match="another scene, move of 'plane'"):

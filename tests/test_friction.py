@@ -8,6 +8,7 @@ from by_node import displacements, of_all
 
 from fenics_contact import (
     Body,
+    Method,
     Motion,
     Penalty,
     Scene,
@@ -69,7 +70,7 @@ def force(result):
 def test_sliding_force_is_mu_times_normal_force(mesh, tangential, steps, angle):
     direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     scene = dragged(mesh, lambda s: 3.0 * s * direction, tangential=tangential)
-    last = force(solve(scene, steps=drag_times(steps), progress=False))[-1]
+    last = force(solve(scene, steps=drag_times(steps)))[-1]
     assert last[2] > 0.0
     np.testing.assert_allclose(last[:2], -MU * last[2] * direction, atol=LAW * MU * last[2])
 
@@ -79,7 +80,7 @@ def test_sliding_force_is_mu_times_normal_force(mesh, tangential, steps, angle):
 def test_friction_that_falls_with_pressure(mesh, shear_limit):
     """mu(p) = 0.3 (p / 10 MPa)^(-1/3) under pressures of about 20 MPa, in places more than the shear limit allows."""
     law = coulomb(MU, exponent=-1 / 3, reference=10.0, shear_limit=shear_limit)
-    result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(4), progress=False)
+    result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(4))
     assert result.converged, result.verdict.reason
     assert max(result.column("iterations")[2:]) <= 3  # slips on: as many as with a constant mu, for the tangent is exact
     pressure, friction = result.system.contacts[0].forces.split_traction(result.system.state)
@@ -102,7 +103,7 @@ def test_friction_as_a_function_of_the_pressure(mesh):
         scene.fix(group, "y")
     scene.traction("zmax", lambda t: (0.0, 0.0, -20.0 * min(t / PRESSED, 1.0)))
     scene.contact("zmin", rigid_plane(), coulomb(mu, up_to=200.0), name="floor")
-    result = solve(scene, steps=drag_times(4), progress=False)
+    result = solve(scene, steps=drag_times(4))
     last = force(result)[-1]
     np.testing.assert_allclose(last, [-4.0 * 20.0 * mu(20.0), 0.0, 4.0 * 20.0], atol=1e-7 * 80)  # of a step in balance
 
@@ -122,7 +123,7 @@ def test_another_function_is_another_statement(mesh):
 @pytest.mark.parallel
 def test_a_pressure_beyond_the_law_ends_the_run(mesh):
     law = coulomb(lambda p: 0.3 / (1.0 + p / 15.0), up_to=15.0)
-    result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(1), progress=False)
+    result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(1))
     verdict = result.verdict
     assert verdict.kind == "outside a law" and "beyond the 15 up to which mu(p) is given" in verdict.reason
     assert "raise up_to=" in str(verdict) and result.history[-1]["t"] < PRESSED
@@ -141,7 +142,7 @@ def test_two_directions_of_friction(mesh, angle):
     turn = np.arctan2(1.0, 2.0) + np.radians(angle)
     way = np.array([np.cos(turn), np.sin(turn)])
     law = coulomb(MU, across=0.6, along=(2.0, 1.0, 0.0))
-    result = solve(dragged(mesh, lambda s: 3.0 * s * way, "zmin", mu=law), steps=drag_times(3), progress=False)
+    result = solve(dragged(mesh, lambda s: 3.0 * s * way, "zmin", mu=law), steps=drag_times(3))
     last = force(result)[-1]
     size = last[2] / np.hypot(np.cos(np.radians(angle)) / MU, np.sin(np.radians(angle)) / 0.6)
     np.testing.assert_allclose(last[:2], -size * way, atol=LAW * size)
@@ -178,15 +179,15 @@ def test_two_directions_of_friction_turn_with_the_tool(mesh, name, turn):
         Stage("turn", move={floor: Motion(rz=turn, about=(1.0, 1.0, 0.0))}, steps=8),
         Stage("draw", move={floor: (1.5, 0.0, 0.0)}, steps=3),
     ]
-    result = solve(scene, stages=stages, progress=False)
+    result = solve(scene, stages=stages)
     last = force(result)[-1]
     size = 20.0 / np.hypot(np.cos(turn) / MU, np.sin(turn) / 0.6)
     np.testing.assert_allclose(last, [size, 0.0, 20.0], atol=LAW * size)
     contact, state = result.system.contacts[0], result.system.state
     allowed = result.system.comm.allreduce(float((contact.forces.limits(state) * contact.surface.area).sum()))
     assert allowed == pytest.approx(size, rel=LAW)
-    turned = solve(scene, stages=stages[:2], progress=False).require()
-    drawn = solve(scene, stages=stages[2:], start=turned, progress=False)
+    turned = solve(scene, stages=stages[:2]).require()
+    drawn = solve(scene, stages=stages[2:], start=turned)
     np.testing.assert_allclose(force(drawn)[-1], last, atol=LAW * size)
 
 
@@ -197,7 +198,7 @@ def test_curved_path(mesh, tangential, steps):
     def circle(s):
         return 3.0 * np.array([np.sin(np.pi * s), 1.0 - np.cos(np.pi * s)])
 
-    result = solve(dragged(mesh, circle, "zmin", tangential=tangential), steps=drag_times(steps), progress=False)
+    result = solve(dragged(mesh, circle, "zmin", tangential=tangential), steps=drag_times(steps))
     forces = force(result)[1:]
     np.testing.assert_allclose(np.linalg.norm(forces[:, :2], axis=1), MU * forces[:, 2], rtol=LAW)
     # it opposes the chord of the step up to the elastic slip mu p / eps_t (at most 6e-4 mm) and the turn of a step
@@ -214,7 +215,7 @@ def test_curved_path_of_the_top(mesh):
     def circle(s):
         return 3.0 * np.array([np.sin(np.pi * s), 1.0 - np.cos(np.pi * s)])
 
-    result = solve(dragged(mesh, circle), steps=drag_times(20), progress=False)
+    result = solve(dragged(mesh, circle), steps=drag_times(20))
     pressure, friction = result.system.contacts[0].forces.split_traction(result.system.state)
     np.testing.assert_allclose(np.linalg.norm(friction, axis=-1), MU * pressure, rtol=LAW)
     chord = circle(1.0) - circle(0.95)
@@ -226,7 +227,7 @@ def test_hysteresis_loop_has_width_of_twice_the_sliding_force(mesh, tangential):
     def back_and_forth(s):
         return np.array([2.0 * (1.0 - abs(2.0 * s - 1.0)), 0.0])
 
-    result = solve(dragged(mesh, back_and_forth, "zmin", tangential=tangential), steps=drag_times(16), progress=False)
+    result = solve(dragged(mesh, back_and_forth, "zmin", tangential=tangential), steps=drag_times(16))
     forces = force(result)[1:]
     forth, back = forces[7, 0], forces[-1, 0]
     assert forth < 0.0 < back
@@ -236,7 +237,7 @@ def test_hysteresis_loop_has_width_of_twice_the_sliding_force(mesh, tangential):
 def test_stick_below_the_limit_is_elastic_and_returns(mesh):
     """A drag shorter than the elastic slip at the limit is undone without loss."""
     scene = dragged(mesh, lambda s: np.array([1e-4 * (1.0 - abs(2.0 * s - 1.0)), 0.0]), "zmin", tangential=1e3)
-    result = solve(scene, steps=drag_times(4), progress=False)
+    result = solve(scene, steps=drag_times(4))
     area, node_force = 4.0, 1e-4 * 1e3  # closed form: eps_t * drag [MPa] on 4 mm^2
     forces = force(result)[1:]
     np.testing.assert_allclose(forces[1, 0], -node_force * area, rtol=1e-8)  # round-off of a prescribed motion
@@ -325,7 +326,7 @@ def pressed_block(block, push=None, move=None):
     tool = rigid_punch(half_width=3.0, height=5.0)
     scene.contact("zmax", tool, MU, name="top")
     drive = {"push": {tool: push}} if push is not None else {"move": {tool: move}}
-    result = solve(scene, **drive, steps=4, tolerance=1e-11, progress=False)
+    result = solve(scene, **drive, steps=4, method=Method(tolerance=1e-11))
     assert result.converged, result.verdict.reason
     travel = np.column_stack([result.column(f"punch_travel_{a}_mm") for a in "xyz"])
     return travel, np.column_stack([result.column(f"top_force_{a}_N") for a in "xyz"])

@@ -81,7 +81,7 @@ def pulled(*foot):
         scene.fix(name)
     scene.fix("xmax", "y")
     scene.traction("zmax", (0.05, 0.0, 0.02))
-    u = solve(scene, steps=1, progress=False).require().u
+    u = solve(scene, steps=1).require().u
     nodes = compat.locate_blocks(scene.space, scene.mesh.facets("zmax"))
     nodes = nodes[nodes < scene.space.dofmap.index_map.size_local]
     return COMM.allreduce(u.x.array.reshape(-1, 3)[nodes].sum(axis=0))
@@ -108,7 +108,7 @@ def test_contact_and_chosen_ranks_with_overlapping_groups(ranks):
     scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -1.0)
     scene.contact("upper_bottom", "lower_top", name="c")
-    force = solve(scene, steps=1, progress=False).require().history[-1]["c_force_z_N"]
+    force = solve(scene, steps=1).require().history[-1]["c_force_z_N"]
     assert force == pytest.approx(plain_force(), rel=1e-9)
 
 
@@ -121,7 +121,7 @@ def plain_force():
     scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -1.0)
     scene.contact("upper_bottom", "lower_top", name="c")
-    return solve(scene, steps=1, progress=False).require().history[-1]["c_force_z_N"]
+    return solve(scene, steps=1).require().history[-1]["c_force_z_N"]
 
 
 def partly_beside():
@@ -275,7 +275,7 @@ def stretched(mesh, contact=None, **solving):
     scene.prescribe("upper_top", "z", 0.1)
     if contact:
         scene.contact(*contact, name="c")
-    return solve(scene, steps=1, progress=False, **solving)
+    return solve(scene, steps=1, **solving)
 
 
 @pytest.mark.parametrize("groups", [("lower", "upper"), ("block", "block")])
@@ -299,9 +299,9 @@ def test_a_loose_piece_of_a_body_is_refused_by_its_place():
     mesh = read_gmsh(halves, groups=("block", "block"), gap=0.5)
     scene = Scene(Body(mesh, "block", RUBBER))
     scene.fix("lower_bottom")
-    refused(lambda: solve(scene, steps=1, progress=False), "'block, the piece around (0.5, 0.5, 1)'", "along x, y, z")
+    refused(lambda: solve(scene, steps=1), "'block, the piece around (0.5, 0.5, 1)'", "along x, y, z")
     scene.fix("upper_top", "xy")
-    refused(lambda: solve(scene, steps=1, progress=False), "'block, the piece around (0.5, 0.5, 1)'", "along z")
+    refused(lambda: solve(scene, steps=1), "'block, the piece around (0.5, 0.5, 1)'", "along z")
     scene.contact("upper_bottom", "lower_top", name="c")  # it holds the piece along its normal
     names, nodes = zip(*scene.system().bodies, strict=True)
     assert names == ("block, the piece around (0.5, 0.5, -0.5)", "block, the piece around (0.5, 0.5, 1)")
@@ -340,7 +340,7 @@ def test_a_body_inside_another_is_said():
     scene.fix("lower_bottom")
     scene.fix("upper_bottom")
     scene.prescribe("upper_top", "z", 0.01)
-    (note,) = unmet(solve(scene, steps=1, progress=False))
+    (note,) = unmet(solve(scene, steps=1))
     assert "body 'lower' touches or overlaps 'upper'" in note and "6 faces" in note
 
 

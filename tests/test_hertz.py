@@ -68,7 +68,7 @@ def squeezed_cylinder(cells):
     scene.fix(("front", "back"), "y")
     plate = rigid_plane((0, 0, 20.0), (0, 0, -1.0))
     scene.contact("rim", plate, name="rim")
-    result = solve(scene, move={plate: (0, 0, -3.2)}, steps=8, progress=False)
+    result = solve(scene, move={plate: (0, 0, -3.2)}, steps=8)
     assert result.converged, result.verdict.reason
     return -2 * result.history[-1]["rim_force_z_N"]  # both halves of the contact
 

@@ -12,6 +12,7 @@ from test_steppers import on_ranks
 
 from fenics_contact import (
     Body,
+    Method,
     Scene,
     Units,
     from_elastic,
@@ -143,7 +144,7 @@ SCENES = {"punch": punch, "ball": ball, "ironing": iron}
 def run(name, frame=None, **options):
     frame = frame or Frame()
     scene, drive = SCENES[name](frame, **options)
-    return rows(solve(scene, **drive, tolerance=1e-11, progress=False).require(), frame)
+    return rows(solve(scene, **drive, method=Method(tolerance=1e-11)).require(), frame)
 
 
 def rows(result, frame):
@@ -249,7 +250,7 @@ def test_restart(scene, tmp_path):
         statement, drive = SCENES[name](Frame())
         times = drive.pop("steps")
         times = np.arange(1, times + 1) / times if isinstance(times, int) else times
-        options = {"out": folder, "checkpoint": True, "resume": part is None, "tolerance": tolerance, "progress": False}
+        options = {"out": folder, "checkpoint": True, "resume": part is None, "tolerance": tolerance}
         result = solve(statement, **drive, steps=times[:part], **options).require()
     assert_same(rows(result, Frame()), plain, EXACT)
 
@@ -319,7 +320,7 @@ def pressed(kind, cells, swap):
         scene.prescribe("indenter_top", "z", -0.35)
         pair = ("foundation_top", "indenter_under")
     scene.contact(*(pair[::-1] if swap else pair), 0.3, name="c")
-    force = abs(solve(scene, steps=3, progress=False).require().history[-1]["c_force_z_N"])
+    force = abs(solve(scene, steps=3).require().history[-1]["c_force_z_N"])
     return force if kind == "blocks" else force * cells  # per depth
 
 

@@ -18,7 +18,7 @@ def pressed_and_drawn(**penalty):
     scene.contact("foundation_top", ("indenter_under", "indenter_flanks"), ironing.FRICTION, name="c", **penalty)
     press = Stage("press", prescribe={("indenter_top", "y"): -ironing.PRESS}, steps=10)
     draw = Stage("draw", prescribe={("indenter_top", "x"): 0.25}, steps=2)
-    result = solve(scene, stages=[press, draw], progress=False)
+    result = solve(scene, stages=[press, draw])
     assert result.converged, result.verdict.reason
     return -np.array([result.column("c_force_y_N", stage)[-1] for stage in ("press", "draw")])
 

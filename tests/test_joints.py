@@ -76,7 +76,7 @@ def test_a_direction_normal_to_the_whole_master_is_refused():
     scene.fix("upper_top")
     scene.contact("upper_bottom", "lower_top", friction=coulomb(0.3, across=0.5, along=(0, 0, 2)), name="c")
     with pytest.raises(SceneError, match=r"along=\(0, 0, 1\) is normal to the whole master"):
-        solve(scene, steps=1, progress=False)
+        solve(scene, steps=1)
 
 
 @pytest.mark.parallel
@@ -94,7 +94,7 @@ def test_centred_blocks_can_be_pressed_on_each_other(lower, upper, along, across
         scene.fix("upper_top", "xy")
         scene.prescribe("upper_top", "z", -0.03)
         scene.contact("upper_bottom", "lower_top", friction=law, name="c")
-        result = solve(scene, steps=2, progress=False).require()
+        result = solve(scene, steps=2).require()
         assert result.verdict.cuts == 0 and result.verdict.iterations <= 12
         found.append(result.history[-1]["c_force_z_N"])
     assert found[0] == pytest.approx(found[1], rel=5e-5)  # F d and F across it are not quite at a right angle

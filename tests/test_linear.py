@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Scene, blas, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import box
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
@@ -133,7 +133,7 @@ def test_a_tolerance_below_rounding_is_met_by_rounding():
     scene = block(3)
     plane = rigid_plane((0, 0, 2.0), (0, 0, -1.0))
     scene.contact("zmax", plane, 0.3)
-    result = solve(scene, move={plane: (0, 0, -0.2)}, steps=2, tolerance=1e-18, progress=False)
+    result = solve(scene, move={plane: (0, 0, -0.2)}, steps=2, method=Method(tolerance=1e-18))
     assert result.converged, result.verdict.reason
 
 
@@ -253,7 +253,7 @@ def test_a_run_that_changes_its_solver_gives_the_same(monkeypatch):
         scene = block(4)
         plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
         scene.contact("zmax", plate, 0.3, name="lid")
-        result = solve(scene, move={plate: (0.1, 0, -0.3)}, steps=4, linear=method, progress=False).require()
+        result = solve(scene, move={plate: (0.1, 0, -0.3)}, steps=4, method=Method(linear=method)).require()
         found.append(result.history[-1]["lid_force_z_N"])
         told = result.summary["method"]["seconds_per_digit"]
         assert set(told) == ({"direct", "iterative"} if method == "auto" else set())

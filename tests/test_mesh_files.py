@@ -14,6 +14,7 @@ from refusals import refused
 
 from fenics_contact import (
     Body,
+    Method,
     Scene,
     SceneError,
     compat,
@@ -60,7 +61,7 @@ def pressed(mesh, body, foot, head, bottom=0.0, **options):
     scene.fix(foot)
     plate = rigid_plane((0, 0, bottom + SIZE[2]), (0, 0, -1), name="plate")
     scene.contact(head, plate, 0.3, name="c")
-    result = solve(scene, move={plate: (0.05, 0, -0.15)}, steps=2, progress=False, tolerance=1e-11).require()
+    result = solve(scene, move={plate: (0.05, 0, -0.15)}, steps=2, method=Method(tolerance=1e-11)).require()
     return [result.history[-1][f"c_force_{axis}_N"] for axis in "xyz"] + [volume(scene)]
 
 
@@ -343,7 +344,7 @@ def test_an_stl_file_is_a_tool(folder):
         scene = Scene(Body(read_gmsh(box.build, size=SIZE, cells=(3, 2, 2)), "box", neo_hooke(0.5, 2.0)))
         scene.fix("zmin")
         scene.contact("zmax", plate, name="c")
-        result = solve(scene, move={plate: (0, 0, -0.15)}, steps=2, progress=False, tolerance=1e-11).require()
+        result = solve(scene, move={plate: (0, 0, -0.15)}, steps=2, method=Method(tolerance=1e-11)).require()
         forces.append(result.history[-1]["c_force_z_N"])
         notes.append([note for note in result.verdict.notes if "without area" in note])
     assert forces[1] == pytest.approx(forces[0], rel=1e-9)

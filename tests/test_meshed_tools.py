@@ -14,6 +14,7 @@ from taylor import forces, orders, remainders
 from fenics_contact import (
     Body,
     Displacement,
+    Method,
     Penalty,
     Scene,
     SceneError,
@@ -60,7 +61,7 @@ def finest_force(points, travel):
 
 
 def force(tool, travel=(0.0, 0.0, -1.0), steps=4, **scene):
-    result = solve(block(tool, **scene), move={tool: travel}, steps=steps, progress=False)
+    result = solve(block(tool, **scene), move={tool: travel}, steps=steps)
     assert result.converged, result.verdict.reason
     return np.array([result.history[-1][name] for name in NAMES])
 
@@ -130,7 +131,7 @@ def test_flat_tool_squeezes_a_cube_homogeneously(cells, degree, points):
         scene.fix(f"{axis}min", axis)
     tool = rigid_surface(plate, "face", height=4.0, flip=True)
     scene.contact("zmax", tool, name="c", penalty=1000.0, points=points)
-    result = solve(scene, move={tool: (0, 0, -0.4)}, steps=2, progress=False)
+    result = solve(scene, move={tool: (0, 0, -0.4)}, steps=2)
     assert result.converged
     pressure, _ = result.system.contacts[0].forces.split_traction(result.system.state)
     # the penalty takes 0.129/1000 mm of 0.4 mm; over 0.9 that is 3e-4 of the stress at most
@@ -195,7 +196,7 @@ def test_sliding_plate_obeys_coulomb():
     """A flat tool keeps its normal, so T = mu N holds for the sums too, once all points slide the way the tool goes."""
     tool = rigid_surface(plate, "face", flip=True)
     scene = block(tool, FRICTION, cells=(4, 4, 2), points="nodes")
-    result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=8, tolerance=1e-10, progress=False)
+    result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=8, method=Method(tolerance=1e-10))
     assert result.converged and result.history[-1]["c_sticking_points"] == 0
     x, _, z = (result.history[-1][name] for name in NAMES)
     assert abs(x / -z - FRICTION) < 1e-6
@@ -210,7 +211,7 @@ def test_a_grooved_plate_is_dragged_at_an_angle(points):
     """At every point of the sole, which deforms as it slides: |T_T| = p / sqrt((cos/mu_1)^2 + (sin/mu_2)^2)."""
     tool = rigid_surface(plate, "face", flip=True)
     scene = block(tool, GROOVED, cells=(4, 4, 2), points=points)
-    result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=4, tolerance=1e-10, progress=False)
+    result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=4, method=Method(tolerance=1e-10))
     assert result.converged and result.history[-1]["c_sticking_points"] == 0
     contact, state = result.system.contacts[0], result.system.state
     pressure, friction = contact.forces.split_traction(state)
@@ -233,7 +234,7 @@ def test_a_meshed_floor_holds_a_body_alone():
         scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)))
         scene.contact("zmin", floor, FRICTION, points=3, name="c")
         scene.traction("zmax", (0.005, 0.0, -0.05))
-        result = solve(scene, steps=2, tolerance=1e-10, progress=False)
+        result = solve(scene, steps=2, method=Method(tolerance=1e-10))
         assert result.converged, result.verdict.reason
         forces = [result.history[-1][name] for name in NAMES]
         np.testing.assert_allclose(forces, (-0.72, 0.0, 7.2), atol=1e-8)  # the load on 144 mm^2, in balance to 1e-10
@@ -249,14 +250,14 @@ def test_pushed_is_moved(points):
     Gauss point touches it."""
     tool = ball(1.0, sink=0.05)
     moved = solve(
-        block(tool, FRICTION, points=points), move={tool: down_and_along(0.8, 0.4)}, steps=4, tolerance=1e-11, progress=False
+        block(tool, FRICTION, points=points), move={tool: down_and_along(0.8, 0.4)}, steps=4, method=Method(tolerance=1e-11)
     )
     assert moved.converged
     t, forces = moved.column("t"), np.column_stack([moved.column(name) for name in NAMES])
     drive = {
         tool: lambda time: np.array([np.interp(time, t, f) for f in forces.T])
     }  # the tool presses as the body is pressed
-    pushed = solve(block(tool, FRICTION, points=points), push=drive, steps=4, tolerance=1e-11, progress=False)
+    pushed = solve(block(tool, FRICTION, points=points), push=drive, steps=4, method=Method(tolerance=1e-11))
     assert pushed.converged and pushed.verdict.cuts == 0
     for axis in "xyz":
         name = f"tool_travel_{axis}_mm"
@@ -272,7 +273,7 @@ def numbers():
     for points in ("nodes", "averages", 2):
         tool = ball(1.5, sink=0.1)
         scene = block(tool, FRICTION, cells=(6, 6, 3), points=points)
-        result = solve(scene, push={tool: (0.5, 0.0, -4.0)}, steps=2, tolerance=1e-11, progress=False)
+        result = solve(scene, push={tool: (0.5, 0.0, -4.0)}, steps=2, method=Method(tolerance=1e-11))
         found += [row[name] for row in result.history for name in (*NAMES, "tool_travel_x_mm", "tool_travel_z_mm")]
         found.append(float(result.converged))
     return [float(value) for value in found]

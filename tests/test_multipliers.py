@@ -55,7 +55,7 @@ def test_ways_slid_are_those_of_the_motion(case):
     slips, allowed = [], 1e-5
     for steps in (1, 4, 16):
         scene = beside(1000.0, penetration=allowed, **options)
-        result = solve(scene, steps=steps, progress=False).require()
+        result = solve(scene, steps=steps).require()
         row = result.history[-1]
         assert not any("is not kept" in note for note in result.verdict.notes), result.verdict.notes
         slips.append(row["wall_greatest_slip_mm"])
@@ -79,7 +79,7 @@ def box_of(bulk, mu, **options):
 def boxed(*args, **options):
     """(force on the lid, result) of such a box."""
     scene, move = box_of(*args, **options)
-    result = solve(scene, move=move, steps=4, progress=False).require()
+    result = solve(scene, move=move, steps=4).require()
     return -result.history[-1]["z_force_z_N"], result
 
 

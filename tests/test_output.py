@@ -11,7 +11,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 from vtu_files import times_of_fields
 
-from fenics_contact import Body, Scene, Units, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Method, Scene, Units, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import box, punch_plate
 from fenics_contact.output.fields import Fields
 from fenics_contact.timing import STAGES
@@ -37,7 +37,7 @@ def punch_scene(friction):
 def run(tmp_path_factory):
     folder = COMM.bcast(tmp_path_factory.mktemp("output")) / "deeper" / "run"
     scene, punch = punch_scene(0.3)
-    result = solve(scene, move={punch: (0, 0, -1.0)}, steps=STEPS, out=folder, progress=False)
+    result = solve(scene, move={punch: (0, 0, -1.0)}, steps=STEPS, out=folder)
     COMM.Barrier()
     return scene, result, folder
 
@@ -201,7 +201,7 @@ def test_homogeneous_compression(tmp_path):
     scene.fix("ymin", "y")
     scene.prescribe("zmax", "z", -0.2)
     scene.contact("zmin", rigid_plane(name="floor"), name="bottom")
-    result = solve(scene, steps=2, tolerance=1e-12, out=COMM.bcast(tmp_path), progress=False)
+    result = solve(scene, steps=2, method=Method(tolerance=1e-12), out=COMM.bcast(tmp_path))
     assert result.converged
     sunk = result.history[-1]["bottom_penetration_mm"]
     J, stress, side = uniaxial((2.0 - 0.2 + sunk) / 2.0)  # the penalty's own compliance lengthens the bar
@@ -227,7 +227,7 @@ def test_own_units_name_the_columns(tmp_path):
     scene.fix("zmin")
     plate = rigid_plane((0, 0, 2), (0, 0, -1), name="lid")
     scene.contact("zmax", plate, name="top")
-    result = solve(scene, move={plate: (0, 0, -0.1)}, steps=1, progress=False)
+    result = solve(scene, move={plate: (0, 0, -0.1)}, steps=1)
     assert {"lid_travel_z_m", "top_force_z_kN", "top_moment_x_kNm", "top_area_m2"} <= set(result.history[0])
     with pytest.raises(KeyError, match="top_force_z_kN"):
         result.column("top_force_z_N")

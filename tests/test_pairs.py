@@ -7,9 +7,12 @@ from mpi4py import MPI
 from refusals import refused
 
 from fenics_contact import (
+    ArcSteps,
     Body,
     Load,
+    Method,
     Motion,
+    Output,
     Scene,
     Stage,
     neo_hooke,
@@ -69,7 +72,7 @@ def test_a_cell_is_strained_evenly(at, options):
     options = dict(options)
     linear = options.pop("linear", "direct")
     scene = cell(at, **options)
-    result = solve(scene, steps=2, linear=linear, progress=False)
+    result = solve(scene, steps=2, method=Method(linear=linear))
     assert result.converged, result.verdict.reason
     X, u = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
     # round-off, or where the solver is iterative Newton's tolerance
@@ -83,7 +86,7 @@ def test_the_work_of_the_ways_is_the_energy():
     """The trapezoidal rule's error falls with the third power of the step, times their number."""
     errors = []
     for steps in (2, 4):
-        result = solve(cell(), steps=steps, progress=False)
+        result = solve(cell(), steps=steps)
         errors.append(abs(result.column("energy_error_Nmm")[-1]))
     assert errors[0] < 1e-2 * result.column("strain_energy_Nmm")[-1]
     assert np.log2(errors[0] / errors[1]) > 1.9
@@ -100,7 +103,7 @@ def quarter(whole, load, degree=1, method="newton"):
     scene.contact("zmax", plate, 0.2, name="top")
     if not whole:
         scene.cyclic("ymin", "xmin")
-    result = solve(scene, steps=3, method=method, progress=False, **load(plate))
+    result = solve(scene, steps=3, method=method, **load(plate))
     assert result.converged, result.verdict.reason
     return scene, result
 
@@ -176,7 +179,7 @@ def test_a_sector_of_a_bush():
         waves = lambda X, t: t * (0.3 + 0.2 * np.sin(6 * np.arctan2(X[:, 1], X[:, 0])))  # noqa: E731
         scene.pressure("xmin", waves)
         scene.traction("xmin", lambda X, t: 0.2 * t * np.column_stack([-X[:, 1], X[:, 0], 0.0 * X[:, 2]]))
-        results.append(solve(scene, steps=2, progress=False).require())
+        results.append(solve(scene, steps=2).require())
     ring, sector = results
     nodes = [(s.space.tabulate_dof_coordinates(), r.system.state.u.x.array.reshape(-1, 3))
              for s, r in zip(scenes, results, strict=True)]  # fmt: skip
@@ -194,7 +197,7 @@ def test_the_torque_of_a_bush():
         scene.fix("xmax", "xy")
         scene.prescribe("xmin", "x", lambda X, t: X[:, 0] * (np.cos(phi * t) - 1.0) - X[:, 1] * np.sin(phi * t))
         scene.prescribe("xmin", "y", lambda X, t: X[:, 1] * (np.cos(phi * t) - 1.0) + X[:, 0] * np.sin(phi * t))
-        result = solve(scene, steps=1, progress=False).require()
+        result = solve(scene, steps=1).require()
         torques = [
             result.column(f"{group}_reaction_moment_z_Nmm")[-1]
             + np.cross(point_and(result, group, "point"), point_and(result, group, "force"))[2]
@@ -220,7 +223,7 @@ def tread(blocks):
         lambda X, t: 0.2 * t * np.column_stack([np.sin(np.pi * X[:, 0]), 0.0 * X[:, 0], np.cos(np.pi * X[:, 0])])
     )
     way = lambda t: (0.3 * max(2 * t - 1, 0.0), 0.0, -0.1 * min(2 * t, 1.0))  # noqa: E731
-    return scene, solve(scene, move={road: way}, steps=4, progress=False).require()
+    return scene, solve(scene, move={road: way}, steps=4).require()
 
 
 def test_a_row_of_blocks_is_one_block():
@@ -266,7 +269,7 @@ def test_a_hub_turns_a_sector():
         share = sectors / 6
         loads = Motion(force=(0, 0, 0.3 * share), moment=(0, 0, 4.0 * share))
         stages = [Stage("turn", move={hub: Motion(rz=0.4, z=0.1)}, steps=2), Stage("push", move={hub: loads}, steps=2)]
-        results.append(solve(scene, stages=stages, progress=False).require())
+        results.append(solve(scene, stages=stages).require())
     ring, sector = results
     for column in ("hub_force_z_N", "hub_moment_z_Nmm", "strain_energy_Nmm"):
         np.testing.assert_allclose(6 * sector.column(column), ring.column(column), rtol=1e-9)
@@ -287,12 +290,12 @@ def test_a_hub_on_the_axis_of_a_quarter():
         scene.tie("zmax", plate)
         if not whole:
             scene.cyclic("ymin", "xmin")
-        turned = solve(scene, move={plate: Motion(rz=0.5, free="z")}, steps=2, progress=False).require()
+        turned = solve(scene, move={plate: Motion(rz=0.5, free="z")}, steps=2).require()
         torques.append([turned.column(name)[-1] for name in ("plate_moment_z_Nmm", "strain_energy_Nmm")])
         travel = turned.column("plate_travel_z_mm")[-1]
         if not whole:
             leaning = {plate: Motion(rx=0.1)}
-            refused(lambda: solve(scene, move=leaning, progress=False), "'plate'", "tied", "leads")  # noqa: B023
+            refused(lambda: solve(scene, move=leaning), "'plate'", "tied", "leads")  # noqa: B023
     np.testing.assert_allclose(torques[0], 4 * np.array(torques[1]), rtol=1e-8)
     assert travel != 0.0
 
@@ -307,7 +310,7 @@ def test_a_plate_bonded_to_a_row_of_blocks():
         scene.periodic("xmin", "xmax")
         scene.tie("zmax", plate)
         pressed = Motion(x=0.3, force=(0, 0, -0.2 * blocks))
-        result = solve(scene, move={plate: pressed}, steps=2, progress=False).require()
+        result = solve(scene, move={plate: pressed}, steps=2).require()
         forces.append([result.column(f"plate_force_{axis}_N")[-1] / blocks for axis in "xz"])
         height = result.column("plate_travel_z_mm")[-1]
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-8)
@@ -317,7 +320,7 @@ def test_a_plate_bonded_to_a_row_of_blocks():
     block.fix("zmin", "z")
     block.periodic("xmin", "xmax")
     block.tie(("xmin", "xmax"), hub)
-    solve(block, move={hub: (0.1, 0.0, 0.0)}, steps=1, progress=False).require()
+    solve(block, move={hub: (0.1, 0.0, 0.0)}, steps=1).require()
 
 
 def held_by(groups, at_end=False):
@@ -331,7 +334,7 @@ def held_by(groups, at_end=False):
         scene.prescribe(group, "x", lambda X, t, way=further[0]: t * (way + 0.1 * X[:, 2]))
         scene.prescribe(group, "z", lambda X, t, way=further[1]: t * (way - 0.1 * X[:, 1]))
     scene.body_force((0.3, 0.0, 0.2))
-    return solve(scene, steps=2, progress=False).require()
+    return solve(scene, steps=2).require()
 
 
 def test_supports_of_following_nodes_are_those_of_leading_ones():
@@ -368,7 +371,7 @@ def test_functions_see_all_nodes_of_their_group():
         return 0.1 * t * (X[:, 1] - X[:, 1].mean())
 
     scene.prescribe("zmax", "z", lifted)
-    solve(scene, steps=1, progress=False).require()
+    solve(scene, steps=1).require()
     assert seen == {12}
 
 
@@ -393,7 +396,7 @@ def test_two_pieces_that_a_pair_joins():
     scene = Scene(*(Body(mesh, f"piece {i}", neo_hooke(SHEAR, BULK)) for i in range(2)), accept_locking=True)
     scene.fix("inside")
     scene.periodic("left", "right", (0.0, 0.2, 0.1))
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     X, u = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
     np.testing.assert_allclose(u, np.where(X[:, :1] > 1.2, (0.0, 0.2, 0.1), 0.0), atol=1e-12)
 
@@ -407,7 +410,7 @@ def test_a_plane_cell():
     scene.prescribe("cell_ymax", "y", -0.1)
     for group, way in (("cell_ymin", 0.0), ("cell_ymax", 0.3)):
         scene.prescribe(group, "x", lambda X, t, way=way: t * (way + 0.1 * X[:, 0]))
-    result = solve(scene, steps=2, progress=False).require()
+    result = solve(scene, steps=2).require()
     gradient = np.array([[0.1, 0.3, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.0]])
     X, u = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
     np.testing.assert_allclose(u, X @ gradient.T, atol=1e-12)
@@ -425,7 +428,7 @@ def test_a_sector_in_a_plane():
     scene = Scene(Body(mesh, "ring", neo_hooke(SHEAR, BULK)), plane="strain")
     scene.cyclic("ymin", "xmin")
     scene.pressure("inner", lambda X, t: t * (0.3 + 0.2 * np.sin(4 * np.arctan2(X[:, 1], X[:, 0]))))
-    result = solve(scene, steps=2, progress=False).require()
+    result = solve(scene, steps=2).require()
     X, x = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
     x = np.concatenate(MPI.COMM_WORLD.allgather(x + X)), np.concatenate(MPI.COMM_WORLD.allgather(X))
     for place in np.column_stack([np.linspace(1.0, 2.0, 4), np.zeros((4, 2))]):
@@ -437,8 +440,8 @@ def test_a_sector_in_a_plane():
 # -- continuations, checkpoints, stages -------------------------------------------------------------------------------
 def test_an_arc_leads_the_ways():
     """Along the arc as by load steps to the same t, and the limit that is asked for is met."""
-    arc = solve(cell(), method="arc_length", until=Load(1.0), progress=False).require()
-    steps = solve(cell(), steps=list(arc.column("t")), progress=False).require()
+    arc = solve(cell(), steps=ArcSteps(until=Load(1.0))).require()
+    steps = solve(cell(), steps=list(arc.column("t"))).require()
     np.testing.assert_allclose(arc.system.state.u.x.array, steps.system.state.u.x.array, atol=1e-8)
     np.testing.assert_allclose(pair_forces(arc), piola(GRADIENT) * np.prod(SIZE) / SIZE, atol=1e-6)
 
@@ -452,17 +455,20 @@ def test_a_run_with_pairs_is_resumed(tmp_path):
             raise RuntimeError("killed")
         return 0.0
 
-    options = {"steps": 4, "progress": False, "out": folder, "checkpoint": True}
+    options = {"steps": 4, "out": folder, "checkpoint": True}
     refused(lambda: solve(cell(), record={"kill": dying}, **options), "killed")
     other = cell(relative=1.1 * GRADIENT)
-    refused(lambda: solve(other, record={"kill": lambda view: 0.0}, resume=True, **options), "relative displacement of the")
-    whole = solve(cell(), steps=4, progress=False)
-    resumed = solve(cell(), record={"kill": lambda view: 0.0}, resume=True, **options).require()
+    refused(
+        lambda: solve(other, record={"kill": lambda view: 0.0}, out=Output(resume=True), **options),
+        "relative displacement of the",
+    )
+    whole = solve(cell(), steps=4)
+    resumed = solve(cell(), record={"kill": lambda view: 0.0}, out=Output(resume=True), **options).require()
     np.testing.assert_allclose(resumed.system.state.u.x.array, whole.system.state.u.x.array, atol=1e-12)
     still = cell(relative=0.0 * GRADIENT)
-    started = solve(still, start=whole, steps=1, progress=False).require()
+    started = solve(still, start=whole, steps=1).require()
     np.testing.assert_allclose(started.system.state.u.x.array, 0.0 * whole.system.state.u.x.array, atol=1e-12)
-    same = solve(cell(), start=whole, steps=1, progress=False).require()
+    same = solve(cell(), start=whole, steps=1).require()
     np.testing.assert_allclose(same.system.state.u.x.array, whole.system.state.u.x.array, atol=1e-12)
 
 
@@ -470,7 +476,7 @@ def test_ways_stay_in_later_stages():
     scene = cell()
     scene.body_force((0.0, 0.0, 0.0))
     stages = [Stage("strain", steps=2), Stage("wait", body_force=(0.1, 0.0, 0.0), steps=1)]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     u = result.system.state.u.x.array
     held = result.system.supports
     np.testing.assert_allclose(held.held(u), held.values(2.0), atol=1e-12)
@@ -485,15 +491,15 @@ def test_ways_of_later_stages():
     ways = {pair: (lambda s, way=way: s * s * way) for pair, way in faces.items()}
     stages = [Stage("stretch", steps=1), Stage("shear", relative=ways, steps=2)]
     stages.append(Stage("back", relative={pair: -way for pair, way in faces.items()}, steps=1))
-    result = solve(scene, stages=stages[:2], progress=False).require()
+    result = solve(scene, stages=stages[:2]).require()
     area = np.prod(SIZE) / SIZE
     np.testing.assert_allclose(pair_forces(result) / area, piola(GRADIENT), atol=1e-8)
     assert result.column("external_work_Nmm")[-1] == pytest.approx(result.column("strain_energy_Nmm")[-1], rel=0.02)
-    back = solve(scene, stages=stages[2:], start=result, progress=False).require()
+    back = solve(scene, stages=stages[2:], start=result).require()
     np.testing.assert_allclose(pair_forces(back) / area, piola(stretch), atol=1e-8)
     wrong = {"xmax": (0, 0, 0)}, {("xmin", "zmax"): (0, 0, 0.1)}, {("xmin", "xmax"): lambda s: (0.1 + s, 0, 0)}
     for relative, *words in zip(wrong, ("the faces of a pair", "no such periodic pair", "starts 0.1 away"), strict=True):
-        run = lambda relative=relative: solve(scene, stages=[stages[0], Stage("b", relative=relative)], progress=False)  # noqa: E731
+        run = lambda relative=relative: solve(scene, stages=[stages[0], Stage("b", relative=relative)])  # noqa: E731
         refused(run, "stage 'b'", *words)
 
 
@@ -510,7 +516,7 @@ def test_a_body_that_slides_out_of_its_cell_is_named(way):
     scene.prescribe("up_ymax", "y", lambda X, t: np.full(len(X), -0.1 * min(2.0 * t, 1.0)))
     scene.prescribe("up_ymax", "x", lambda X, t: np.full(len(X), way * max(2.0 * t - 1.0, 0.0)))
     scene.contact("up_ymin", "low_ymax", 0.3, name="c")
-    result = solve(scene, steps=10, progress=False).require()
+    result = solve(scene, steps=10).require()
     kept = result.column("c_force_y_N")[-1] / result.column("c_force_y_N")[4]
     notes = [note for note in result.verdict.notes if "slides out of the cell of a pair" in note]
     assert (len(notes), kept > 0.99) == ((0, True) if way < 0.1 else (1, False)), (notes, kept)
@@ -530,7 +536,7 @@ def test_wrong_pairs_are_refused():
         for word, *rest in pairs:
             getattr(stated, word)(*rest)
         before(stated)
-        return lambda: solve(stated, progress=False)
+        return lambda: solve(stated)
 
     pair = ("periodic", "xmin", "xmax")
     refused(lambda: scene().periodic("xmin", "nowhere"), "nowhere")
@@ -541,7 +547,7 @@ def test_wrong_pairs_are_refused():
     ring = read_gmsh(rectangles.build, rectangles={"pad": ((1.0, 0.0), (1.0, 1.0), (2, 2))})
     turning = Scene(Body(ring, "pad", neo_hooke(SHEAR, BULK)), plane="axisymmetric")
     turning.periodic("pad_xmin", "pad_xmax")
-    refused(lambda: solve(turning, progress=False), "periodic pair", "lie apart along x")
+    refused(lambda: solve(turning), "periodic pair", "lie apart along x")
     refused(solved(("periodic", "xmin", "ymin")), "9 nodes", "12", "mesh both alike")
     refused(solved(("periodic", "ymin", "zmin")), "do not match", "lies 0.", "setPeriodic")
     refused(solved(("cyclic", "ymin", "xmin")), "12 nodes", "9")
@@ -573,23 +579,23 @@ def test_wrong_pairs_are_refused():
         bonded.fix("zmin")
         bonded.periodic("xmin", "xmax")
         bonded.tie("zmax", hub)
-        run = lambda bonded=bonded, move={hub: motion}: solve(bonded, move=move, progress=False)  # noqa: E731
+        run = lambda bonded=bonded, move={hub: motion}: solve(bonded, move=move)  # noqa: E731
         refused(run, "'hub'", "periodic pair 'xmin' - 'xmax'", *words)
     stretched, hub = scene(), rigid_hub("hub")
     stretched.fix("zmin", "z")
     stretched.periodic("xmin", "xmax", (0.1, 0.0, 0.0))
     stretched.tie("zmax", hub)
-    refused(lambda: solve(stretched, move={hub: (0, 0, 0.1)}, progress=False), "'hub'", "a rigid body does not stretch")
+    refused(lambda: solve(stretched, move={hub: (0, 0, 0.1)}), "'hub'", "a rigid body does not stretch")
     loose = scene()
     loose.periodic("xmin", "xmax")
-    refused(lambda: solve(loose, progress=False), "nothing holds body 'box' along x, y, z")
+    refused(lambda: solve(loose), "nothing holds body 'box' along x, y, z")
     square = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", neo_hooke(SHEAR, BULK)))
     square.cyclic("ymin", "xmin")
-    refused(lambda: solve(square, progress=False), "nothing holds body 'box' along z")
+    refused(lambda: solve(square), "nothing holds body 'box' along z")
     square.fix("zmin", "z")
     square.cyclic("xmin", "ymax", (0, 0, 1), (0.0, 1.0, 0.0))
     square.cyclic("ymax", "xmax", (0, 0, 1), (1.0, 1.0, 0.0))
-    refused(lambda: solve(square, progress=False), "round to itself, turned")
+    refused(lambda: solve(square), "round to itself, turned")
     sides = {"cell": ((0.0, 0.0), (2.0, 1.0), (3, 2))}
     flat = Body(read_gmsh(rectangles.build, rectangles=sides), "cell", neo_hooke(SHEAR, BULK))
     plane, turned = Scene(flat, plane="strain"), Scene(flat, plane="axisymmetric")

@@ -52,7 +52,7 @@ def over_a_strip(tool, drop, steps, points=None, touched=0.0, cells=(40, 2)):
         Stage("lift", move={tool: (0, 2 * touched, 0)}, steps=1),
     ]
     drop = Stage("drop", move={tool: (0, -drop, 0)}, steps=steps)
-    return solve(scene, stages=[*(before if touched else []), drop], progress=False)
+    return solve(scene, stages=[*(before if touched else []), drop])
 
 
 def beside_a_finger(steps, way):
@@ -62,7 +62,7 @@ def beside_a_finger(steps, way):
     scene.fix("b_ymin")
     tool = roller(0.5, -0.8, 3.0)
     scene.contact(("b_xmin", "b_ymax"), tool, friction=0.1, name="c")
-    return solve(scene, move={tool: way}, steps=steps, progress=False)
+    return solve(scene, move={tool: way}, steps=steps)
 
 
 def over_a_plate(steps, points=None):
@@ -72,7 +72,7 @@ def over_a_plate(steps, points=None):
     scene.fix("xmax")
     tool = rigid_sphere(1.0, (4, 1.5, 1.4), name="tool")
     scene.contact("zmax", tool, friction=0.1, points=points, name="c")
-    return solve(scene, move={tool: (0, 0, -2.9)}, steps=steps, progress=False)
+    return solve(scene, move={tool: (0, 0, -2.9)}, steps=steps)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def under_a_foil(**options):
     scene = Scene(Body(mesh, "b", HARD), plane="strain")
     scene.fix("b_ymin")
     scene.contact("b_ymax", foil, name="c", **options)
-    return solve(scene, move={foil: (0, -0.3, 0)}, steps=3, progress=False)
+    return solve(scene, move={foil: (0, -0.3, 0)}, steps=3)
 
 
 def test_a_tool_that_no_step_holds_is_named_and_the_remedy_holds_it():
@@ -128,7 +128,7 @@ def test_a_block_dragged_far_along_a_plane_is_not_held_up():
     floor = rigid_plane(normal=(0, 1, 0), name="floor")
     scene.contact(("b_ymin", "b_xmin", "b_xmax"), floor, friction=0.3, name="c")
     stages = [Stage("press", move={floor: (0, 0.1, 0)}, steps=1), Stage("drag", move={floor: (50, 0, 0)}, steps=1)]
-    result = solve(scene, stages=stages, progress=False).require()
+    result = solve(scene, stages=stages).require()
     assert "projection lost" not in result.verdict.causes and result.column("c_force_x_N")[-1] > 0.0
 
 

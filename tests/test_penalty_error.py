@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import (
     Body,
+    Method,
     Penalty,
     Scene,
     Units,
@@ -64,7 +65,7 @@ def pair(build, penalty, stiffer, **options):
     results = []
     for factor in (1.0, stiffer):
         scene, drive = build(factor * penalty, **options)
-        results.append(solve(scene, **drive, steps=2, progress=False).require())
+        results.append(solve(scene, **drive, steps=2).require())
     return results
 
 
@@ -168,7 +169,7 @@ def test_peak_pressure_and_summary(tmp_path):
     said = soft.summary["penalty_error"]["contacts"]["c"]["peak_pressure_change_share"]
     assert 0.5 < said / (peaks[1] / peaks[0] - 1.0) < 2.0
     scene, drive = punch(5.0)
-    solve(scene, **drive, steps=1, out=folder, progress=False)
+    solve(scene, **drive, steps=1, out=folder)
     COMM.Barrier()
     assert "c" in json.loads((folder / "summary.json").read_text())["penalty_error"]["contacts"]
 
@@ -183,7 +184,7 @@ def test_a_pushed_tool_goes_less_deep():
 
 def test_the_state_is_left_as_it_was():
     scene, drive = sphere(5.0)
-    result = solve(scene, **drive, steps=2, progress=False)
+    result = solve(scene, **drive, steps=2)
     system, contact = result.system, result.system.contacts[0]
     force = -(contact.response(system.state).traction * contact.surface.area[..., None]).sum(axis=(0, 1))
     total = COMM.allreduce(force)
@@ -201,7 +202,7 @@ def test_error_of_a_homogeneous_bar():
             scene.fix(f"{axis}min", axis)
         plate = rigid_plane((0, 0, 2.0), (0, 0, -1.0))
         scene.contact("zmax", plate, penalty=penalty, name="c")
-        result = solve(scene, move={plate: (0, 0, -0.2)}, steps=1, progress=False).require()
+        result = solve(scene, move={plate: (0, 0, -0.2)}, steps=1).require()
         said.append(result.summary["penalty_error"]["contacts"]["c"]["force_change_N"][2])
         forces.append(result.history[-1]["c_force_z_N"])
     said, forces = np.array(said), np.array(forces)
@@ -220,7 +221,7 @@ def test_what_multipliers_have_left(penetration):
             scene.fix(f"{axis}min", axis)
         plate = rigid_plane((0, 0, 2.0), (0, 0, -1.0))
         scene.contact("zmax", plate, penalty=2.0, penetration=allowed, name="c")
-        result = solve(scene, move={plate: (0, 0, -0.2)}, steps=1, progress=False).require()
+        result = solve(scene, move={plate: (0, 0, -0.2)}, steps=1).require()
         forces.append(result.history[-1]["c_force_z_N"])
         said = said or result.summary["penalty_error"]["contacts"]["c"]
     true = forces[1] - forces[0]
@@ -236,7 +237,7 @@ def test_where_nothing_presses_any_more_the_penalties_cost_nothing(pushed):
     lid = rigid_plane((0, 0, 3.0), (0, 0, -1.0), name="lid")
     scene.contact("zmax", lid, 0.2, name="c")
     way = lambda t: (0, 0, -0.5 * np.sin(np.pi * t) if t < 1.0 else 0.0)  # noqa: E731
-    result = solve(scene, **{"push" if pushed else "move": {lid: way}}, steps=8, stabilise=pushed, progress=False).require()
+    result = solve(scene, **{"push" if pushed else "move": {lid: way}}, steps=8, method=Method(stabilise=pushed)).require()
     assert not any("penalties" in note for note in result.verdict.notes), result.verdict.notes
     error = result.summary["penalty_error"]["contacts"]["c"]
     assert error["load_N"] == error["force_change_over_load"] == error["load_change_over_load"] == 0.0
@@ -271,7 +272,7 @@ def closed_slot(factor):
     scene.prescribe("top", "y", -0.5)
     scene.prescribe("bot", "y", 0.5)
     scene.contact("slot_top", "slot_low", 0.3, penalty=Penalty(factor=factor), name="c")
-    return solve(scene, steps=5, progress=False).require()
+    return solve(scene, steps=5).require()
 
 
 def test_a_state_is_varied_with_the_sights_that_it_was_accepted_with():
@@ -299,7 +300,7 @@ def test_what_is_left_of_a_load_that_is_gone_has_no_note(penetration):
     scene.contact("b_xmax", rigid_plane((2, 0, 0), (-1, 0, 0), name="a"), name="a", penetration=penetration)
     scene.contact("b_ymax", rigid_plane((0, 1, 0), (0, -1, 0), name="b"), name="b", penetration=penetration)
     scene.swell("b", lambda t: 1.0 + 0.2 * np.sin(np.pi * t))
-    result = solve(scene, steps=[0.25, 0.5, 0.75, 1.0], progress=False).require()
+    result = solve(scene, steps=[0.25, 0.5, 0.75, 1.0]).require()
     assert max(result.column("a_load_N")) == pytest.approx(5.0 * (1.0 - 1.0 / 1.2), rel=1e-3)
     assert result.column("a_load_N")[-1] < 1e-4
     assert not any("penalties change" in note for note in result.verdict.notes)

@@ -20,6 +20,7 @@ from PIL import Image
 from fenics_contact import (
     Body,
     Film,
+    Method,
     Scene,
     Stage,
     Units,
@@ -65,7 +66,7 @@ def punched():
     punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
     scene.contact("top", punch, 0.3, name="top")
     scene.contact("bottom", rigid_plane(name="floor"), name="bottom")
-    return solve(scene, move={punch: (0, 0, -2.0)}, steps=2, progress=False)
+    return solve(scene, move={punch: (0, 0, -2.0)}, steps=2)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def rolled():
     scene.fix(("zmin", "zmax"), "z")
     roller = rigid_cylinder(3.0, point=(10, 8, 0), axis=(0, 0, 1), name="roller")
     scene.contact("ymax", roller, 0.2, name="tread")
-    return solve(scene, move={roller: (0, -0.8, 0)}, steps=2, progress=False)
+    return solve(scene, move={roller: (0, -0.8, 0)}, steps=2)
 
 
 def area(skin):
@@ -151,7 +152,7 @@ def test_what_only_round_off_presses_touches_nothing(away):
     scene.fix("zmin")
     lid = rigid_plane((0, 0, 2.0 + away), (0, 0, -1), name="lid")
     scene.contact("zmax", lid, 0.3, name="top")
-    result = solve(scene, move={lid: (0, 0, -60.0)}, steps=1, smallest_step=0.9, progress=False)
+    result = solve(scene, move={lid: (0, 0, -60.0)}, steps=1, method=Method(smallest_step=0.9))
     assert not result.history and not result.converged
     assert result.column("top_load_N").size == 0
     with pytest.raises(KeyError, match="top_load_N"):
@@ -284,7 +285,7 @@ def test_what_is_a_slice(size, cells, held, axis):
     for letter in held:
         scene.fix((f"{letter}min", f"{letter}max"), letter)
     scene.prescribe("xmax", "x", 0.01)
-    drawn = solve(scene, steps=1, progress=False).drawing()
+    drawn = solve(scene, steps=1).drawing()
     if ROOT:
         assert drawn.view.axis == axis and drawn.is_slice is (axis is not None)
 
@@ -295,7 +296,7 @@ def pad(tool, plane, length=4.0, **options):
     scene = Scene(Body(mesh, "pad", neo_hooke(mu=0.4, K=2.0)), plane=plane, **options)
     scene.fix("pad_ymin")
     scene.contact("pad_ymax", tool, name="dent")
-    return solve(scene, move={tool: (0, -0.2, 0)}, steps=1, progress=False).require()
+    return solve(scene, move={tool: (0, -0.2, 0)}, steps=1).require()
 
 
 def walls(figure):
@@ -347,7 +348,7 @@ def test_a_picture_goes_as_far_as_the_walls_that_the_bodies_face(plane):
     scene.contact("pad_ymax", rigid_plane((0, 40, 0), (0, -1, 0), name="sky"), name="above")
     if plane == "strain":
         scene.contact("pad_ymax", rigid_cylinder(1.0, (7, 3, 0), (0, 0, 1), name="roll"), name="roll")
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     drawn, figure, above = result.drawing(), result.plot("contact_pressure"), result.drawing("above_gap")
     if ROOT:
         assert not any(len(tiles) for tiles in above.tools)  # the others are no matter of this contact
@@ -374,7 +375,7 @@ def test_the_shaft_in_a_rings_bore_is_drawn(cells):
     scene.fix("ring_ymin", "y")
     scene.swell("ring", 0.9)
     scene.contact("ring_xmin", rigid_cylinder(1.0, (0, 0, 0), axis=(0, 1, 0), name="shaft"))
-    drawn = solve(scene, steps=1, progress=False).drawing()
+    drawn = solve(scene, steps=1).drawing()
     if ROOT:
         assert len(drawn.tools[0]) and "beyond" not in drawn.title
         assert drawn.tools[0][..., 0].min() < 0.98  # a strip of it, not its outline alone
@@ -464,7 +465,7 @@ def test_the_legend_beside_a_square_picture_is_not_cut_off():
     scene.fix("block_xmin", "x")
     lid = rigid_plane((0, 20, 0), (0, -1, 0), name="lid")
     scene.contact("block_ymax", lid, 0.3, name="grip")
-    figure = solve(scene, move={lid: (0, -1, 0)}, steps=1, progress=False).plot("grip_status", mirror="x")
+    figure = solve(scene, move={lid: (0, -1, 0)}, steps=1).plot("grip_status", mirror="x")
     if ROOT:
         holds(figure)
 
@@ -493,7 +494,7 @@ def test_a_scene_without_contacts_shows_its_displacement():
     scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)), units=Units("m", "kN", "kPa"))
     scene.fix("zmin")
     scene.prescribe("zmax", "z", 0.2)
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     drawn, figure = result.drawing(), result.plot()
     stress, ratio = result.drawing("stress_zz"), result.drawing("J")
     refused("no contacts", lambda: result.plot("contact_pressure"))
@@ -512,7 +513,7 @@ def test_a_contact_between_bodies_is_seen_through_one_of_them():
     scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -0.5)
     scene.contact("upper_bottom", "lower_top", name="interface")
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     drawn, whole = result.drawing(), result.drawing("von_mises")
     if ROOT:
         assert drawn.hidden.tolist() == [True, False] and not whole.hidden.any()
@@ -527,7 +528,7 @@ def test_a_huge_tool_leaves_the_body_its_size():
     scene.fix("zmin")
     ball = rigid_sphere(50.0, (1.0, 1.0, 51.0), name="ball")
     scene.contact("zmax", ball, name="lid")
-    result = solve(scene, move={ball: (0, 0, -0.05)}, steps=1, progress=False)
+    result = solve(scene, move={ball: (0, 0, -0.05)}, steps=1)
     drawn = result.drawing()
     if ROOT:
         (tiles,) = drawn.tools
@@ -553,7 +554,7 @@ def test_pressure_of_any_degree_is_drawn(degree):
     scene.fix("zmin")
     lid = rigid_plane((0, 0, 1), (0, 0, -1), name="lid")
     scene.contact("zmax", lid, name="top")
-    result = solve(scene, move={lid: (0, 0, -0.1)}, steps=1, progress=False)
+    result = solve(scene, move={lid: (0, 0, -0.1)}, steps=1)
     drawn = result.drawing()
     if ROOT:
         assert "nothing" not in drawn.title and drawn.colours.high == pytest.approx(
@@ -567,7 +568,7 @@ def test_tetrahedra(degree):
     scene = Scene(Body(read_gmsh(tetrahedra), "cube", neo_hooke(mu=0.4, K=2.0)), degree=degree)
     scene.fix("face5")
     scene.prescribe("face6", "z", -0.1)
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     drawn, figure = result.drawing("displacement_z"), result.plot("von_mises")
     if ROOT:
         np.testing.assert_allclose(area(drawn.body), 6.0, rtol=1e-12)
@@ -635,7 +636,7 @@ def test_nothing_is_cut_off_however_often_a_picture_is_drawn(name, mirror):
     scene.fix("symmetry_y", "y")
     lid = rigid_plane((0, 1.5, 0), (0, -1, 0), name="lid")
     scene.contact("rim", lid, 0.2, name="lid")
-    figure = solve(scene, move={lid: (0, -0.45, 0)}, steps=3, progress=False).require().plot(name, mirror=mirror)
+    figure = solve(scene, move={lid: (0, -0.45, 0)}, steps=3).require().plot(name, mirror=mirror)
     if ROOT:
         for _ in range(3):
             holds(figure)
@@ -669,9 +670,7 @@ def test_a_film_draws_the_steps_of_a_run(tmp_path, monkeypatch):
     scene.contact("zmax", plate, 0.3, name="top")
     film, seldom = Film(), Film("status", every=3)
     refused("no drawings", lambda: Film().save(path))
-    result = solve(
-        scene, move={plate: (0, 0, -0.2)}, steps=4, progress=False, record={"frame": film, "seldom": seldom}
-    ).require()
+    result = solve(scene, move={plate: (0, 0, -0.2)}, steps=4, record={"frame": film, "seldom": seldom}).require()
     last = result.drawing()
     film.save(path)
     COMM.Barrier()
@@ -705,7 +704,7 @@ def test_a_frame_without_contact_leaves_the_colours_of_a_film_alone():
     scene.contact("zmax", lid, name="top")
     film = Film("contact_pressure")
     stages = [Stage("press", move={lid: (0, 0, -0.1)}, steps=2), Stage("lift", move={lid: (0, 0, 0.2)}, steps=2)]
-    result = solve(scene, stages=stages, progress=False, record={"frame": film}).require()
+    result = solve(scene, stages=stages, record={"frame": film}).require()
     peak = result.column("top_peak_pressure_MPa").max()
     if ROOT:
         assert film.drawings[-1].colours.blank and len(film.drawings) == 4
@@ -722,7 +721,7 @@ def test_a_tool_at_rest_does_not_travel_in_a_film():
     scene.contact("zmin", rigid_plane(name="floor"), name="foot")
     film = Film()
     for _ in range(2):  # the second run begins anew
-        result = solve(scene, steps=3, progress=False, record={"frame": film}).require()
+        result = solve(scene, steps=3, record={"frame": film}).require()
         assert result.column("frame").tolist() == [0.0, 1.0, 2.0]
     if ROOT:
         assert len(film.drawings) == 3
@@ -737,7 +736,7 @@ def test_stresses_of_an_unloaded_body_are_zero():
     scene = Scene(Body(mesh, "pad", neo_hooke(mu=0.4, K=2.0)), plane="strain")
     scene.fix("pad_ymin")
     scene.prescribe("pad_ymax", "y", lambda X, t: -0.3 * (1.0 - abs(2.0 * t - 1.0)) * np.ones(len(X)))
-    result = solve(scene, steps=4, progress=False)
+    result = solve(scene, steps=4)
     for field in ("von_mises", "stress_yy"):
         drawn = result.drawing(field)
         if ROOT:

@@ -12,7 +12,9 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Displacement,
+    Method,
     Motion,
+    Output,
     Penalty,
     Scene,
     SceneError,
@@ -91,7 +93,7 @@ def test_a_block_has_the_energy_and_the_reactions_of_a_layer(degree, element, K)
         scene.prescribe(f"{prefix}{up}max", up, -0.2)
         scene.pressure(f"{prefix}xmin", 0.3)
         scene.traction(f"{prefix}xmax", (0.05, 0.02, 0.0) if plane else (0.05, 0.0, 0.02))
-        row = solve(scene, steps=2, progress=False).require().history[-1]
+        row = solve(scene, steps=2).require().history[-1]
         group = f"{prefix}{up}max_reaction"
         names = ("strain_energy_Nmm", "external_work_Nmm", "smallest_J", f"{group}_x_N", f"{group}_{up}_N")
         found.append([row[name] for name in names])
@@ -130,7 +132,7 @@ def pair(plane, friction, degree=1, **options):
 @pytest.mark.parametrize("friction, options", [(0.0, {}), (0.3, {}), (0.3, {"penetration": 1e-3}), (0.3, {"degree": 2})])
 def test_two_bodies_meet_as_in_a_layer(friction, options):
     plane, layer = (
-        solve(pair(plane, friction, **options), steps=6, tolerance=1e-11, progress=False) for plane in (True, False)
+        solve(pair(plane, friction, **options), steps=6, method=Method(tolerance=1e-11)) for plane in (True, False)
     )
     same(plane, layer)
 
@@ -159,7 +161,7 @@ def test_a_tool_is_met_as_in_a_layer(tool, degree):
             slave, bottom, way = "zmax", "zmin", lambda t: (drag(t)[0], 0.0, drag(t)[1])
         scene.fix(bottom)
         scene.contact(slave, shape, 0.3, points=3 if degree == 2 else None, name="pair")
-        found.append(solve(scene, move={shape: way}, steps=10, tolerance=1e-9, progress=False))
+        found.append(solve(scene, move={shape: way}, steps=10, method=Method(tolerance=1e-9)))
     same(*found, rel=1e-8)  # a tolerance of 1e-9 of the forces
 
 
@@ -180,7 +182,7 @@ def test_thick_walls_under_pressure(plane, kind, triangles):
             scene.fix("xmin", "x")  # on an axis of turning that goes without saying
         scene.pressure("inner", pressure)
         record = {f"{R:g}_mm": lambda view, R=R: R + view.at((R, 0.0, 0.0)).displacement[0] for R in wall}
-        row = solve(scene, steps=3, record=record, progress=False).require().history[-1]
+        row = solve(scene, steps=3, record=record).require().history[-1]
         errors.append(abs(row["1_mm"] - inside) / (inside - 1.0) + abs(row["2_mm"] - outside) / (outside - 2.0))
     assert errors[1] < 1e-3 and errors[0] > 6.0 * errors[1], errors
 
@@ -205,7 +207,7 @@ def test_limit_point_of_a_thin_sphere(law, K, limit, way):
     scene.pressure("inner", 0.005)
     ends = {"way_mm": lambda view: (view.at((R, 0, 0)).displacement[0] + view.at((0, R, 0)).displacement[1]) / 2}
     arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": Displacement("ymin", "x", 60.0)}
-    result = solve(scene, progress=False, record=ends, **arc)
+    result = solve(scene, record=ends, **arc)
     ((t, found),) = ((row["t"], row["way_mm"]) for row in result.history if row["limit_point"])
     assert t * 0.005 == pytest.approx(limit, rel=5e-6)
     assert found == pytest.approx(way, rel=5e-6)
@@ -223,7 +225,7 @@ def test_a_thick_sphere_follows_the_radial_problem_past_its_limit_point(reading,
     places = {"inner_x": (1.0, 0.0, 0.0), "inner_y": (0.0, 1.0, 0.0), "outer_x": (2.0, 0.0, 0.0), "outer_y": (0.0, 2.0, 0.0)}
     record = {f"{name}_mm": lambda view, X=X: float(sum(view.at(X).displacement)) for name, X in places.items()}
     arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=0.3), "until": Displacement("ymin", "x", 1.15)}
-    result = solve(scene, record=record, progress=False, **arc).require()
+    result = solve(scene, record=record, **arc).require()
     assert sum(result.column("limit_point")) == 1 and len(result.history) > 8
     for row in result.history:
         moved = np.array([row[f"{name}_mm"] for name in places])
@@ -250,7 +252,7 @@ def test_a_rod_pulled_along_its_axis(reading, law, stretch):
     scene = Scene(Body(mesh, "rod", law(0.1863, 0.0098, 5.0)), plane="axisymmetric", degree=2)
     scene.fix("bottom", "y")
     scene.prescribe("top", "y", 2.0 * (stretch - 1.0))
-    row = solve(scene, steps=8, progress=False).require().history[-1]
+    row = solve(scene, steps=8).require().history[-1]
     exact = PULLED[stretch][reading] * np.pi
     assert row["top_reaction_y_N"] == pytest.approx(exact, abs=2e-7 * np.pi)  # printed digits
     assert row["bottom_reaction_y_N"] == pytest.approx(-exact, abs=2e-7 * np.pi)
@@ -284,7 +286,7 @@ def test_a_disc_whose_rim_is_pulled(reading, law, degree, element):
     scene.fix("disc_ymin", "y")
     scene.traction("disc_xmax", (nominal, 0.0, 0.0))
     record = {f"corner_{'xy'[i]}_mm": lambda view, i=i: view.at((3.0, 0.5, 0.0)).displacement[i] for i in range(2)}
-    row = solve(scene, steps=4, tolerance=1e-10, record=record, progress=False).require().history[-1]
+    row = solve(scene, steps=4, method=Method(tolerance=1e-10), record=record).require().history[-1]
     assert row["corner_x_mm"] == pytest.approx(3.0 * (stretch - 1.0), rel=1e-8)
     assert row["corner_y_mm"] == pytest.approx(0.5 * (across - 1.0), rel=1e-8)
 
@@ -295,7 +297,7 @@ def test_a_turned_block_is_a_cylinder():
     scene = Scene(Body(mesh, "disc", RUBBER), plane="axisymmetric")
     scene.fix("disc_ymin", "y")
     scene.prescribe("disc_ymax", "y", -0.3)
-    row = solve(scene, steps=3, progress=False).require().history[-1]
+    row = solve(scene, steps=3).require().history[-1]
 
     # neo-Hooke, stretches (a, 0.7, a): sigma = mu J^(-5/3) dev(B) + K (J - 1) I, without stress along the radius
     def stress(a, other):
@@ -335,7 +337,7 @@ def test_hertz(plane):
         for axis, column in (("x", 0), ("y", 2)):
             scene.prescribe(side, axis, lambda X, t, c=column: t * far(X)[:, c])
     scene.contact("block_ymax", tool, name="top", penalty=Penalty(factor=300.0))
-    result = solve(scene, move={tool: (0.0, -depth, 0.0)}, steps=2, progress=False).require()
+    result = solve(scene, move={tool: (0.0, -depth, 0.0)}, steps=2).require()
     row = result.history[-1]
     assert -row["top_force_y_N"] == pytest.approx(force, rel=1e-4)
     assert row["top_peak_pressure_MPa"] == pytest.approx(peak, rel=1e-3)
@@ -358,7 +360,7 @@ def test_a_roller_on_a_block():
     scene.fix(("block_xmin", "roller_axis"), "x")
     scene.prescribe("roller_crown", "y", -0.0245)  # half of the model takes 171 N/mm
     scene.contact("block_ymax", "roller_rim", name="line")
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     share = np.sqrt(-2 * result.history[-1]["line_force_y_N"] / 35e3)
     assert share == pytest.approx(0.1, rel=0.02)
     line = result.line("line", along="x")
@@ -383,7 +385,7 @@ def test_friction_under_a_rounded_punch():
         scene.pressure("punch_top", 100.0)
         places = {"middle": (0, 0, 0), "beside": (5.10350706, 0, 0)}
         record = {name: lambda view, at=at: view.at(at).displacement[1] for name, at in places.items()}
-        result = solve(scene, steps=4, progress=False, record=record)
+        result = solve(scene, steps=4, record=record)
         sunk.append(result.require().history[-1]["middle"])
         beside = beside or result.history[-1]["beside"]
         assert result.verdict.cuts == 0
@@ -425,7 +427,7 @@ def test_a_flat_punch_on_a_bonded_layer(height, kappa):
     scene.fix("block_ymin")
     punch = rigid_punch(1.0, 1.0, (0.0, 0.0, 0.0), direction=(0.0, -1.0, 0.0))
     scene.contact("block_ymax", punch, name="top", penetration=1e-3 * depth)
-    row = solve(scene, move={punch: (0.0, -depth, 0.0)}, steps=1, progress=False).require().history[-1]
+    row = solve(scene, move={punch: (0.0, -depth, 0.0)}, steps=1).require().history[-1]
     star = 4.0  # E / (1 - nu^2) of shear modulus 1
     assert -row["top_force_y_N"] == pytest.approx(2 * star * depth * kappa, rel=size)
 
@@ -451,7 +453,7 @@ def test_rings_pressed_together(plane):
             scene.fix(f"{body}_xmin", "x")
     scene.pressure("hub_outer", outer)
     scene.contact("hub_inner", "shaft_outer", name="fit")
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     # radial stress A - B/r^m of the whole ring, m = 2 of a tube, 3 of a sphere, zero inside
     m = 2 if plane == "strain" else 3
     exact = outer * (1 - (radii[0] / radii[1]) ** m) / (1 - radii[0] ** m)
@@ -500,7 +502,7 @@ def test_a_tool_of_curves_meets_as_its_surface_does_in_a_layer(degree, count):
             slave, bottom, way = "zmax", "zmin", lambda t: (0.2 * t, 0.0, -0.3 * t)
         scene.fix(bottom)
         scene.contact(slave, tool, 0.3, name="pair")
-        found.append(solve(scene, move={tool: way}, steps=5, tolerance=1e-11, progress=False))
+        found.append(solve(scene, move={tool: way}, steps=5, method=Method(tolerance=1e-11)))
     same(*found)
 
 
@@ -523,7 +525,7 @@ def sealed(plane, section="strain"):
     scene.prescribe(top, up, lambda X, t: -t * (0.25 - 0.05 * X[:, 0]))
     scene.contact(foot, floor, 0.1, name="pair")
     scene.pressure((foot, end), 0.6, where="open", from_=end)
-    return solve(scene, steps=4, tolerance=1e-10, progress=False).require()
+    return solve(scene, steps=4, method=Method(tolerance=1e-10)).require()
 
 
 def test_a_fluid_comes_in_as_in_a_layer():
@@ -545,7 +547,7 @@ def test_a_roller_that_turns_in_the_plane_drags_with_the_torque_of_its_friction(
     roller = rigid_cylinder(0.6, (1.5, 0.6, 0.0), (0.0, 0.0, 1.0), name="roller")
     scene.contact("box_ymax", roller, 0.2, name="top")
     turning = Motion(y=lambda t: -0.1 * min(3 * t, 1.0), rz=lambda t: 2.0 * max(t - 1 / 3, 0.0))
-    row = solve(scene, move={roller: turning}, steps=6, progress=False).require().history[-1]
+    row = solve(scene, move={roller: turning}, steps=6).require().history[-1]
     assert row["top_sticking_points"] == 0 and row["roller_angle_z_rad"] == pytest.approx(4 / 3)
     assert abs(row["top_moment_z_Nmm"]) == pytest.approx(0.2 * 0.6 * row["top_load_N"], rel=5e-3)  # points lie 0.1 % deep
 
@@ -564,7 +566,7 @@ def test_every_tangent_is_the_derivative(plane):
     scene.contact("upper_ymin", "lower_ymax", 0.2, name="pair")
     tool = rigid_plane((0.0, 0.8, 0.0), (0.0, -1.0, 0.0))
     scene.contact("upper_ymax", tool, 0.9, name="lid")
-    audit = solve(scene, move={tool: (0.0, -0.2, 0.0)}, steps=2, progress=False).require().audit()
+    audit = solve(scene, move={tool: (0.0, -0.2, 0.0)}, steps=2).require().audit()
     assert audit.right and len(audit.blocks) > 5, str(audit)
 
 
@@ -576,9 +578,9 @@ def test_the_tangent_of_a_pushed_tool_of_curves(plane):
     scene.fix("box_ymin")
     tool = rigid_curve(polygon, "rim", radius=1.2, count=40, deep=False)
     scene.contact("box_ymax", tool, 0.3, name="top")
-    first = solve(scene, move={tool: (0.0, -0.1, 0.0)}, steps=2, progress=False).require().history[-1]
+    first = solve(scene, move={tool: (0.0, -0.1, 0.0)}, steps=2).require().history[-1]
     force = first["top_force_y_N"]
-    pushed = solve(scene, push={tool: (0.0, force, 0.0)}, stabilise=True, steps=2, progress=False).require()
+    pushed = solve(scene, push={tool: (0.0, force, 0.0)}, method=Method(stabilise=True), steps=2).require()
     assert pushed.history[-1]["tool_travel_y_mm"] == pytest.approx(-0.1, rel=1e-6)
     assert pushed.audit().right, str(pushed.audit())
 
@@ -588,9 +590,9 @@ def test_a_resumed_run_equals_a_continuous_one(tmp_path):
     from mpi4py import MPI
 
     folder = MPI.COMM_WORLD.bcast(tmp_path)
-    whole = solve(pair(True, 0.3), steps=[0.25, 0.5, 0.75, 1.0], progress=False)
-    solve(pair(True, 0.3), steps=[0.25, 0.5], out=folder, checkpoint=True, progress=False)
-    resumed = solve(pair(True, 0.3), steps=[0.25, 0.5, 0.75, 1.0], out=folder, checkpoint=True, resume=True, progress=False)
+    whole = solve(pair(True, 0.3), steps=[0.25, 0.5, 0.75, 1.0])
+    solve(pair(True, 0.3), steps=[0.25, 0.5], out=Output(folder, checkpoint=True))
+    resumed = solve(pair(True, 0.3), steps=[0.25, 0.5, 0.75, 1.0], out=Output(folder, checkpoint=True, resume=True))
     for name in ("pair_force_x_N", "pair_force_y_N", "strain_energy_Nmm"):
         assert resumed.column(name) == pytest.approx(whole.column(name), rel=1e-9)
 
@@ -625,14 +627,14 @@ def met(tool, plane="strain", move_apart=None, **drive):
     given = {word: {tool: way} for word, way in drive.items()}
     if move_apart is not None:
         given = {"move": {rigid_sphere(1.0, (5.0, 5.0, 0.0), name="apart"): move_apart}}
-    solve(scene, **given, progress=False)
+    solve(scene, **given)
 
 
 def cut_a_line():
     scene = block(plane="strain")
     scene.fix("box_ymin")
     scene.contact("box_ymax", FLOOR, name="top")
-    solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1, progress=False).line("top", "x", cut={"y": 1.0})
+    solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1).line("top", "x", cut={"y": 1.0})
 
 
 def on_a_curve(flip=False, **options):
@@ -700,7 +702,7 @@ def test_forces_and_springs_in_all_are_what_they_say(plane):
         scene.force("box_ymax", (0.0, -0.3, 0.0))
         if plane["plane"] == "strain":
             scene.fix("box_xmin", "x")
-        result = solve(scene, steps=1, progress=False)
+        result = solve(scene, steps=1)
         assert result.column("box_ymin_reaction_y_N")[-1] == pytest.approx(0.3, rel=1e-7)  # a solve's 1e-8 of the forces
         scene = block(**plane, degree=degree)
         scene.prescribe("box_ymin", "y", 0.2)
@@ -708,7 +710,7 @@ def test_forces_and_springs_in_all_are_what_they_say(plane):
         if plane["plane"] == "strain":
             scene.fix("box_xmin", "x")
         way = {"way_mm": lambda view: float(view.at("box_ymax").displacement[1])}  # mean over the area
-        result = solve(scene, steps=1, progress=False, record=way)
+        result = solve(scene, steps=1, record=way)
         assert 0.1 < result.column("way_mm")[-1] < 0.2
         assert result.column("box_ymin_reaction_y_N")[-1] == pytest.approx(2.0 * result.column("way_mm")[-1], rel=1e-7)
 
@@ -729,7 +731,7 @@ def test_a_law_of_pressures_says_that_their_area_has_changed(stretch, friction, 
     scene.fix("box_xmin", "x")
     scene.prescribe("box_xmax", "x", stretch - 1.0)
     scene.contact("box_ymax", FLOOR, friction, name="top")
-    result = solve(scene, move={FLOOR: (0.0, -0.45 if stretch > 1.0 else -0.1, 0.0)}, steps=6, progress=False)
+    result = solve(scene, move={FLOOR: (0.0, -0.45 if stretch > 1.0 else -0.1, 0.0)}, steps=6)
     said = [note for note in result.verdict.notes if "pressures per area at the start" in note]
     assert result.converged and len(said) == noted
     assert all("larger than the true pressures" in note for note in said)  # the block is stretched
@@ -743,7 +745,7 @@ def test_a_lid_on_a_disc_presses_alike_up_to_the_axis(degree, points):
     scene.fix("box_ymin", normal=True)
     lid = rigid_plane((0.0, 2.0, 0.0), (0.0, -1.0, 0.0), name="lid")
     scene.contact("box_ymax", lid, name="top", points=points)
-    result = solve(scene, move={lid: (0.0, -0.3, 0.0)}, steps=1, progress=False)
+    result = solve(scene, move={lid: (0.0, -0.3, 0.0)}, steps=1)
     line = result.line("top", along="x")
     # the disc stays one, and the column of the peak is that of the line
     radius = line["x_mm"].max()
@@ -780,7 +782,7 @@ def test_all_the_way_round_columns_without_a_meaning_are_left_out():
         scene = block(plane=plane)
         scene.fix("box_ymin")
         scene.contact("box_ymax", FLOOR, name="top")
-        rows[plane] = solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1, progress=False).require().history[-1]
+        rows[plane] = solve(scene, move={FLOOR: (0.0, -0.1, 0.0)}, steps=1).require().history[-1]
     gone = set(rows["strain"]) - set(rows["axisymmetric"])
     points = {f"{name}_point_{axis}_mm" for name in ("top", "box_ymin_reaction") for axis in "xy"}
     moments = {"top_moment_z_Nmm", "box_ymin_reaction_moment_z_Nmm"}
@@ -812,7 +814,7 @@ def test_a_tool_of_which_only_its_cut_counts_is_told(case):
     scene.fix("box_ymin")
     tool = tool()
     scene.contact("box_ymax", tool, name="top")
-    result = solve(scene, move={tool: (0.0, -0.02, 0.0)}, steps=1, progress=False)
+    result = solve(scene, move={tool: (0.0, -0.02, 0.0)}, steps=1)
     said = [note for note in result.verdict.notes if "its cut" in note]
     assert result.converged and len(said) == (words is not None)
     assert words is None or words in said[0]
@@ -824,7 +826,7 @@ def test_the_ring_that_a_ball_beside_the_axis_makes_is_the_torus_that_is_named()
         scene = block(plane="axisymmetric")
         scene.fix("box_ymin")
         scene.contact("box_ymax", tool, name="top")
-        result = solve(scene, move={tool: (0.0, -0.1, 0.0)}, steps=1, progress=False).require()
+        result = solve(scene, move={tool: (0.0, -0.1, 0.0)}, steps=1).require()
         forces.append(result.column("top_force_y_N")[-1])
     assert forces[0] == pytest.approx(forces[1], rel=1e-12) and forces[0] < -0.1
 
@@ -839,7 +841,7 @@ def test_the_displacement_that_ends_a_path_is_a_mean_over_area(plane, degree):
     scene.traction("block_ymax", lambda X, t: np.column_stack([0 * X[:, 0], 0.2 * t * X[:, 0] ** 2, 0 * X[:, 0]]))
     end = Displacement("block_ymax", "y", 0.05)
     way = {"way_mm": lambda view: float(view.at("block_ymax").displacement[1])}
-    result = solve(scene, method="arc_length", steps=4, until=end, record=way, progress=False).require()
+    result = solve(scene, steps=ArcSteps(until=end, first=0.25), record=way).require()
     assert result.column("way_mm")[-1] == pytest.approx(0.05, rel=1e-6)  # how near the last step lands
 
 
@@ -848,7 +850,7 @@ def test_a_mean_over_the_axis_is_one_over_its_length():
     scene.fix("box_ymin", normal=True)
     scene.prescribe("box_ymax", "y", 0.1)
     way = {"way_mm": lambda view: float(view.at("box_xmin").displacement[1])}
-    result = solve(scene, steps=1, progress=False, record=way)
+    result = solve(scene, steps=1, record=way)
     assert result.column("way_mm")[-1] == pytest.approx(0.05, rel=1e-6)
     assert Displacement("box_xmin", "y", 0.05).distance(scene, result.system)() == pytest.approx(0.0, abs=1e-8)
 
@@ -864,7 +866,7 @@ def balloon(pressure):
 
 def test_no_body_of_revolution_goes_through_its_axis():
     """Past its greatest pressure, 0.0245, a thin balloon has no state near; turned over through the axis it has one."""
-    result = solve(balloon(0.05), steps=4, progress=False, record={"u": lambda view: view.at("ymin").displacement[0]})
+    result = solve(balloon(0.05), steps=4, record={"u": lambda view: view.at("ymin").displacement[0]})
     assert not result.verdict.converged and result.verdict.t * 0.05 == pytest.approx(0.0245, rel=0.005)
     assert (result.column("u") > 0.0).all()
 

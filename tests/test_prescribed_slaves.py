@@ -18,7 +18,7 @@ def pressed_beside(slave, **options):
     scene.fix("xmin")
     plane = rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="plane")
     scene.contact(slave, plane, 0.0, name="c", **options)
-    return solve(scene, move={plane: (0, 0, -0.2)}, steps=2, progress=False)
+    return solve(scene, move={plane: (0, 0, -0.2)}, steps=2)
 
 
 def led(result):
@@ -44,4 +44,4 @@ def test_prescribed_slave_nodes_that_nothing_touches_are_fine():
     scene.fix("xmin")
     ball = rigid_sphere(1.0, (3.0, 1.0, 3.0), name="ball")
     scene.contact("zmax", ball, 0.0, name="c")
-    assert not led(solve(scene, move={ball: (0, 0, -0.2)}, steps=2, progress=False).require())
+    assert not led(solve(scene, move={ball: (0, 0, -0.2)}, steps=2).require())

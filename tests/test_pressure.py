@@ -104,7 +104,7 @@ def test_equal_pressure_on_a_cube(mesh):
     for axis in "xyz":
         scene.fix(f"{axis}min", axis)
     scene.pressure(("xmax", "ymax", "zmax"), 0.5)
-    result = solve(scene, steps=2, progress=False)
+    result = solve(scene, steps=2)
     assert result.converged and result.column("iterations").max() <= 5
     size = COMM.allreduce(np.max(result.u.x.array.reshape(-1, 3)[:, 0] * -1.0, initial=0.0), op=MPI.MAX)
     assert abs((1 - size / 3.0) ** 3 - 0.9) < 1e-9  # solver tolerance
@@ -117,7 +117,7 @@ def test_pressure_follows_the_stretched_face(mesh):
     for axis in "xyz":
         scene.fix(f"{axis}min", axis)
     scene.pressure("zmax", lambda t: p * t * t)
-    result = solve(scene, steps=4, progress=False)
+    result = solve(scene, steps=4)
 
     def stresses(stretch):
         def lateral(b):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Method, Scene, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import punch_plate
 from fenics_contact.solvers import newton
 from fenics_contact.solvers.control import run
@@ -37,7 +37,7 @@ def punched(parameters, friction=0.0, fillet=0.0, depth=2.0, steps=10, tolerance
     scene = plate(read_gmsh(punch_plate.build, **parameters), **options)
     punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10), fillet=fillet)
     scene.contact("top", punch, friction, name="top")
-    result = solve(scene, move={punch: (0, 0, -depth)}, steps=steps, tolerance=tolerance, progress=False)
+    result = solve(scene, move={punch: (0, 0, -depth)}, steps=steps, method=Method(tolerance=tolerance))
     assert result.converged, result.verdict.reason
     return result
 

@@ -10,6 +10,7 @@ from test_two_bodies import turned_about
 
 from fenics_contact import (
     Body,
+    Method,
     Penalty,
     Scene,
     compat,
@@ -234,7 +235,7 @@ def test_squeezed_blocks(triangles, points, scatter):
         scene.fix("lower_ymin", "y")
         scene.prescribe("upper_ymax", "y", -2.0)
         scene.contact("upper_ymin", "lower_ymax", penalty=500.0, points=points, name="c")
-        result = solve(scene, steps=2, progress=False).require()
+        result = solve(scene, steps=2).require()
         pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
         found.append((result.history[-1]["c_force_y_N"], np.ptp(pressure) / pressure.mean()))
     assert found[0][1] < 1e-9
@@ -253,7 +254,7 @@ def test_a_block_lets_go_at_mu_n():
     scene.fix("lower_ymin")
     scene.contact("upper_ymin", "lower_ymax", 0.3, name="c")
     scene.traction("upper_ymax", lambda X, t: [[0.018 * max(t - 0.3, 0.0) / 0.7, -0.05 * min(t / 0.3, 1.0), 0.0]] * len(X))
-    result = solve(scene, steps=20, progress=False, smallest_step=1e-3)
+    result = solve(scene, steps=20, method=Method(smallest_step=1e-3))
     assert result.verdict.kind == "friction used up"
     row = result.history[-1]
     assert abs(row["c_force_x_N"] / row["c_force_y_N"]) == pytest.approx(0.3, rel=0.015)
@@ -275,7 +276,7 @@ def test_a_master_ends_on_triangles():
     scene.fix("lower_bottom"), scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -0.6)
     scene.contact("lower_top", "upper_bottom", name="c")
-    result = solve(scene, steps=4, progress=False).require()
+    result = solve(scene, steps=4).require()
     assert result.verdict.cuts == 0 and result.verdict.iterations <= 4 * 4
 
 
@@ -291,7 +292,7 @@ def test_a_round_slave_in_a_rigid_bore():
         scene.pressure("inner", 0.02)
         bore = rigid_cylinder(2.0, (0, 0, 0), (0, 0, 1), hollow=True, name="bore")
         scene.contact("outer", bore, points=3, name="c", penalty=1e4)
-        forces.append(solve(scene, steps=1, progress=False).require().history[-1]["c_force_x_N"])
+        forces.append(solve(scene, steps=1).require().history[-1]["c_force_x_N"])
     assert (forces[1] - forces[0]) / (forces[2] - forces[1]) > 12.0, forces
 
 
@@ -309,7 +310,7 @@ def test_a_tube_of_two_rings(triangles, points):
             scene.fix(f"{name}ymin", "y"), scene.fix(f"{name}xmin", "x")
         scene.pressure(blown, pressure)
         record = {f"{R:g}_mm": lambda view, R=R: R + view.at((R, 0.0, 0.0)).displacement[0] for R in wall}
-        row = solve(scene, steps=3, record=record, progress=False).require().history[-1]
+        row = solve(scene, steps=3, record=record).require().history[-1]
         return abs(row["1_mm"] - inside) / (inside - 1.0) + abs(row["2_mm"] - outside) / (outside - 2.0)
 
     mesh = read_gmsh(ring_sector.build, radii=wall, cells=(6, 8), order=2, triangles=triangles)
@@ -331,7 +332,7 @@ def test_two_rings_under_an_uneven_pressure(swapped):
     scene.pressure("hub_outer", lambda X, t: t * (0.1 + 1e-3 * np.cos(2.0 * np.arctan2(X[:, 1], X[:, 0]))))
     sides = ("hub_inner", "shaft_outer") if swapped else ("shaft_outer", "hub_inner")
     scene.contact(*sides, name="fit")
-    line = solve(scene, steps=1, progress=False).require().line("fit", along=lambda X: np.arctan2(X[:, 1], X[:, 0]))
+    line = solve(scene, steps=1).require().line("fit", along=lambda X: np.arctan2(X[:, 1], X[:, 0]))
     angle = np.arctan2(line["y_reference_mm"], line["x_reference_mm"])
     assert len(angle) == (21 if swapped else 17)
     assert line["pressure_MPa"] == pytest.approx(9.259259e-2 + 1.35718e-3 * np.cos(2.0 * angle), rel=5e-3)

@@ -12,6 +12,7 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Load,
+    Method,
     Penalty,
     Scene,
     mooney_rivlin,
@@ -56,7 +57,7 @@ def confined_force(squeeze):
 def test_a_confined_block_is_held_where_it_should_be(tmp_path):
     folder = COMM.bcast(tmp_path)
     scene, drive = confined()
-    result = solve(scene, **drive, steps=2, out=folder, progress=False).require()
+    result = solve(scene, **drive, steps=2, out=folder).require()
     depth = result.history[-1]["c_penetration_mm"]
     assert 0.0 < depth <= penalties.DEEPEST * 1.0  # cells of 1 mm
     notes = [note for note in result.verdict.notes if "penalties raised to" in note]
@@ -75,7 +76,7 @@ def test_a_confined_block_is_held_where_it_should_be(tmp_path):
 @pytest.mark.parametrize("typed", [{"penalty": 119.5}, {"penalty": Penalty(factor=100.0)}])
 def test_a_number_typed_is_not_changed(typed):
     scene, drive = confined(**typed)
-    result = solve(scene, **drive, steps=2, progress=False).require()
+    result = solve(scene, **drive, steps=2).require()
     assert result.history[-1]["c_penetration_mm"] > penalties.DEEPEST
     assert result.summary["scene"]["contacts"][0]["penalty_raised"] == 1.0
     assert not [note for note in result.verdict.notes if "raised" in note]
@@ -84,7 +85,7 @@ def test_a_number_typed_is_not_changed(typed):
 def test_the_largest_factor_is_kept():
     scene, drive = confined()
     drive = {"move": {tool: (0, 0, -1.2) for tool in drive["move"]}}
-    result = solve(scene, **drive, steps=3, progress=False).require()
+    result = solve(scene, **drive, steps=3).require()
     assert result.summary["scene"]["contacts"][0]["penalty_raised"] == penalties.LARGEST
     assert result.history[-1]["c_penetration_mm"] > penalties.DEEPEST
 
@@ -118,7 +119,7 @@ KINDS = ["analytic", "meshed", "bodies"]
 def test_friction_is_felt_unchanged(kind):
     """At the accepted state greater penalties give the same friction traction, in stick as in slip."""
     scene = dragged(kind)
-    system = solve(scene, steps=4, progress=False).require().system
+    system = solve(scene, steps=4).require().system
     contact = system.contacts[0]
     before, trial = contact.response(system.state), contact.trial
     counts = COMM.allreduce(np.bincount(before.status.ravel(), minlength=4))
@@ -132,7 +133,7 @@ def test_friction_is_felt_unchanged(kind):
 
 def carried(kind, times, folder=None, resume=False, steps=None, **options):
     kept = {} if folder is None else {"out": folder, "checkpoint": True, "resume": resume}
-    return solve(dragged(kind), steps=times, tolerance=1e-11, progress=False, **kept, **options).require()
+    return solve(dragged(kind), steps=times, method=Method(tolerance=1e-11), **kept, **options).require()
 
 
 def numbers(result):
@@ -218,7 +219,7 @@ def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
 
 def test_on_an_arc():
     scene, drive = confined()
-    arc = solve(scene, **drive, method="arc_length", steps=ArcSteps(first=0.5), until=Load(1.0), progress=False).require()
+    arc = solve(scene, **drive, steps=ArcSteps(until=Load(1.0), first=0.5)).require()
     assert [note for note in arc.verdict.notes if "penalties raised" in note]
     squeeze, depth = 0.2 * arc.column("t"), arc.column("c_penetration_mm")
     assert depth.max() < penalties.DEEPEST
@@ -230,7 +231,7 @@ def test_in_the_incremental_scheme():
     errors = []
     for steps in (5, 10, 20):
         scene, drive = confined()
-        result = solve(scene, **drive, steps=steps, method="incremental", progress=False).require()
+        result = solve(scene, **drive, steps=steps, method="incremental").require()
         depth, force = result.history[-1]["c_penetration_mm"], -result.history[-1]["c_force_z_N"]
         assert 0.0 < depth <= penalties.DEEPEST and result.verdict.cuts == 0
         notes = [note for note in result.verdict.notes if "penalties raised to" in note]
@@ -246,6 +247,6 @@ def test_a_point_that_has_just_closed_raises_nothing():
     scene.fix("zmin")
     plate = rigid_plane((0, 0, 2.01), (0, 0, -1.0))
     scene.contact("zmax", plate, name="c")
-    result = solve(scene, move={plate: (0, 0, -0.2)}, steps=4, method="incremental", progress=False).require()
+    result = solve(scene, move={plate: (0, 0, -0.2)}, steps=4, method="incremental").require()
     assert result.history[0]["c_penetration_mm"] > penalties.DEEPEST >= result.history[-1]["c_penetration_mm"]
     assert result.summary["scene"]["contacts"][0]["penalty_raised"] == 1.0

@@ -34,7 +34,7 @@ def test_plate_pressed_on_a_rough_floor_and_pushed_from_the_side(cells, steps):
     scene.traction("ymax", (0.0, -50.0, 0.0))
     scene.traction("xmin", (150.0, 0.0, 0.0))
     scene.contact("ymin", rigid_plane((0, 0, 0), (0, 1, 0)), friction=1.0, name="floor")
-    result = solve(scene, steps=steps, progress=False).require()
+    result = solve(scene, steps=steps).require()
     x, u = bottom(result, 0.0)
     for place, slip in PLATE.items():
         assert abs(np.interp(place, x, u[:, 0]) / slip - 1) < 0.05, place  # the published tolerance
@@ -52,6 +52,6 @@ def test_block_between_two_plates(friction, squeeze, force):
     scene.fix(("zmin", "zmax"), "z")
     plate = rigid_plane((0, 5.0, 0), (0, -1, 0), name="plate")
     scene.contact("ymax", plate, friction, name="plate")
-    result = solve(scene, move={plate: (0, -5.0 * squeeze, 0)}, steps=4, progress=False).require()
+    result = solve(scene, move={plate: (0, -5.0 * squeeze, 0)}, steps=4).require()
     ours = -2 * result.history[-1]["plate_force_y_N"] / 0.25
     assert abs(abs(ours) / force - 1) < 0.01

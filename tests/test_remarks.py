@@ -67,7 +67,7 @@ def pressed(mesh, axis, deep, degree=1, **options):
     scene.prescribe(top, axis, -deep)
     if options.get("contact"):
         scene.contact(below, above, name="c")
-    return [note for note in solve(scene, steps=2, progress=False).require().verdict.notes if "inside body" in note]
+    return [note for note in solve(scene, steps=2).require().verdict.notes if "inside body" in note]
 
 
 MESHES = {
@@ -106,7 +106,7 @@ def test_a_contact_that_few_nodes_carry_is_told(cells):
     scene.fix("upper_ymax", "x")
     scene.prescribe("upper_ymax", "y", -0.1)
     scene.contact("upper_ymin", "lower_ymax", name="c")
-    notes = [note for note in solve(scene, steps=1, progress=False).require().verdict.notes if "greatest load" in note]
+    notes = [note for note in solve(scene, steps=1).require().verdict.notes if "greatest load" in note]
     assert len(notes) == (cells == (1, 1)) and all("'c': 2 slave nodes carry" in note for note in notes)
 
 
@@ -120,7 +120,7 @@ def test_a_master_narrower_than_the_slave_s_cells_is_told(cells, said):
     scene.fix("pin_ymax", "x")
     scene.prescribe("pin_ymax", "y", -0.1)
     scene.contact("pad_ymax", "pin_ymin", name="c")
-    result = solve(scene, steps=1, progress=False).require()
+    result = solve(scene, steps=1).require()
     assert len([note for note in result.verdict.notes if "3 slave nodes carry" in note]) == said, result.verdict.notes
 
 
@@ -141,7 +141,7 @@ def test_nodes_on_edges_of_the_slave_are_told_where_the_law_asks_for_pressures(p
         scene.contact(names[:3] if walls else names[0], floor, law, name="c")
         drag = Stage("drag", move={floor: (4, 0, 0)}, steps=4)
         stages = [Stage("press", move={floor: tuple(0.2 * n for n in up)}, steps=3), drag]
-        result = solve(scene, stages=stages, progress=False).require()
+        result = solve(scene, stages=stages).require()
         told[walls, law == 0.8] = any("nodes at edges between faces of the slave" in n for n in result.verdict.notes)
     assert told == {(True, False): True, (False, False): False, (True, True): False}
 
@@ -155,7 +155,7 @@ def test_a_stage_in_which_nothing_moves_jumps_nowhere():
     scene.contact("lower_ymax", lid, 0.3, name="c")
     moves = [((0, -0.6, 0), 3), ((0.5, 0, 0), 3), ((0, 0, 0), 4)]
     stages = [Stage(name, move={lid: way}, steps=steps) for name, (way, steps) in zip("pdh", moves, strict=True)]
-    result = solve(scene, stages=stages, progress=False)
+    result = solve(scene, stages=stages)
     force = result.column("c_force_x_N")
     assert result.verdict.converged and force[-1] == pytest.approx(force[5], rel=1e-9)
     assert not [note for note in result.verdict.notes if "snap" in note or "jump" in note], result.verdict.notes
@@ -166,7 +166,7 @@ def test_a_body_that_turns_without_strain_misses_no_energy():
     scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 5.0)), plane="strain")
     hub = rigid_hub("hub", (-2.0, -1.0, 0.0))
     scene.tie("lower_xmin", hub)
-    result = solve(scene, move={hub: Motion(rz=4 * math.pi)}, steps=24, progress=False)
+    result = solve(scene, move={hub: Motion(rz=4 * math.pi)}, steps=24)
     assert result.verdict.converged and abs(result.column("hub_moment_z_Nmm")[-1]) < 1e-9
     assert not [note for note in result.verdict.notes if "energy" in note], result.verdict.notes
 
@@ -180,7 +180,7 @@ def test_a_contact_that_touches_by_rounding_alone_never_closed():
     lid, middle = rigid_plane((0, 6.0, 0), (0, -1, 0), name="lid"), rigid_plane((0, 0, 0), (0, 1, 0), name="middle")
     scene.contact("outer", lid, name="l")
     scene.contact("inner", middle, name="m")
-    result = solve(scene, move={lid: (0, -0.5, 0)}, steps=2, progress=False)
+    result = solve(scene, move={lid: (0, -0.5, 0)}, steps=2)
     assert result.verdict.converged and result.column("m_load_N")[-1] < 1e-12
     said = [note for note in result.verdict.notes if "'m'" in note or "supports prescribe" in note]
     assert len(said) == 1 and "never closed" in said[0], result.verdict.notes
@@ -197,7 +197,7 @@ def test_a_block_that_swells_evenly_in_a_closed_box_is_told_nothing(degree):
     for name, (point, normal, side) in walls.items():
         scene.contact(side, rigid_plane(point, normal, name=name), name=name, penetration=1e-8)
     scene.swell("b", 1.2)
-    result = solve(scene, steps=[0.25, 0.5, 0.75, 1], progress=False).require()
+    result = solve(scene, steps=[0.25, 0.5, 0.75, 1]).require()
     assert result.column("a_load_N")[-1] == pytest.approx(5.0 * (1.0 - 1.0 / 1.2), rel=1e-6)  # K (1 - 1/J)
     assert result.verdict.notes == []
 
@@ -214,7 +214,7 @@ def test_cells_that_a_ball_comes_in_between_are_told_the_size_that_holds_it():
         scene.contact("zmax", ball, 0.5, name="c")
         turn = Stage("turn", move={ball: Motion(x=0.3, rx=0.4, rz=0.8)}, steps=4)
         stages = [Stage("press", move={ball: (0, 0, -0.5)}, steps=2), turn]
-        notes = solve(scene, stages=stages, progress=False).require().verdict.notes
+        notes = solve(scene, stages=stages).require().verdict.notes
         told.append([note for note in notes if "between nodes the surface hangs" in note])
     assert len(told[0]) == 1 and told[0][0].endswith("mesh it more finely, cells of 0.5 there") and not told[1]
 
@@ -234,7 +234,7 @@ def test_work_missed_on_turns_is_told_from_work_that_is_lost():
         press = Stage("press", move={hubs[1]: Motion(y=-0.3)}, steps=6)
         shear = Stage("shear", move={hubs[1]: Motion(x=0.3)}, steps=6)
         turn = Stage("turn", move={hubs[0]: Motion(rz=3.0), hubs[1]: Motion(rz=3.0, **AROUND)}, steps=steps)
-        result = solve(scene, stages=[press, shear, turn], progress=False).require()
+        result = solve(scene, stages=[press, shear, turn]).require()
         told.append([note for note in result.verdict.notes if note.startswith("energy")])
         missing.append(np.diff(result.column("energy_error_Nmm")[11:]).sum())
     assert "most of that in steps that turn a tool by up to 17 degrees" in told[0][0] and not told[2]

@@ -21,7 +21,9 @@ from fenics_contact import (
     Body,
     Displacement,
     Load,
+    Method,
     Motion,
+    Output,
     Scene,
     SceneError,
     Travel,
@@ -182,7 +184,7 @@ def follow(name, folder, stop=None, resume=False):
     options = {"until": until, "back": back}
     if folder is not None:
         options |= {"out": Path(folder) / name, "checkpoint": True, "resume": resume}
-    result = solve(scene, **drive, method="arc_length", steps=steps, tolerance=1.5e-12, progress=False, **options)
+    result = solve(scene, **drive, method=Method(tolerance=1.5e-12), steps=ArcSteps(first=1 / steps), **options)
     assert result.converged == (stop is None), result.verdict.reason
     assert stop is None or len(result.history) == stops[stop]
     return result
@@ -193,7 +195,7 @@ def carry(name, folder, times, resume=False):
         return follow(name, folder, None if times == ALL else 0, resume)
     scene, drive = SCENES[name]()
     kept = {} if folder is None else {"out": Path(folder) / name, "checkpoint": True, "resume": resume}
-    result = solve(scene, **drive, **kept, steps=times, tolerance=1e-11, progress=False)
+    result = solve(scene, **drive, **kept, steps=times, method=Method(tolerance=1e-11))
     assert result.converged, result.verdict.reason
     return result
 
@@ -254,7 +256,7 @@ def test_a_resumed_run_takes_the_same_iterations(tmp_path, name, stop):
 
     def go(out, times, resume=False):
         scene, drive = SCENES[name]()
-        return solve(scene, **drive, steps=times, out=out, checkpoint=True, resume=resume, progress=False).require()
+        return solve(scene, **drive, steps=times, out=Output(out, checkpoint=True, resume=resume)).require()
 
     whole = go(tmp_path / "whole", times)
     go(tmp_path / "parts", times[:stop])
@@ -293,14 +295,16 @@ def test_a_resumed_continuation_equals_a_continuous_one(name, folder):
 def test_a_continuation_goes_on_to_another_target(folder):
     """A leg that has ended can be made longer, not one before the way back has begun."""
     scene, drive, *_ = confined_block()
-    options = {"method": "arc_length", "out": folder, "checkpoint": True, "progress": False, "tolerance": 1e-11}
-    solve(scene, **drive, until=Load(0.5), **options).require()
-    result = solve(scene, **drive, until=Load(0.8), back=Load(0.7), resume=True, **options).require()
+    options = {"method": "arc_length", "out": folder, "checkpoint": True, "tolerance": 1e-11}
+    solve(scene, **drive, steps=ArcSteps(until=Load(0.5)), **options).require()
+    result = solve(
+        scene, **drive, steps=ArcSteps(until=Load(0.8), back=Load(0.7)), out=Output(resume=True), **options
+    ).require()
     t = result.column("t")
     np.testing.assert_allclose([t[-1], t.max(), *t[np.abs(t - 0.5) < 1e-3]], [0.7, 0.8, 0.5], rtol=2e-6)  # TARGET_TOLERANCE
     for ways in ({"until": Load(0.9), "back": Load(0.7)}, {"until": Load(0.8)}):
         with pytest.raises(SceneError, match="gone beyond load t = 0.8, then load t = 0.7"):
-            solve(scene, **drive, **ways, resume=True, **options)
+            solve(scene, **drive, **ways, out=Output(resume=True), **options)
 
 
 @pytest.mark.parallel
@@ -308,14 +312,14 @@ def test_load_steps_and_continuations_do_not_resume_each_other(folder):
     scene, drive, *_ = confined_block()
     ways = {"arcs": {"method": "arc_length", "until": Load(0.5)}, "steps": {"steps": [0.25, 0.5]}}
     for name, way in ways.items():
-        solve(scene, **drive, **way, out=folder / name, checkpoint=True, progress=False).require()
+        solve(scene, **drive, **way, out=Output(folder / name, checkpoint=True)).require()
     for name, words in (
         ("arcs", "method: arc_length there, newton here"),
         ("steps", "method: newton there, arc_length here"),
     ):
         other = ways["steps" if name == "arcs" else "arcs"]
         with pytest.raises(SceneError, match=f"another scene, {words}; resume with the script that wrote it") as caught:
-            solve(scene, **drive, **other, out=folder / name, resume=True, progress=False)
+            solve(scene, **drive, **other, out=Output(folder / name, resume=True))
         assert len(set(COMM.allgather(str(caught.value)))) == 1
 
 
@@ -369,7 +373,7 @@ def test_another_scene_is_refused(folder):
     carry("punch", folder, ALL[:1])
     scene, drive = pushed_punch(2)
     with pytest.raises(SceneError, match="another scene, degree: 1 there, 2 here"):
-        solve(scene, **drive, out=folder / "punch", resume=True, progress=False)
+        solve(scene, **drive, out=Output(folder / "punch", resume=True))
     out = folder / "box"
     for size, refused in (((10.0, 10.0, 5.0), False), ((10.0, 11.0, 5.0), True)):
         scene = Scene(Body(read_gmsh(box.build, size=size, cells=(2, 2, 2)), "box", RUBBER))
@@ -377,18 +381,18 @@ def test_another_scene_is_refused(folder):
         scene.prescribe("zmax", "z", -0.1)
         if refused:
             with pytest.raises(SceneError, match="nodes lie in other places"):
-                solve(scene, steps=1, out=out, resume=True, progress=False)
+                solve(scene, steps=1, out=Output(out, resume=True))
         else:
-            solve(scene, steps=1, out=out, checkpoint=True, progress=False)
+            solve(scene, steps=1, out=Output(out, checkpoint=True))
 
 
 @pytest.mark.parallel
 def test_a_checkpoint_needs_a_folder():
     scene, drive = pushed_punch()
     with pytest.raises(SceneError, match="give out="):
-        solve(scene, **drive, checkpoint=True)
+        solve(scene, **drive, out=Output(checkpoint=True))
     with pytest.raises(SceneError, match="give True, or the number"):
-        solve(scene, **drive, checkpoint=-1)
+        solve(scene, **drive, out=Output(checkpoint=-1))
 
 
 @pytest.mark.serial
@@ -418,7 +422,7 @@ def small(folder, resume, steps):
     scene.fix("zmin")
     tool = rigid_plane((0, 0, 5.0), (0, 0, -1.0))
     scene.contact("zmax", tool, 0.3, name="c")
-    return solve(scene, move={tool: (1.0, 0, -1.0)}, steps=steps, out=folder, checkpoint=True, resume=resume, progress=False)
+    return solve(scene, move={tool: (1.0, 0, -1.0)}, steps=steps, out=Output(folder, checkpoint=True, resume=resume))
 
 
 def accepted(folder):

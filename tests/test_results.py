@@ -10,7 +10,9 @@ from mpi4py import MPI
 
 from fenics_contact import (
     Body,
+    Method,
     Motion,
+    Output,
     Scene,
     SceneError,
     Stage,
@@ -71,7 +73,7 @@ def test_reactions_loads_and_tools_are_in_balance_group_by_group():
     scene.body_force((0.01, 0.0, -0.02))
     plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
     scene.contact("zmax", plate, 0.2, name="lid")
-    result = solve(scene, move={plate: (0.05, 0.0, -0.2)}, steps=3, progress=False).require()
+    result = solve(scene, move={plate: (0.05, 0.0, -0.2)}, steps=3).require()
     row = result.history[-1]
     held = sum(np.array([row[f"{group}_reaction_{a}_N"] for a in "xyz"]) for group in ("zmin", "xmin"))
     lid = np.array([row[f"lid_force_{a}_N"] for a in "xyz"])
@@ -101,7 +103,7 @@ def test_the_moment_of_a_support_is_about_its_own_centroid():
         scene.prescribe("zmax", "x", turned(0))
         scene.prescribe("zmax", "y", turned(1))
         scene.fix("zmax", "z")
-        row = solve(scene, steps=3, tolerance=1e-11, progress=False).require().history[-1]
+        row = solve(scene, steps=3, method=Method(tolerance=1e-11)).require().history[-1]
         torque = row["zmax_reaction_moment_z_Nmm"]
         np.testing.assert_allclose(row["zmin_reaction_moment_z_Nmm"], -torque, rtol=1e-8)
         # external work of a turned end, held along the axis: the integral of the torque
@@ -153,7 +155,7 @@ def test_the_moments_of_a_contact_and_of_supports_balance(partner, points):
         left.append((c.force + r.force, about, c.moment, c.force))
         return 0.0
 
-    result = solve(scene, **move, steps=4, tolerance=1e-12, record={"left": moment}, progress=False).require()
+    result = solve(scene, **move, steps=4, method=Method(tolerance=1e-12), record={"left": moment}).require()
     row = result.history[-1]
     sides = [
         [np.array([row[f"{name}_{a}_{unit}"] for a in "xyz"]) for name, unit in zip(names, ("N", "Nmm", "mm"), strict=True)]
@@ -173,7 +175,7 @@ def test_a_master_body_lacks_the_couple_of_gaps_and_friction():
     for contact in ({}, {"penetration": 1e-5}):
         scene.contacts.clear()
         scene.contact("upper_bottom", "lower_top", 0.5, name="j", **contact)
-        row = solve(scene, steps=4, tolerance=1e-12, progress=False).require().history[-1]
+        row = solve(scene, steps=4, method=Method(tolerance=1e-12)).require().history[-1]
 
         def vector(name, unit, row=row):
             return np.array([row[f"{name}_{axis}_{unit}"] for axis in "xyz"])
@@ -195,7 +197,7 @@ def loaded(steps, **options):
     scene.prescribe("zmax", "x", 0.8)
     scene.traction("xmax", (0.0, 0.02, 0.05))
     scene.pressure("ymax", 0.05)
-    return solve(scene, steps=steps, progress=False).require().history[-1]
+    return solve(scene, steps=steps).require().history[-1]
 
 
 @pytest.mark.parametrize(
@@ -223,7 +225,7 @@ def punched(steps, friction, **contact):
     roll = rigid_cylinder(4.0, (5.0, 0.0, 7.0), (0, 1, 0), name="roll")
     scene.contact("zmax", roll, friction, name="top", **contact)
     path = lambda t: (0.3 * max(2 * t - 1, 0), 0.0, -0.4 * min(2 * t, 1))  # noqa: E731
-    return solve(scene, move={roll: path}, steps=steps, progress=False).require()
+    return solve(scene, move={roll: path}, steps=steps).require()
 
 
 def test_the_summary_says_what_the_energy_balance_leaves_open():
@@ -286,7 +288,7 @@ def test_bodies_drawn_overlapping_do_no_work(depth):
     scene.fix("lower_bottom")
     scene.fix("upper_top")
     scene.contact("upper_bottom", "lower_top", name="joint")
-    result = solve(scene, steps=4, progress=False).require()
+    result = solve(scene, steps=4).require()
     (note,) = (note for note in result.verdict.notes if note.startswith("energy: "))
     assert "in step 1, which presses apart" in note and "'joint'" in note and "more steps" not in note
 
@@ -324,7 +326,7 @@ def dragged(steps, size=0.1, fillet=0.0, **contact):
     scene.prescribe("top", "x", lambda X, t: 1.5 * max(0.0, (t - 0.2) / 0.8))
     scene.prescribe("top", "y", lambda X, t: -0.12 * min(t / 0.2, 1.0))
     scene.contact("foot", "lid", 0.4, name="foot", **contact)
-    return solve(scene, steps=steps, progress=False).require()
+    return solve(scene, steps=steps).require()
 
 
 def test_what_pressures_at_a_sharp_edge_leave_of_the_work_is_told_and_cured():
@@ -353,7 +355,7 @@ def rolled(steps):
     scene.contact("zmax", tool, 0.3, name="top")
     press, roll = Motion(z=-0.4), Motion(x=0.2, ry=0.1)
     stages = [Stage("press", move={tool: press}, steps=steps), Stage("roll", move={tool: roll}, steps=8)]
-    return solve(scene, stages=stages, progress=False).require()
+    return solve(scene, stages=stages).require()
 
 
 def test_what_pressures_leave_by_the_length_of_steps_is_told_from_an_edge():
@@ -390,7 +392,7 @@ def test_friction_work_is_traction_times_way():
     scene.prescribe("zmax", "x", lambda X, t: 1.0 * max(2 * t - 1, 0))
     scene.fix("zmax", "y")
     scene.contact("zmin", floor, 0.3, name="floor")
-    result = solve(scene, steps=40, progress=False).require()
+    result = solve(scene, steps=40).require()
     work, pull = result.column("floor_friction_work_Nmm"), -result.column("floor_force_x_N")
     slid = result.column("floor_mean_slip_mm")
     way = np.abs(np.diff(slid[-10:]))
@@ -410,7 +412,7 @@ def test_a_resumed_run_goes_on_with_its_energies(tmp_path):
         scene.contact("zmax", ball, 0.3, name="top")
         times = np.arange(1, steps + 1) / 6
         move = {ball: lambda t: (0.1 * t, 0.0, -0.3 * t)}
-        return solve(scene, move=move, steps=times, progress=False, out=folder, checkpoint=True, **options)
+        return solve(scene, move=move, steps=times, out=Output(folder, checkpoint=True), **options)
 
     run(3)
     resumed = run(6, resume=True).history[-1]
@@ -430,7 +432,7 @@ def test_zone_of_a_flat_contact(points):
     scene.fix("zmin", "z")
     plate = rigid_plane((0, 0, 2), (0, 0, -1), name="plate")
     scene.contact("zmax", plate, name="lid", points=points)
-    result = solve(scene, move={plate: (0, 0, -0.4)}, steps=2, progress=False).require()
+    result = solve(scene, move={plate: (0, 0, -0.4)}, steps=2).require()
     row = result.history[-1]
     side = row["lid_width_x_mm"]
     assert 2.1 < side < 2.3
@@ -452,7 +454,7 @@ def test_status_gap_and_pressure_of_two_tools_on_one_surface():
     right = rigid_punch(0.8, 2.0, (5.0, 1.0, 2.2), half_depth=3.0, fillet=0.2, name="right")
     scene.contact("zmax", left, 0.3, name="left")
     scene.contact("zmax", right, name="right")
-    result = solve(scene, move={left: (0, 0, -0.1), right: (0, 0, 0.0)}, steps=2, progress=False).require()
+    result = solve(scene, move={left: (0, 0, -0.1), right: (0, 0, 0.0)}, steps=2).require()
     fields = Fields(scene, result.system)
     fields.update()
     X = fields.gap.function_space.tabulate_dof_coordinates()
@@ -490,7 +492,7 @@ def test_line_of_a_contact_and_its_pressure():
     scene.fix("zmin")
     roll = rigid_cylinder(4.0, (3.0, 0.0, 6.0), (0, 1, 0), name="roll")
     scene.contact("zmax", roll, 0.3, name="top")
-    result = solve(scene, move={roll: (0, 0, -0.2)}, steps=2, progress=False).require()
+    result = solve(scene, move={roll: (0, 0, -0.2)}, steps=2).require()
     cut = result.line("top", "x", cut={"y": 1.0})  # midway between two rows of nodes
     assert len(cut["arc_mm"]) == 13 and np.all(np.diff(cut["arc_mm"]) > 0.0)
     np.testing.assert_allclose(cut["x_reference_mm"], np.linspace(0, 6, 13), atol=1e-12)
@@ -557,7 +559,7 @@ def test_a_line_runs_from_facet_to_facet(along, cut):
     scene.fix("top")
     floor = rigid_plane((0, 0, -1.2), name="floor")
     scene.contact("rim", floor, 0.3, name="wipe")
-    result = solve(scene, move={floor: (0, 0, 0.21)}, steps=1, progress=False).require()
+    result = solve(scene, move={floor: (0, 0, 0.21)}, steps=1).require()
     line = result.line("wipe", along, cut)
     X = np.column_stack([line[f"{a}_reference_mm"] for a in "xyz"])
     steps = np.linalg.norm(np.diff(X, axis=0), axis=1)
@@ -585,7 +587,7 @@ def test_parts_of_a_line_are_apart():
     for wall in walls:
         scene.contact(("xmin", "xmax"), wall, name=wall.name)
     move = {wall: (0.2 * n, 0, 0) for wall, n in zip(walls, (1, -1), strict=True)}
-    result = solve(scene, move=move, steps=1, progress=False)
+    result = solve(scene, move=move, steps=1)
     line = result.line("wall1", "z", {"y": 1.0})
     np.testing.assert_array_equal(line["chain"], [0, 0, 0, 1, 1, 1])
     np.testing.assert_allclose(line["z_reference_mm"], [0, 1, 2, 0, 1, 2], atol=1e-12)
@@ -614,7 +616,7 @@ def test_view_of_a_homogeneous_state(options):
         seen.append((inside, face, view.reaction("zmax"), view.energies, view.t))
         return inside.stretches[2]
 
-    result = solve(scene, steps=2, tolerance=1e-12, record={"least_stretch": look}, progress=False).require()
+    result = solve(scene, steps=2, method=Method(tolerance=1e-12), record={"least_stretch": look}).require()
     (inside, face, reaction, energies, t), F = seen[-1], seen[-1][0].F
     assert t == 1.0 and result.history[-1]["least_stretch"] == inside.stretches[2] == pytest.approx(0.85, rel=1e-9)
     np.testing.assert_allclose(F, np.diag(np.diag(F)), atol=1e-9)
@@ -643,7 +645,7 @@ def test_view_refuses_what_is_not_there():
             said.append(str(error.value))
         return 0.0
 
-    solve(scene, steps=1, record={"look": look}, progress=False)
+    solve(scene, steps=1, record={"look": look})
     for words, text in zip(("lies in no body", "'lid'", "no contact 'lid'", "zmin, zmax", "(x, y, z)"), said, strict=True):
         assert words in text
 
@@ -653,11 +655,11 @@ def test_names_become_columns():
     scene.fix("zmin")
     plate = rigid_plane((0, 0, 2), (0, 0, -1), name="lid (hot)")
     scene.contact("zmax", plate)
-    result = solve(scene, move={plate: (0, 0, -0.1)}, steps=1, progress=False)
+    result = solve(scene, move={plate: (0, 0, -0.1)}, steps=1)
     assert {"zmax_on_lid_hot_force_z_N", "lid_hot_travel_z_mm"} <= set(result.history[0])
     scene.contact(("xmax",), plate, name="zmax on lid hot")
     with pytest.raises(SceneError, match="share the columns"):
-        solve(scene, move={plate: (0, 0, -0.1)}, steps=1, progress=False)
+        solve(scene, move={plate: (0, 0, -0.1)}, steps=1)
 
 
 def test_moments_are_about_the_tool():
@@ -668,7 +670,7 @@ def test_moments_are_about_the_tool():
     ball = rigid_surface(tool_surfaces.ball, radius=2.0, centre=(2.0, 2.0, 4.0), mesh_size=0.5, name="ball")
     np.testing.assert_allclose(ball.point[:2], 2.0, atol=0.02)
     scene.contact("zmax", ball, name="top")
-    row = solve(scene, move={ball: (0, 0, -0.3)}, steps=2, progress=False).require().history[-1]
+    row = solve(scene, move={ball: (0, 0, -0.3)}, steps=2).require().history[-1]
     assert row["top_force_z_N"] < -0.1
     assert np.hypot(row["top_moment_x_Nmm"], row["top_moment_y_Nmm"]) < 0.03 * abs(row["top_force_z_N"])
 

@@ -7,8 +7,10 @@ from refusals import refused
 from taylor import change, forces, left_over, orders, random_way, remainders
 
 from fenics_contact import (
+    ArcSteps,
     Body,
     Load,
+    Method,
     Motion,
     Scene,
     Stage,
@@ -167,7 +169,7 @@ def rolled(turn, method="newton", steps=6):
     spins = [lambda t, a=a: (turn @ (0, 0.9 * max(t - 0.4, 0.0), 0))[a] for a in range(3)]
     motion = Motion(None, *ways, *spins)
     scene = rubber(cylinder, 0.3, cells=(6, 3, 2), turn=turn, points=2)
-    return solve(scene, move={cylinder: motion}, method=method, steps=steps, progress=False)
+    return solve(scene, move={cylinder: motion}, method=method, steps=steps)
 
 
 @pytest.mark.parallel
@@ -193,7 +195,7 @@ def test_a_stuck_block_turns_with_its_plates():
     move = {below: Motion(about=(0.5, 0, 0.5), ry=turned)}
     move[above] = Motion(about=(0.5, 0, 0.5), z=lambda t: -0.1 * min(10 * t, 1.0) * np.cos(turned(t)), ry=turned,
                          x=lambda t: -0.1 * min(10 * t, 1.0) * np.sin(turned(t)))  # fmt: skip
-    result = solve(scene, move=move, steps=[0.1, *(0.1 + 0.9 * np.arange(1, 13) / 12)], progress=False)
+    result = solve(scene, move=move, steps=[0.1, *(0.1 + 0.9 * np.arange(1, 13) / 12)])
     force = vectors(result, "zmax_on_above_force", "N")
     angle = result.column("above_angle_y_rad")
     turns = np.array([rotation(np.array([0.0, a, 0.0])) for a in angle])
@@ -209,7 +211,7 @@ def test_torque_of_a_shaft_that_slides_on_a_pad(method):
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
     scene = rubber(shaft, 0.3, cells=(6, 2, 2))
     motion = Motion(z=lambda t: -0.5 * min(2 * t, 1.0), ry=lambda t: 1.2 * max(2 * t - 1.0, 0.0))
-    result = solve(scene, move={shaft: motion}, method=method, steps=8, progress=False)
+    result = solve(scene, move={shaft: motion}, method=method, steps=8)
     assert result.converged and result.column("c_sticking_points")[-1] == 0
     contact, state = result.system.contacts[0], result.system.state
     pressure, surface = contact.forces.split_traction(state)[0], contact.surface
@@ -246,7 +248,7 @@ def test_a_roller_rolls_freely_without_torque():
     scene.fix("ymax", "y")
     way = lambda t: 2.0 * max(t - 0.2, 0.0) / 0.8  # four facets [mm]  # noqa: E731
     motion = Motion(x=way, force=lambda t: (0, 0, -0.5 * min(5 * t, 1.0)), free="ry")
-    result = solve(scene, move={roller: motion}, steps=[0.1, 0.2, *(0.2 + 0.05 * np.arange(1, 17))], progress=False)
+    result = solve(scene, move={roller: motion}, steps=[0.1, 0.2, *(0.2 + 0.05 * np.arange(1, 17))])
     force, moment = vectors(result, "c_force", "N"), vectors(result, "c_moment", "Nmm")
     np.testing.assert_allclose(force[1:, 2], -0.5, rtol=1e-7)
     assert np.abs(moment[:, 1]).max() < 1e-7 * 0.5 * 6.0  # out of balance by 1e-8 of the force, on the radius
@@ -263,7 +265,7 @@ def test_a_ball_pressed_and_twisted_sticks_in_the_middle():
     ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
     scene = rubber(ball, 0.4, cells=(11, 11, 3))
     press = lambda t: -0.5 * min(2 * t, 1.0)  # noqa: E731
-    result = solve(scene, move={ball: Motion(z=press, rz=lambda t: 0.12 * max(2 * t - 1, 0.0))}, steps=4, progress=False)
+    result = solve(scene, move={ball: Motion(z=press, rz=lambda t: 0.12 * max(2 * t - 1, 0.0))}, steps=4)
     system = result.system
     contact, state = system.contacts[0], system.state
     status, surface = contact.response(state).status.ravel(), contact.surface
@@ -278,7 +280,7 @@ def test_a_ball_pressed_and_twisted_sticks_in_the_middle():
     assert 0.2 * most < torque < 0.98 * most
     # the same torque as a load gives the same angle, but for the steps in which the ring grows
     pushed = Motion(z=press, moment=lambda t: (0, 0, torque * max(2 * t - 1, 0.0)))
-    again = solve(scene, move={ball: pushed}, steps=4, stabilise=True, progress=False)
+    again = solve(scene, move={ball: pushed}, steps=4, method=Method(stabilise=True))
     np.testing.assert_allclose(vectors(again, "ball_angle", "rad")[-1], (0, 0, 0.12), atol=0.12 * 0.01)
 
 
@@ -293,7 +295,7 @@ def test_a_free_ball_turns_about_all_axes():
             x=lambda t, side=side: 0.1 * side * t, about=(0, 0, 7.0), free="rx ry",
             force=lambda t: (0, 0, -0.4 * min(2 * t, 1.0)), moment=lambda t, side=side: (0, 0.0, 0.02 * side * t),
         )  # fmt: skip
-        result = solve(scene, move={ball: motion}, steps=4, stabilise=True, progress=False)
+        result = solve(scene, move={ball: motion}, steps=4, method=Method(stabilise=True))
         force, moment = vectors(result, "c_force", "N")[-1], vectors(result, "c_moment", "Nmm")[-1]
         np.testing.assert_allclose(force[2], -0.4, rtol=1e-7)
         np.testing.assert_allclose(moment, (0, 0, 0.02 * side), atol=1e-6)
@@ -308,9 +310,9 @@ def test_arc_length_turns_a_shaft():
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
     scene, move = rubber(shaft, 0.1, cells=(6, 2, 2)), {shaft: Motion(ry=0.8, force=(0, 0, -2.0))}
     until = Travel(shaft, "ry", 0.4)
-    along = solve(scene, move=move, method="arc_length", until=until, progress=False)
+    along = solve(scene, move=move, steps=ArcSteps(until=until))
     assert along.converged and str(until) == "rotation of 'shaft' about y = 0.4"
-    there = solve(scene, move=move, steps=list(along.column("t")), progress=False)
+    there = solve(scene, move=move, steps=list(along.column("t")))
     assert there.column("c_sticking_points")[-1] == along.column("c_sticking_points")[-1] == 0
     np.testing.assert_allclose(along.column("shaft_angle_y_rad")[-1], 0.4, rtol=1e-6)
     for name in ("c_moment_y_Nmm", "shaft_travel_z_mm", "c_force_z_N"):
@@ -323,7 +325,7 @@ def test_a_meshed_ball_is_twisted(points):
     ball = rigid_surface(tool_surfaces.ball, "ball", radius=8.0, centre=(0, 0, 8.0), mesh_size=1.0, name="ball")
     motion = Motion(z=lambda t: -0.4 * min(2 * t, 1.0), moment=lambda t: (0, 0, 0.1 * max(2 * t - 1, 0.0)))
     scene = rubber(ball, 0.5, points=points)
-    result = solve(scene, move={ball: motion}, steps=2, stabilise=True, progress=False)
+    result = solve(scene, move={ball: motion}, steps=2, method=Method(stabilise=True))
     # springs that pull by 1e-7 of the force have let go; a turn counts by the bodies' size
     atol = 2e-7 * result.column("c_load_N")[-1] * result.system.tools.lever
     np.testing.assert_allclose(vectors(result, "c_moment", "Nmm")[-1][2], 0.1, atol=atol, rtol=0)
@@ -337,7 +339,7 @@ def test_what_penalties_cost_an_angle():
     for penalty in (2.0, 200.0):
         plate = rigid_plane(normal=(0, 0, -1.0), name="plate")
         motion = Motion(force=(0, 0, -3.0), moment=(1.0, 0, 0))
-        result = solve(rubber(plate, 0.0, cells=(3, 3, 2), penalty=penalty), move={plate: motion}, steps=2, progress=False)
+        result = solve(rubber(plate, 0.0, cells=(3, 3, 2), penalty=penalty), move={plate: motion}, steps=2)
         tilts.append(vectors(result, "plate_angle", "rad")[-1][0])
         change = change or result.summary["penalty_error"]["angle_change"]["plate_rad"][0]
     # of first order: the springs in series are 14 % of the whole, whose square is left
@@ -398,7 +400,7 @@ def test_a_hub_leads_what_is_tied_to_it(method):
     """As the same motion stated node by node; the wrench that it takes, as a load, leads to the same motion."""
     end, about = np.array([0.1, -0.05, 0.2, 0.2, -0.3, 0.5]), np.array([0.2, 0.1, 1.5])
     hub = rigid_hub("hub", about)
-    led = solve(shaken(hub), move={hub: Motion(None, *end)}, steps=3, method=method, progress=False)
+    led = solve(shaken(hub), move={hub: Motion(None, *end)}, steps=3, method=method)
     force, moment = vectors(led, "hub_force", "N"), vectors(led, "hub_moment", "Nmm")
 
     def placed(X, t):
@@ -408,7 +410,7 @@ def test_a_hub_leads_what_is_tied_to_it(method):
     scene.ties.clear()
     for i, axis in enumerate("xyz"):
         scene.prescribe("zmax", axis, lambda X, t, i=i: placed(X, t)[:, i])
-    stated = solve(scene, steps=3, progress=False)
+    stated = solve(scene, steps=3)
     np.testing.assert_allclose(force, vectors(stated, "zmax_reaction", "N"), atol=1e-7 * np.abs(force).max())
     np.testing.assert_allclose(led.system.strain_energy(), stated.system.strain_energy(), rtol=1e-8)
     works = [result.column("external_work_Nmm") for result in (led, stated)]  # both by the trapezoidal rule
@@ -420,7 +422,7 @@ def test_a_hub_leads_what_is_tied_to_it(method):
         return lambda t: np.array([np.interp(3 * t, range(4), part[:, i]) for i in range(3)])
 
     pushed = Motion(force=load(loads[0]), moment=load(loads[1]))
-    back = solve(shaken(hub), move={hub: pushed}, steps=3, method=method, progress=False)
+    back = solve(shaken(hub), move={hub: pushed}, steps=3, method=method)
     np.testing.assert_allclose(vectors(back, "hub_travel", "mm"), vectors(led, "hub_travel", "mm"), atol=1e-6)
     turn = back.system.state.pose(0).turn
     np.testing.assert_allclose(turn, rotation(end[3:]), atol=1e-6)
@@ -434,7 +436,7 @@ def test_what_nothing_turns_stays_and_what_nothing_holds_is_said(stabilise):
     """A ball without friction resists no turn: without a moment it rests, and no pivot of round-off is a bifurcation."""
     ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
     scene = rubber(ball, 0.0)
-    press, kept = lambda t: -0.4 * min(2 * t, 1.0), {"steps": 4, "progress": False, "stabilise": stabilise}
+    press, kept = lambda t: -0.4 * min(2 * t, 1.0), {"steps": 4, "stabilise": stabilise}
     resting = solve(scene, move={ball: Motion(z=press, free="rz")}, **kept).require()
     assert np.abs(resting.column("ball_angle_z_rad")).max() < 1e-9
     assert not any("bifurcation" in note for note in resting.verdict.notes)
@@ -458,7 +460,7 @@ def test_a_moment_on_a_wheel_in_the_air(friction):
 
     def run(start):
         motion = Motion(z=lambda t: -0.2 * min(2 * t, 1.0), moment=lambda t: (0, 0.01 * max(t - start, 0.0), 0))
-        return solve(scene, move={hub: motion}, steps=10, progress=False)
+        return solve(scene, move={hub: motion}, steps=10)
 
     verdict = run(0.0).verdict
     assert (verdict.kind, verdict.place, verdict.t) == ("rigid-body motion", "tool 'hub'", 0.0)
@@ -472,7 +474,7 @@ def test_a_body_on_a_hub_turns_without_force():
     hub = rigid_hub("hub", (4.0, 0, 0))
     scene = shaken(hub)
     scene.supports.clear()
-    result = solve(scene, move={hub: Motion(ry=12.0, z=3.0)}, steps=24, progress=False)
+    result = solve(scene, move={hub: Motion(ry=12.0, z=3.0)}, steps=24)
     assert np.abs(vectors(result, "hub_force", "N")).max() < 1e-8
     assert abs(result.column("hub_angle_y_rad")[-1] - 12.0) < 1e-12
     said = [note for note in result.verdict.notes if "cut-back" not in note]
@@ -487,7 +489,7 @@ def test_a_block_pushed_up_an_incline():
         floor, hub = rigid_plane(normal=turn @ (0, 0, 1.0), name="floor"), rigid_hub("hub", turn @ (0, 0, 0.5))
         path = lambda t, way=way: 0.5 * way * max(t - 0.2, 0.0)  # noqa: E731
         motion = Motion(x=path, force=lambda t: (0, 0, -0.4 * min(5 * t, 1.0)))
-        result = solve(shaken(hub, floor, mu, turn), move={hub: motion}, steps=5, progress=False)
+        result = solve(shaken(hub, floor, mu, turn), move={hub: motion}, steps=5)
         assert result.column("c_sticking_points")[-1] == 0
         force = vectors(result, "hub_force", "N")[-1]
         np.testing.assert_allclose(force[2], -0.4, rtol=1e-7)
@@ -502,10 +504,10 @@ def test_a_wheel_rolls_freely():
     floor, hub = rigid_plane(name="floor"), rigid_hub("hub", (0, 0, 4.0))
     scene = shaken(hub, floor, 1.0, size=(4.0, 0.5, 1.0), cells=(12, 1, 2))
     scene.fix("ymin", "y")
-    refused(lambda: solve(scene, move={hub: Motion(y=1.0)}, progress=False), "'hub', to which", "support of ymin along y")
+    refused(lambda: solve(scene, move={hub: Motion(y=1.0)}), "'hub', to which", "support of ymin along y")
     scene.supports.clear()
     motion = Motion(x=lambda t: 0.4 * max(t - 0.2, 0.0), force=lambda t: (0, 0, -0.2 * min(5 * t, 1.0)), free="ry")
-    result = solve(scene, move={hub: motion}, steps=10, progress=False)
+    result = solve(scene, move={hub: motion}, steps=10)
     moment, force = vectors(result, "hub_moment", "Nmm"), vectors(result, "hub_force", "N")
     np.testing.assert_allclose(force[1:, 2], -0.2, rtol=1e-7)
     assert np.abs(moment[:, 1]).max() < 1e-7 * 0.2 * 4.0
@@ -528,7 +530,7 @@ def half_of_a_tied_block(whole):
         Stage("press", move={hub: Motion(z=-0.1)}, steps=2),
         Stage("push", move={hub: Motion(force=(0, 0.05 * share, -0.5 * share), moment=(0.02 * share, 0, 0))}, steps=2),
     ]
-    return solve(scene, stages=stages, progress=False).require()
+    return solve(scene, stages=stages).require()
 
 
 @pytest.mark.parallel
@@ -565,7 +567,7 @@ def test_a_hub_in_plane_strain(method):
     runs = []
     for plane in (True, False):
         hub = rigid_hub("hub", (1.2, 1.0, 0.0))
-        drive = {"move": {hub: Motion(force=(0.2, -0.3, 0.0), moment=(0.0, 0.0, 0.1))}, "progress": False}
+        drive = {"move": {hub: Motion(force=(0.2, -0.3, 0.0), moment=(0.0, 0.0, 0.1))}}
         drive |= {"until": Load(1.0)} if method == "arc_length" else {"steps": 3}
         runs.append(solve(strip(plane, hub), method=method, **drive).require())
     columns = [
@@ -594,23 +596,23 @@ def test_a_hub_on_an_axis():
 
     hub, scene = rigid_hub("hub"), disc()
     scene.tie("disc_ymax", hub)
-    drawn = solve(scene, move={hub: Motion(force=(0.0, 5.0, 0.0))}, steps=2, progress=False).require()
+    drawn = solve(scene, move={hub: Motion(force=(0.0, 5.0, 0.0))}, steps=2).require()
     way, scene = drawn.column("hub_travel_y_mm"), disc()
     scene.fix("disc_ymax", "x")
     scene.prescribe("disc_ymax", "y", lambda X, t: np.interp(2 * t, range(3), [0.0, *way]))
-    stated = solve(scene, steps=2, progress=False).require()
+    stated = solve(scene, steps=2).require()
     np.testing.assert_allclose(stated.column("disc_ymax_reaction_y_N"), [2.5, 5.0], rtol=1e-7)
     np.testing.assert_allclose(drawn.column("strain_energy_Nmm"), stated.column("strain_energy_Nmm"), rtol=1e-7)
     scene = disc()
     scene.tie("disc_ymax", hub)
-    refused(lambda: solve(scene, move={hub: Motion(x=0.1)}, progress=False), "'hub' is driven along x")
+    refused(lambda: solve(scene, move={hub: Motion(x=0.1)}), "'hub' is driven along x")
 
 
 def test_arc_length_turns_a_hub():
     """Twisted by a growing moment and pulled by a force, along the arc as by load steps to the same loads."""
     hub = rigid_hub("hub", (0, 0, 1.0))
-    drive = {"move": {hub: Motion(force=(0.1, 0, 0.5), moment=(0, 0.1, 2.0), free="rx y")}, "progress": False}
-    along = solve(shaken(hub), **drive, method="arc_length", until=Travel(hub, "rz", 0.5))
+    drive = {"move": {hub: Motion(force=(0.1, 0, 0.5), moment=(0, 0.1, 2.0), free="rx y")}}
+    along = solve(shaken(hub), **drive, steps=ArcSteps(until=Travel(hub, "rz", 0.5)))
     steps = solve(shaken(hub), **drive, steps=list(along.column("t")))
     angle, same = vectors(along, "hub_angle", "rad"), vectors(steps, "hub_angle", "rad")
     assert abs(angle[-1][2] - 0.5) < 1e-6 and abs(angle[-1][1]) > 0.01
@@ -641,13 +643,13 @@ def test_arc_length_turns_a_hub():
 )
 def test_a_wrong_motion_is_refused(motion, words):
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
-    refused(lambda: solve(rubber(shaft, 0.3), move={shaft: Motion(**motion)}, progress=False), *words)
+    refused(lambda: solve(rubber(shaft, 0.3), move={shaft: Motion(**motion)}), *words)
 
 
 @pytest.mark.parallel
 def test_a_target_that_a_tool_cannot_reach_is_refused():
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
-    along = {"method": "arc_length", "until": Travel(shaft, "rz", 0.1), "progress": False}
+    along = {"method": "arc_length", "until": Travel(shaft, "rz", 0.1)}
     move = {shaft: Motion(ry=0.8, force=(0, 0, -2.0))}
     refused(lambda: solve(rubber(shaft, 0.1), move=move, **along), "'shaft' about z = 0.1", "neither moves nor is free")
 
@@ -668,7 +670,7 @@ def test_a_hub_that_leaves_a_support_at_some_step_alone_is_refused():
     scene = shaken(hub)
     scene.supports.clear()
     scene.fix("xmin", "z")
-    run, words = {"steps": [0.3, 1.0], "progress": False}, ("xmin along z", "leads them off")
+    run, words = {"steps": [0.3, 1.0]}, ("xmin along z", "leads them off")
     refused(lambda: solve(scene, move={hub: shake}, **run), "t = 0.3", *words)
     stages = [Stage("along", move={hub: Motion(x=0.1)}, steps=1), Stage("shake", move={hub: shake})]
     refused(lambda: solve(scene, stages=stages, **run), "stage 'shake'", "t = 1.3", *words)
@@ -681,7 +683,7 @@ def test_a_hub_goes_on_with_a_support_of_tied_nodes_from_another_run():
     scene = shaken(hub)
     scene.supports.clear()
     scene.prescribe("xmin", "z", 0.2)
-    run = {"steps": 2, "progress": False}
+    run = {"steps": 2}
     lifted = solve(scene, move={hub: Motion(z=0.2)}, **run).require()
     further = Stage("further", move={hub: Motion(z=0.1)}, prescribe={("xmin", "z"): 0.1})
     result = solve(scene, stages=[further, Stage("along", move={hub: Motion(x=0.3)})], start=lifted, **run).require()
@@ -689,7 +691,7 @@ def test_a_hub_goes_on_with_a_support_of_tied_nodes_from_another_run():
     along = solve(scene, stages=[Stage("along", move={hub: Motion(x=0.3)})], start=lifted, **run).require()
     np.testing.assert_allclose(along.column("hub_travel_z_mm"), 0.2, rtol=1e-12)
     wrong = Stage("wrong", move={hub: Motion(z=lambda s: 0.1 * np.sin(4 * np.pi * s))}, steps=[0.3, 1.0])
-    refused(lambda: solve(scene, stages=[wrong], start=lifted, progress=False), "t = 0.3", "xmin along z", "leads them off")
+    refused(lambda: solve(scene, stages=[wrong], start=lifted), "t = 0.3", "xmin along z", "leads them off")
 
 
 @pytest.mark.parallel
@@ -698,7 +700,7 @@ def test_a_load_on_a_component_that_is_not_free_is_refused():
     hub = rigid_hub("hub")
     scene = shaken(hub)
     swing = lambda t: (0.0, 0.0, t * (1 - t) * (0.5 - t))  # noqa: E731
-    run = {"steps": 4, "progress": False}
+    run = {"steps": 4}
     refused(lambda: solve(scene, move={hub: Motion(force=swing)}, **run), "'hub': force at t = 0.25", "component z", "free=")
     turned = Motion(x=0.1, moment=swing)
     refused(lambda: solve(scene, move={hub: turned}, **run), "'hub': moment at t = 0.25", "component z", "free=")
@@ -710,17 +712,17 @@ def test_a_load_on_a_component_that_is_not_free_is_refused():
 @pytest.mark.parallel
 def test_wrong_ties_are_refused():
     hub, other = rigid_hub("hub"), rigid_hub("other")
-    drive = {"move": {hub: Motion(z=0.1)}, "progress": False}
+    drive = {"move": {hub: Motion(z=0.1)}}
     scene = shaken(hub)
     scene.tie("zmin", other)
-    led = {"move": {hub: Motion(z=0.1), other: Motion(x=0.1)}, "progress": False}
+    led = {"move": {hub: Motion(z=0.1), other: Motion(x=0.1)}}
     refused(lambda: solve(scene, **led), "'other', to which", "support of zmin along x", "leads them off", "leave one")
     led["move"][other] = Motion(free="z")
     refused(lambda: solve(scene, **led), "'other', to which", "support of zmin along z", "may leave")
     turned = shaken(hub)
     turned.fix("xmin", "x")
     stages = [Stage("up", move={hub: Motion(z=0.1)}), Stage("turn", move={hub: Motion(ry=0.1)})]
-    refused(lambda: solve(turned, stages=stages, progress=False), "stage 'turn'", "support of xmin along x")
+    refused(lambda: solve(turned, stages=stages), "stage 'turn'", "support of xmin along x")
     scene = shaken(hub)
     scene.tie("xmin", other)
     scene.supports.clear()
@@ -777,7 +779,7 @@ def test_a_tool_that_slid_and_is_pushed_less_springs_back(of, steps):
         last = released if name == "let go" else {**back, "force": drag["force"]}
         ways = ("press", press, 4), ("drag", drag, 10), (name, last, count)
         stages = [Stage(stage, move={tool: Motion(**way)}, steps=n) for stage, way, n in ways]
-        ends.append(solve(scene, stages=stages, progress=False).require())
+        ends.append(solve(scene, stages=stages).require())
     ended, path = ends
     force, travel = (path.column(f"{name}_x_{unit}", "back") for name, unit in (("c_force", "N"), ("tool_travel", "mm")))
     right = np.interp(released["force"][0], force[::-1], travel[::-1])

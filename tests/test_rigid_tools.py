@@ -43,7 +43,7 @@ def pressed_into(bore, around):
         scene.fix(group, axis)
     scene.pressure("tube_inside", P)
     scene.contact("tube_outside", bore, penetration=1e-9, name="bore")
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     assert result.converged, result.verdict.reason
     return result.column("bore_load_N")[-1] / (0.5 * np.pi * OUTER)
 
@@ -66,7 +66,7 @@ def test_a_flat_profile_is_a_plane():
         scene.fix("zmax")
         scene.contact("zmin", tool, 0.3, name="floor")
         way = lambda t: (0.1 * max(t - 0.5, 0.0), 0.0, 0.02 * min(2 * t, 1.0))  # noqa: E731
-        result = solve(scene, move={tool: way}, steps=4, progress=False)
+        result = solve(scene, move={tool: way}, steps=4)
         assert result.converged, result.verdict.reason
         found.append(
             np.column_stack([result.column(f"floor_{what}") for what in ("force_x_N", "force_z_N", "mean_slip_mm")])
@@ -92,7 +92,7 @@ def over_a_groove(tool_of, Q):
     tool = tool_of(Q)
     scene.contact("zmin", tool, 0.3, name="floor")
     way = lambda t: Q @ (0.0, 0.1 * max(2 * t - 1, 0.0), 0.15 * min(2 * t, 1.0))  # noqa: E731
-    result = solve(scene, move={tool: way}, steps=4, progress=False)
+    result = solve(scene, move={tool: way}, steps=4)
     assert result.converged, result.verdict.reason
     assert len(result.column("t")) == 4, "cut back"
     return np.column_stack([result.column(f"floor_force_{axis}_N") for axis in "xyz"]) @ Q

@@ -70,7 +70,7 @@ def top_displacement(result):
 def test_two_materials_in_series(stress):
     scene = column(read_gmsh(layers))
     scene.traction("zmax", (0, 0, stress))
-    result = solve(scene, steps=4, progress=False)
+    result = solve(scene, steps=4)
     expected = sum(h * (stretch_under(stress, *m) - 1) for h, m in zip(HEIGHTS, MODULI, strict=True))
     assert top_displacement(result) == pytest.approx(expected, rel=1e-7)  # the step's own tolerance is 1e-8 of the force
 
@@ -80,7 +80,7 @@ def test_column_under_its_own_weight():
     """Force per reference volume b: the nominal stress at height Z is b (H - Z); linear elements meet the mean of it."""
     scene, weight = column(read_gmsh(layers)), -0.01
     scene.body_force((0, 0, weight))
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     Z = np.linspace(0, sum(HEIGHTS), 3001)
     middle = (Z[1:] + Z[:-1]) / 2
     stress = weight * (sum(HEIGHTS) - middle)
@@ -105,7 +105,7 @@ def test_msh_file_gives_the_same_as_its_script(tmp_path_factory):
     for mesh in (read_gmsh(layers), read_gmsh(path)):
         scene = column(mesh)
         scene.prescribe("zmax", "z", -0.3)
-        tops.append(solve(scene, steps=2, progress=False).u)
+        tops.append(solve(scene, steps=2).u)
     assert sorted(mesh.volumes) == ["lower", "upper"]
     norms = [comm.allreduce(float(u.x.array[: 3 * u.function_space.dofmap.index_map.size_local].sum())) for u in tops]
     assert norms[0] == pytest.approx(norms[1], rel=1e-10)  # same mesh, same order of sums up to round-off

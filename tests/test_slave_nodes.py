@@ -27,7 +27,7 @@ def test_nodes_slide_over_the_master_without_hooking():
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -2.0 * min(t / DOWN, 1.0)))
     scene.contact("upper_bottom", "lower_top", 0.3, points="corners", name="c")
-    result = solve(scene, steps=STEPS, progress=False).require()
+    result = solve(scene, steps=STEPS).require()
     assert result.verdict.cuts == 0 and result.verdict.iterations <= 5 * STEPS  # what the sliding blocks may take per step
     ratio = -result.column("c_force_x_N") / result.column("c_force_z_N")
     sliding = ratio[result.column("t") > 0.5]

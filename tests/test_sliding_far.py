@@ -87,7 +87,7 @@ def pressed_and_drawn():
     scene.prescribe("upper_axis", "x", lambda X, t: np.full(len(X), ALONG * max(2 * t - 1, 0.0)))
     scene.prescribe("upper_axis", "z", lambda X, t: np.full(len(X), -DOWN * min(2 * t, 1.0)))
     scene.contact("upper_rim", "lower_rim", MU, name="c")
-    result = solve(scene, steps=4, progress=False)
+    result = solve(scene, steps=4)
     assert result.converged, result.verdict.reason
     contact = result.system.contacts[0]
     pressure, along = contact.forces.split_traction(result.system.state)

@@ -41,7 +41,7 @@ def strap(**options):
 
 def test_a_thin_strap_with_no_number_typed():
     steps = [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
-    plain, typed = (solve(strap(**o), steps=steps, progress=False).require() for o in ({}, {"penalty": 5.0}))
+    plain, typed = (solve(strap(**o), steps=steps).require() for o in ({}, {"penalty": 5.0}))
     (note,) = (note for note in plain.verdict.notes if "softer penalties first" in note)
     assert "the contact's own ones, to which the result belongs" in note and "Newton iterations left" in note
     assert plain.verdict.cuts == 0  # six steps, cut six times where the default penalties are used from the start
@@ -59,7 +59,7 @@ def test_a_resumed_run_knows_that_softer_penalties_help(tmp_path):
     out, steps = COMM.bcast(tmp_path), [0.5, 0.6, 0.7, 0.8]
 
     def go(folder, upto, resume=False):
-        options = {"out": out / folder, "checkpoint": True, "resume": resume, "progress": False}
+        options = {"out": out / folder, "checkpoint": True, "resume": resume}
         return solve(strap(), steps=steps[:upto], **options).require()
 
     whole, part = go("whole", 4), go("parts", 3)

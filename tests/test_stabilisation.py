@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from by_node import displacements
 
-from fenics_contact import Body, Scene, SceneError, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact import (
+    Body,
+    Method,
+    Scene,
+    SceneError,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.assembly.grounding import SHARE
 from fenics_contact.meshes import box, two_blocks
 from fenics_contact.solvers.held import LONGEST, Following, Held
@@ -31,17 +42,17 @@ def block(gap, friction, force=0.01):
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize(("gap", "force"), [(1.0, 1e-2), (1.0, 1e-4), (1e-2, 1e-2)])
 def test_a_free_block_is_dropped(friction, gap, force):
-    result = solve(block(gap, friction, force), steps=2, stabilise=True, progress=False).require()
+    result = solve(block(gap, friction, force), steps=2, method=Method(stabilise=True)).require()
     row = result.history[-1]
     # its weight; the springs may carry ALLOWED = 1e-7 of it, Newton leaves 1e-8
     np.testing.assert_allclose(row["c_force_z_N"], 8.0 * force, rtol=2e-7)
     assert 0.0 <= result.summary["stabilisation"]["energy_share"] < ENERGY
-    assert not solve(block(gap, friction, force), steps=1, progress=False).converged  # it needs the springs
+    assert not solve(block(gap, friction, force), steps=1).converged  # it needs the springs
 
 
 def test_it_comes_to_rest_as_if_it_had_stood_there():
     dropped, stood = (
-        solve(block(gap, 0.0), steps=2, tolerance=1e-11, stabilise=gap > 0.0, progress=False).require() for gap in (0.5, 0.0)
+        solve(block(gap, 0.0), steps=2, method=Method(tolerance=1e-11, stabilise=gap > 0.0)).require() for gap in (0.5, 0.0)
     )
     u, other = (displacements(r.u) for r in (dropped, stood))
     # 1e-7 of the weight left on the springs compresses by 1e-7 of the compression, which is below 0.1
@@ -58,7 +69,7 @@ def test_a_pushed_tool_crosses_a_gap():
         ball = rigid_sphere(2.0, (0, 0, 2.0 + gap), name="ball")
         scene.contact("zmax", ball, name="c")
         drive = {"push": {ball: (0, 0, -0.5)}, "steps": 2, "tolerance": 1e-11}
-        result = solve(scene, **drive, stabilise=True, progress=False).require()
+        result = solve(scene, **drive, method=Method(stabilise=True)).require()
         np.testing.assert_allclose(result.history[-1]["c_force_z_N"], -0.5, rtol=2e-7)
         assert result.summary["stabilisation"]["energy_share"] < ENERGY
         travel.append(result.history[-1]["ball_travel_z_mm"] + gap)
@@ -67,14 +78,14 @@ def test_a_pushed_tool_crosses_a_gap():
 
 def test_what_meets_nothing_is_said_to_be_loose():
     scene = block(1.0, 0.3, -0.01)  # lifted away from the plane
-    result = solve(scene, steps=1, smallest_step=0.5, stabilise=True, progress=False)
+    result = solve(scene, steps=1, method=Method(smallest_step=0.5, stabilise=True))
     assert not result.converged and result.verdict.kind == "rigid-body motion"
     assert "no contact has been met" in result.verdict.reason
 
 
 def test_a_step_that_ends_out_of_balance_is_refused():
     with pytest.raises(SceneError, match="stabilise"):
-        solve(block(1.0, 0.3), steps=1, method="incremental", stabilise=True, progress=False)
+        solve(block(1.0, 0.3), steps=1, method=Method("incremental", stabilise=True))
 
 
 def rolled(steps, **options):
@@ -93,7 +104,7 @@ def rolled(steps, **options):
         aside = max(t - 0.4, 0.0)
         return 0.7 * aside, 0.14 * aside, -0.5 * min(t / 0.4, 1.0)
 
-    return solve(scene, move={ball: path}, steps=steps, progress=False, **options)
+    return solve(scene, move={ball: path}, steps=steps, **options)
 
 
 @pytest.mark.parametrize("steps", [20, pytest.param(30, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.slow)])
@@ -121,7 +132,7 @@ def test_a_plate_stays_where_a_punch_leaves_it(friction):
     scene.contact("zmax", ball, friction, name="top")
     scene.contact("zmin", rigid_plane(), friction, name="floor")
     way = {ball: lambda t: (0, 0, -min(t, 0.85 - t))}
-    result = solve(scene, move=way, steps=10, progress=False).require()
+    result = solve(scene, move=way, steps=10).require()
     forces, u = result.column("floor_force_z_N"), result.u.x.array.reshape(-1, 3)
     assert forces.max() > 0.1 and abs(forces[-1]) < 1e-6 * forces.max()
     assert any("nothing held body 'box'" in note for note in result.verdict.notes)

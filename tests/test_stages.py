@@ -20,7 +20,9 @@ from fenics_contact import (
     Body,
     Displacement,
     Load,
+    Method,
     Motion,
+    Output,
     Scene,
     Stage,
     Travel,
@@ -36,7 +38,7 @@ from fenics_contact.meshes import box, rectangles
 from fenics_contact.scene.start import drives_left
 
 COMM = MPI.COMM_WORLD
-TIGHT = {"tolerance": 1e-11, "progress": False}
+TIGHT = {"tolerance": 1e-11}
 LAW = neo_hooke(0.4, 2.0)
 
 
@@ -178,7 +180,7 @@ def test_a_turn_about_another_point_than_the_reference_point():
 def test_a_function_after_an_arc_of_a_load_that_the_arc_left_alone():
     scene, ball = pressed()
     scene.pressure("xmax", 0.0)
-    stages = [Stage("press", move={ball: (0, 0, -0.2)}, method="arc_length", steps=ArcSteps(), until=Load(1.0)),
+    stages = [Stage("press", move={ball: (0, 0, -0.2)}, steps=ArcSteps(until=Load(1.0))),
               Stage("load", pressures={"xmax": lambda s: 0.01 * s * s}, steps=2)]  # fmt: skip
     numbers = [stages[0], Stage("load", pressures={"xmax": 0.01}, steps=2)]
     ends = [solve(scene, stages=one, **TIGHT).require().column("zmin_reaction_x_N")[-1] for one in (stages, numbers)]
@@ -213,15 +215,15 @@ def test_turns_about_several_axes_follow_one_another(folder):
     """Each stage turns what it finds; so does a run that starts from another one, about another point too."""
     scene, ball = pressed(0.0)
     turns = [Stage(name, move={ball: Motion(**{name: 0.6})}, steps=2) for name in ("rx", "rz", "ry")]
-    whole = solve(scene, stages=turns, out=folder / "whole", checkpoint=True, **TIGHT).require()
+    whole = solve(scene, stages=turns, out=Output(folder / "whole", checkpoint=True), **TIGHT).require()
     products = rotation(np.array([0, 0.6, 0])) @ rotation(np.array([0, 0, 0.6])) @ rotation(np.array([0.6, 0, 0]))
     np.testing.assert_allclose(whole.system.state.pose(0).turn, products, atol=1e-14)
     killed = {"out": folder / "killed", "checkpoint": True, **TIGHT}
     with pytest.raises(Killed):
         solve(scene, stages=turns, record=dying(4), **killed)
-    resumed = solve(scene, stages=turns, record=dying(100), resume=True, **killed).require()
+    resumed = solve(scene, stages=turns, record=dying(100), out=Output(resume=True), **killed).require()
     np.testing.assert_allclose(resumed.system.state.pose(0).turn, products, atol=1e-14)
-    first = solve(scene, stages=turns[:2], out=folder / "first", checkpoint=True, **TIGHT).require()
+    first = solve(scene, stages=turns[:2], out=Output(folder / "first", checkpoint=True), **TIGHT).require()
     for start in (first, folder / "first"):
         result = solve(scene, move={ball: Motion(about=(4, 4, 4), ry=0.6)}, steps=2, start=start, **TIGHT).require()
         pose = result.system.state.pose(0)
@@ -332,9 +334,9 @@ def test_a_turned_support_through_two_stages():
     np.testing.assert_allclose(lid(later), lid(staged), rtol=1e-9)
     for key, *words in ((("zmax", "x"), "stage 'a'", "'zmax' along x", "scene.fix"),
                         (("zmax", (0.0, 0.0, 0.0)), "no length"), (("nowhere", "normal"), "normal=True")):  # fmt: skip
-        refused(lambda key=key: solve(scene(None, None), stages=[Stage("a", prescribe={key: 0.1})], progress=False), *words)
+        refused(lambda key=key: solve(scene(None, None), stages=[Stage("a", prescribe={key: 0.1})]), *words)
     twice = {("zmax", "normal"): 0.1, ("zmax", tuple(TURN[:, 2])): 0.1}
-    refused(lambda: solve(scene(None, None), stages=[Stage("a", prescribe=twice)], progress=False), "named", "already")
+    refused(lambda: solve(scene(None, None), stages=[Stage("a", prescribe=twice)]), "named", "already")
 
 
 # -- force and displacement in turn -----------------------------------------------------------------------------------
@@ -407,10 +409,10 @@ def test_a_force_taken_back_by_a_motion_is_that_taken_back_by_push(where, folder
         for axis, of in zip("xyz", force, strict=True):
             if (column := f"top_force_{axis}_N") in one.history[0]:
                 np.testing.assert_allclose(one.column(column, name)[-1], of, atol=1e-8)
-    first = solve(scene, stages=[touch, moved[0]], out=folder, checkpoint=True, **TIGHT).require()
+    first = solve(scene, stages=[touch, moved[0]], out=Output(folder, checkpoint=True), **TIGHT).require()
     for start in (first, folder):
         assert goes_on(solve(scene, stages=moved[1:], start=start, **TIGHT).require(), whole)
-    resumed = solve(scene, stages=[touch, *moved], out=folder, checkpoint=True, resume=True, **TIGHT).require()
+    resumed = solve(scene, stages=[touch, *moved], out=Output(folder, checkpoint=True, resume=True), **TIGHT).require()
     same(resumed, whole, 1e-8)
 
 
@@ -442,7 +444,7 @@ def test_a_moment_taken_back_is_that_of_a_hub_that_is_said_to_be_free(build, fol
     same(one, whole)
     assert abs(one.column("hub_angle_z_rad", "on")[-1]) > 1e-3
     assert max(abs(one.history[-1][f"hub_moment_{axis[1]}_Nmm"]) for axis in free.split()) < 1e-8
-    first = solve(scene, stages=[on], out=folder, checkpoint=True, **TIGHT).require()
+    first = solve(scene, stages=[on], out=Output(folder, checkpoint=True), **TIGHT).require()
     for start in (first, folder):
         assert goes_on(solve(scene, stages=[off], start=start, **TIGHT).require(), whole)
 
@@ -475,8 +477,8 @@ def on_the_branch(dead):
 def cube_in_stages():
     return [
         Stage("load", tractions=faces(1.5), steps=3),
-        Stage("past the limits", tractions=faces(2.5), method="arc_length", steps=ArcSteps(first=0.1, largest=0.1),
-              until=Displacement("ymax", "y", 0.8), duration=2.0),
+        Stage("past the limits", tractions=faces(2.5), duration=2.0,
+              steps=ArcSteps(until=Displacement("ymax", "y", 0.8), first=0.1, largest=0.1)),
         Stage("more", tractions=faces(2.2), steps=2),
     ]  # fmt: skip
 
@@ -501,9 +503,7 @@ def test_a_load_target_of_a_stage_is_its_own_s():
     scene, ball = pressed()
     stages = [
         Stage("press", move={ball: (0, 0, -0.5)}, steps=2),
-        Stage(
-            "follow", move={ball: (0.2, 0, 0)}, method="arc_length", steps=4, until=Load(1.0), back=Travel(ball, "x", 0.1)
-        ),
+        Stage("follow", move={ball: (0.2, 0, 0)}, steps=ArcSteps(until=Load(1.0), back=Travel(ball, "x", 0.1), first=0.25)),
     ]
     result = solve(scene, stages=stages, **TIGHT).require()
     np.testing.assert_allclose([result.column("t").max(), result.column("t")[-1]], [2.0, 1.5], atol=2e-6)
@@ -532,7 +532,7 @@ def pushed_in_stages(out, last=100, resume=False):
     stages = [
         Stage("press", move={ball: (0, 0, -1.0)}, steps=2),
         Stage("push", push={ball: (1.0, 0, -6.0)}, steps=3),
-        Stage("follow", push={ball: (2.0, 0, -7.0)}, method="arc_length", steps=3, until=Load(1.0)),
+        Stage("follow", push={ball: (2.0, 0, -7.0)}, steps=ArcSteps(until=Load(1.0), first=1 / 3)),
         Stage("lift", move={ball: (0, 0, 1.0)}, steps=2),
     ]
     kept = {"out": out, "checkpoint": True, "resume": resume} if out else {}
@@ -580,12 +580,14 @@ def test_stages_to_come_may_be_changed_those_behind_not(folder):
     first, second, third = press_drag_lift(ball, (1, 1, 1))
     kept = {"out": folder, "checkpoint": True, **TIGHT}
     solve(scene, stages=[first, second], **kept).require()
-    result = solve(scene, stages=[first, second, third], resume=True, **kept).require()
+    result = solve(scene, stages=[first, second, third], out=Output(resume=True), **kept).require()
     assert list(dict.fromkeys(result.column("stage"))) == ["press", "drag", "lift"]
     other = Stage("drag", move={ball: (1.0, 0, 0)}, steps=1)
-    refused(lambda: solve(scene, stages=[first, other, third], resume=True, **kept), "stage 'drag': move of 'ball'")
-    refused(lambda: solve(scene, stages=[first], resume=True, **kept), "another scene", "stage 'drag'")
-    refused(lambda: solve(scene, move={ball: (0, 0, -1)}, steps=1, resume=True, **kept), "another scene")
+    refused(
+        lambda: solve(scene, stages=[first, other, third], out=Output(resume=True), **kept), "stage 'drag': move of 'ball'"
+    )
+    refused(lambda: solve(scene, stages=[first], out=Output(resume=True), **kept), "another scene", "stage 'drag'")
+    refused(lambda: solve(scene, move={ball: (0, 0, -1)}, steps=1, out=Output(resume=True), **kept), "another scene")
 
 
 def with_a_stage(last, out=None):
@@ -594,7 +596,7 @@ def with_a_stage(last, out=None):
     ways = {
         "turn": Stage("turn", move={ball: Motion(rz=0.2)}, steps=1),
         "free": Stage("free", move={ball: Motion(force=(0, 0, -6.0), moment=(0, 0, 0.1), free="rz")}, steps=1),
-        "arc": Stage("arc", push={ball: (0.3, 0, -6.0)}, method="arc_length", steps=1, until=Load(1.0)),
+        "arc": Stage("arc", push={ball: (0.3, 0, -6.0)}, steps=ArcSteps(until=Load(1.0), first=1)),
     }
     stages = [Stage("press", move={ball: (0, 0, -0.6)}, steps=1), *([ways[last]] if last else [])]
     kept = {"out": out, "checkpoint": True, "resume": True} if out else {}
@@ -622,9 +624,9 @@ def test_a_stage_left_out_on_restart_takes_its_columns_along(folder):
     press = Stage("press", move={ball: (0, 0, -0.6)}, steps=1)
     turn = Stage("turn", move={ball: Motion(rz=0.2)}, steps=1)
     with pytest.raises(Killed):
-        solve(scene, stages=[press, turn], record=dying(2), out=folder, checkpoint=True, **TIGHT)
+        solve(scene, stages=[press, turn], record=dying(2), out=Output(folder, checkpoint=True), **TIGHT)
     drag = Stage("drag", move={ball: (0.2, 0, 0)}, steps=1)
-    resumed = solve(scene, stages=[press, drag], record=dying(9), out=folder, resume=True, **TIGHT).require()
+    resumed = solve(scene, stages=[press, drag], record=dying(9), out=Output(folder, resume=True), **TIGHT).require()
     assert len(resumed.table()["t"]) == 2 and "ball_angle_z_rad" not in resumed.history[0]
 
 
@@ -632,7 +634,9 @@ def test_a_stage_left_out_on_restart_takes_its_columns_along(folder):
 def test_a_stage_that_was_not_reached_is_told_from_one_that_is_not_stated(folder):
     scene, ball = pressed()
     out = Stage("out", move={ball: lambda s: (0, 0, -1e3 * s)}, steps=1)  # through the block
-    result = solve(scene, stages=[Stage("press", move={ball: (0, 0, -0.2)}, steps=1), out], smallest_step=0.5, **TIGHT)
+    result = solve(
+        scene, stages=[Stage("press", move={ball: (0, 0, -0.2)}, steps=1), out], method=Method(smallest_step=0.5), **TIGHT
+    )
     assert not result.converged
     with pytest.raises(KeyError, match="stage 'out' has no accepted step, the history has: press; the run has ended: "):
         result.column("t", "out")
@@ -660,7 +664,7 @@ def test_a_run_started_from_another_equals_one_run_of_both(way, folder):
     press = Stage("press", push={ball: (0, 0, -5)}, steps=2)
     later = [Stage("drag", move={ball: (1.0, 0, 0)}, steps=2), Stage("push", push={ball: (0, 0, -6)}, steps=2)]
     whole = solve(scene, stages=[press, *later], **TIGHT).require()
-    first = solve(scene, stages=[press], out=folder / "first", checkpoint=True, **TIGHT).require()
+    first = solve(scene, stages=[press], out=Output(folder / "first", checkpoint=True), **TIGHT).require()
     start = first if way == "result" else folder / "first"
     result = solve(scene, stages=later, start=start, **TIGHT).require()
     assert goes_on(result, whole)
@@ -697,7 +701,7 @@ def test_a_tool_that_another_run_has_pushed_stays_so_until_it_is_named(what, fol
     later = [Stage("flank", move={side: (-0.4, 0, 0)}), Stage("more", push={ball: lambda s: (1 + 0.2 * s) * FORCE})]
     run = {"steps": 2, **TIGHT}
     whole = solve(scene, stages=first + later, **run).require()
-    start = solve(scene, stages=first, out=folder, checkpoint=True, **run).require()
+    start = solve(scene, stages=first, out=Output(folder, checkpoint=True), **run).require()
     error = whole.column("energy_error_Nmm")
     for one in (start, folder):
         result = solve(scene, stages=later, start=one, **run).require()
@@ -726,7 +730,7 @@ def test_a_hub_that_another_run_has_pushed_keeps_its_force(folder):
     later = Stage("press", pressures={"xmax": 0.02})
     run = {"steps": 2, **TIGHT}
     whole = solve(stated, stages=[pushed, later], **run).require()
-    first = solve(stated, stages=[pushed], out=folder, checkpoint=True, **run).require()
+    first = solve(stated, stages=[pushed], out=Output(folder, checkpoint=True), **run).require()
     for start in (first, folder):
         assert goes_on(solve(stated, stages=[later], start=start, **run).require(), whole)
     stiffer, its = scene(2.0)
@@ -752,7 +756,7 @@ def test_a_tool_that_turns_freely_keeps_the_point_about_which_it_does(folder, mo
         return left | {"tools": {name: tool[:4] for name, tool in left["tools"].items()}}
 
     monkeypatch.setattr("fenics_contact.run.drives_left", older)
-    solve(scene, move=turned, steps=1, out=folder, checkpoint=True, **TIGHT).require()
+    solve(scene, move=turned, steps=1, out=Output(folder, checkpoint=True), **TIGHT).require()
     refused(lambda: solve(scene, stages=later, start=folder, **TIGHT), "older version", "run it again")
 
 
@@ -792,7 +796,7 @@ def test_a_turned_tool_and_loads_that_differ_from_place_to_place_are_taken_over(
         Stage("let", move={ball: Motion(force=(0, 0, -4.0), free="rz")}, pressures={"xmax": 0.02}, steps=2),
     ]
     whole = solve(stated, stages=stages, **TIGHT).require()
-    solve(stated, stages=stages[:2], out=folder / "first", checkpoint=True, **TIGHT).require()
+    solve(stated, stages=stages[:2], out=Output(folder / "first", checkpoint=True), **TIGHT).require()
     result = solve(stated, stages=stages[2:], start=folder / "first", **TIGHT).require()
     assert goes_on(result, whole)
     before, moment = whole.column("top_moment_z_Nmm", "push")[-1], whole.column("top_moment_z_Nmm", "let")
@@ -949,7 +953,7 @@ WRONG = {
         "stage 'b': the force on 'ball'", "its component x is at the end of stage 'a'", "as numbers",
     ),
     "a force after arcs": (
-        lambda b: [Stage("a", push={b: (0, 0, -0.9)}, method="arc_length", until=Load(1.0)),
+        lambda b: [Stage("a", push={b: (0, 0, -0.9)}, steps=ArcSteps(until=Load(1.0))),
                    Stage("b", push={b: lambda s: (0, 0, -0.9 - s)})],
         "stage 'b': the force on 'ball'", "component z", "arc length may end anywhere", "as numbers",
     ),
@@ -966,10 +970,10 @@ WRONG = {
     "mixed rotations": (lambda b: [Stage("a", move={b: Motion(rz=1.0, free="rx")})], "stage 'a': motion of 'ball'", "order"),
     "no spin": (lambda b: [Stage("a", spin=1.0)], "stage 'a': speed of the spin", "the scene states none"),
     "no swelling": (lambda b: [Stage("a", swell={"box": 1.1})], "stage 'a': swelling of 'box'", "the scene states none"),
-    "arc without an end": (lambda b: [Stage("a", method="arc_length")], "stage 'a'", "until"),
+    "arc without an end": (lambda b: [Stage("a")], "stage 'a'", "until"),
     "arcs in steps": (lambda b: [Stage("a", steps=ArcSteps())], "stage 'a'", "arc_length"),
     "a function after arcs": (
-        lambda b: [Stage("a", method="arc_length", until=Load(1.0)), Stage("b", pressures={"xmax": lambda s: 0.01})],
+        lambda b: [Stage("a", steps=ArcSteps(until=Load(1.0))), Stage("b", pressures={"xmax": lambda s: 0.01})],
         "stage 'b': pressure on 'xmax'", "after stage 'a', whose arc may end anywhere", "give a number", "before this one",
     ),
 }  # fmt: skip
@@ -987,13 +991,13 @@ def test_wrong_stages_are_refused(name, folder):
 def test_stages_go_alone():
     scene, ball = pressed()
     stages = press_drag_lift(ball)
-    refused(lambda: solve(scene, stages=stages, move={ball: (0, 0, -1)}, progress=False), "stages= beside move")
-    refused(lambda: solve(scene, stages=stages, until=Load(1.0), progress=False), "stages= beside")
+    refused(lambda: solve(scene, stages=stages, move={ball: (0, 0, -1)}), "stages= beside move")
+    refused(lambda: solve(scene, stages=stages, steps=ArcSteps(until=Load(1.0))), "stages= beside")
     corner = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", LAW))
     corner.fix("zmin")
     corner.fix("xmin")
     apart = [Stage("a", prescribe={("xmin", "z"): 0.1})]
-    refused(lambda: solve(corner, stages=apart, progress=False), "stage 'a'", "contradict", "zmin along z", "xmin along z")
+    refused(lambda: solve(corner, stages=apart), "stage 'a'", "contradict", "zmin along z", "xmin along z")
 
 
 if __name__ == "__main__":

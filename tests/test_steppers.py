@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from fenics_contact import (
     Body,
+    Method,
     Motion,
     Scene,
     Stage,
@@ -42,7 +43,7 @@ def frictional_punch(push=None, **options):
     scene.contact("top", punch, 0.3, name="top")
     scene.contact("bottom", rigid_plane(name="floor"), 0.2, name="bottom")
     drive = {"move": {punch: (0.3, 0, -1.0)}} if push is None else {"push": {punch: push}}
-    result = solve(scene, **drive, steps=4, tolerance=1e-11, progress=False, **options)
+    result = solve(scene, **drive, steps=4, method=Method(tolerance=1e-11), **options)
     assert result.converged, result.verdict.reason
     return result
 
@@ -78,7 +79,7 @@ def squeezed(method, steps):
     scene.fix("zmin")
     plate = rigid_plane((0, 0, 10.0), (0, 0, -1.0))
     scene.contact("zmax", plate, name="top")
-    result = solve(scene, move={plate: (0, 0, -2.0)}, steps=steps, method=method, progress=False)
+    result = solve(scene, move={plate: (0, 0, -2.0)}, steps=steps, method=method)
     return result.history[-1]["top_force_z_N"]
 
 
@@ -100,7 +101,7 @@ def test_an_incremental_run_that_strays_names_its_lost_balance_and_no_penalty():
     ball = rigid_sphere(2.0, (1.5, 1.5, 3.0), name="ball")
     scene.contact("zmax", ball, friction=0.4, name="top")
     path = [Stage("press", move={ball: Motion(z=-0.25)}, steps=30), Stage("drag", move={ball: Motion(x=0.5)}, steps=50)]
-    result = solve(scene, stages=path, method="incremental", progress=False)
+    result = solve(scene, stages=path, method="incremental")
     assert not result.converged and result.verdict.kind == "no convergence"
     assert "of the force out of balance" in result.verdict.reason and 'method="newton"' in result.verdict.remedy
 
@@ -111,9 +112,7 @@ def test_incremental_run_that_ends_out_of_balance_has_not_converged():
     scene.fix("zmin")
     plate = rigid_plane((0, 0, 10.525), (0, 0, -1.0))
     scene.contact("zmax", plate, name="top")
-    short, enough = (
-        solve(scene, move={plate: (0, 0, -1.0)}, steps=steps, method="incremental", progress=False) for steps in (1, 20)
-    )
+    short, enough = (solve(scene, move={plate: (0, 0, -1.0)}, steps=steps, method="incremental") for steps in (1, 20))
     assert not short.converged
     assert short.verdict.kind == "no convergence" and short.verdict.step == 1
     assert "out of balance" in short.verdict.reason and "more steps" in short.verdict.remedy
@@ -169,6 +168,6 @@ def test_steps_that_end_before_the_paths_do_are_noted():
     scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", rubber()))
     scene.fix("zmin")
     scene.prescribe("zmax", "z", -0.1)
-    notes = [solve(scene, steps=steps, progress=False).require().verdict.notes for steps in ([0.5, 0.8], [0.5, 1.0], 2)]
+    notes = [solve(scene, steps=steps).require().verdict.notes for steps in ([0.5, 0.8], [0.5, 1.0], 2)]
     assert len(notes[0]) == 1 and "steps= go to t = 0.8" in notes[0][0]
     assert notes[1:] == [[], []]

@@ -38,7 +38,7 @@ def test_surfaces_of_one_facet(points):
         assert comm.size == 1 or 0 in comm.allgather(len(scene.mesh.facets(name)))
     scene.prescribe("upper_top", "z", -2.0)
     scene.contact("upper_bottom", "lower_top", penalty=1000.0, points=points, name="c")
-    result = solve(scene, steps=2, progress=False)
+    result = solve(scene, steps=2)
     assert result.converged
     # the penalty's 1.3e-4 mm of 2 mm, over the stretch 0.9: 1e-4 of the force
     assert abs(result.history[-1]["c_force_z_N"] / SQUEEZED - 1.0) < 2e-4
@@ -50,7 +50,7 @@ def test_tool_on_a_face_of_one_facet():
     scene.contact("upper_bottom", "lower_top", penalty=1000.0, points=2, name="c")
     tool = rigid_plane(point=(0, 0, 10), normal=(0, 0, -1))
     scene.contact("upper_top", tool, penalty=1000.0, name="top")
-    result = solve(scene, move={tool: (0, 0, -2.0)}, steps=2, progress=False)
+    result = solve(scene, move={tool: (0, 0, -2.0)}, steps=2)
     assert result.converged
     assert abs(result.history[-1]["top_force_z_N"] / -SQUEEZED - 1.0) < 3e-4  # two interfaces yield
 
@@ -62,6 +62,6 @@ def test_a_step_does_not_carry_bodies_through_each_other(points):
     scene = stack((4, 4, 4), (3, 3, 4), gap=0.5)
     scene.prescribe("upper_top", "z", -8.0)
     scene.contact("upper_bottom", "lower_top", points=points, name="c")
-    result = solve(scene, steps=1, progress=False)
+    result = solve(scene, steps=1)
     assert result.converged and (points == "averages" or result.verdict.cuts > 0)
     assert result.history[-1]["c_force_z_N"] > 2 * SQUEEZED  # squeezed by 7.5 of 20 mm, 3.75 times the strain

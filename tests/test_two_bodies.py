@@ -10,7 +10,7 @@ import pytest
 from petsc4py import PETSc
 from taylor import forces, foreseen_left, orders, remainders
 
-from fenics_contact import Body, Scene, SceneError, compat, mooney_rivlin, read_gmsh, solve
+from fenics_contact import Body, Method, Scene, SceneError, compat, mooney_rivlin, read_gmsh, solve
 from fenics_contact.assembly.pose import rotation
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
@@ -40,7 +40,7 @@ def sliding(drag=4.0, steps=12, tolerance=None, ranks=None, **contact):
     scene.fix("upper_top", "y")
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -2.0 * min(t / 0.25, 1.0)))
     scene.contact("upper_bottom", "lower_top", 0.3, name="c", **contact)
-    return solve(scene, steps=steps, tolerance=tolerance, progress=False)
+    return solve(scene, steps=steps, method=Method(tolerance=tolerance))
 
 
 # ---- patch test
@@ -58,7 +58,7 @@ def stacked(points, penalty, lower, upper):
     scene.fix("lower_bottom", "z")
     scene.prescribe("upper_top", "z", -2.0)
     scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="c")
-    result = solve(scene, steps=2, progress=False)
+    result = solve(scene, steps=2)
     assert result.converged
     pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
     return result.history[-1]["c_force_z_N"], np.ptp(pressure) / pressure.mean()
@@ -186,7 +186,7 @@ def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
     times = [pressed, *(pressed + (1.0 - pressed) * np.arange(1, 21) / 20)]
     found = []
     for last in (1, 2, 8, 21):  # states after pressing, one step, a third of a turn, the whole turn
-        result = solve(scene, steps=times[:last], tolerance=1e-10, progress=False)
+        result = solve(scene, steps=times[:last], method=Method(tolerance=1e-10))
         assert result.converged and result.verdict.cuts == 0
         contact = result.system.contacts[0]
         response = contact.response(result.system.state)
@@ -291,7 +291,7 @@ def test_blocks_apart_meet_without_friction_history():
     scene.fix("upper_top", "xy")
     scene.prescribe("upper_top", "z", -2.0)
     scene.contact("upper_bottom", "lower_top", 0.3, name="c")
-    result = solve(scene, steps=4, progress=False)
+    result = solve(scene, steps=4)
     assert result.converged
     force = result.column("c_force_z_N")
     assert np.all(np.abs(force[:2]) < 1e-9) and force[3] > force[2] > 1.0

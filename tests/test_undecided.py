@@ -7,6 +7,7 @@ import pytest
 
 from fenics_contact import (
     Body,
+    Method,
     Motion,
     Scene,
     Stage,
@@ -36,7 +37,7 @@ def block(drag, below=MU, steps=10, **options):
     scene.contact("zmin", rigid_plane((0, 0, 0), normal=(0, 0, 1), name="floor"), below, name="floor")
     scene.contact("zmax", lid, MU, name="lid")
     stages = [Stage("press", move={lid: (0, 0, -0.1)}, steps=2), Stage("drag", move={lid: drag}, steps=steps)]
-    return solve(scene, stages=stages, stabilise=True, progress=False, **options)
+    return solve(scene, stages=stages, method=Method(stabilise=True), **options)
 
 
 @pytest.mark.parametrize(("below", "notes"), [(MU, 1), (1.01 * MU, 1), (1.1 * MU, 0), (2.0 * MU, 0)])
@@ -61,7 +62,7 @@ def stacked(between):
     scene.contact("b_ymin", "a_ymax", between, name="between")
     scene.contact("b_ymax", lid, MU, name="lid")
     stages = [Stage("press", move={lid: (0, -0.1, 0)}, steps=2), Stage("drag", move={lid: (1.0, 0, 0)}, steps=10)]
-    return solve(scene, stages=stages, stabilise=True, progress=False)
+    return solve(scene, stages=stages, method=Method(stabilise=True))
 
 
 def test_two_bodies_that_stick_together_are_held_as_one():
@@ -95,7 +96,7 @@ def test_a_hub_that_nothing_holds_holds_nothing():
         Stage("press", move={lid: (0, -0.1, 0), hub: along}, steps=2),
         Stage("drag", move={lid: (1.0, 0, 0), hub: along}, steps=10),
     ]
-    found = told(solve(scene, stages=stages, progress=False))
+    found = told(solve(scene, stages=stages))
     assert len(found) == 1 and "contacts 'floor' and 'lid' hold body 'block', tool 'hub'" in found[0]
 
 
@@ -112,7 +113,7 @@ def bar(steps):
         Stage("press", move={tool: Motion(free="y")}, prescribe={("up_ymax", "y"): -0.2}, steps=4),
         Stage("drag", move={tool: Motion(free="x y")}, prescribe={("up_ymax", "x"): 1.0}, steps=steps),
     ]
-    return solve(scene, stages=stages, stabilise=True, progress=False)
+    return solve(scene, stages=stages, method=Method(stabilise=True))
 
 
 def test_a_free_tool_is_told_and_not_thrown_away():
@@ -141,7 +142,7 @@ def test_a_second_pair_of_contacts_has_a_note_of_its_own():
         Stage("let go", move={tools["lid"]: (0, 0, 0.5), tools["floor"]: (0, 0, -0.4)}, steps=2),
         Stage("drag along", move={tools["right"]: (1.0, 0, 0)}, steps=10),
     ]
-    found = told(solve(scene, stages=stages, stabilise=True, progress=False))
+    found = told(solve(scene, stages=stages, method=Method(stabilise=True)))
     assert [next(pair for pair in ("'floor' and 'lid'", "'left' and 'right'") if pair in note) for note in found] == [
         "'floor' and 'lid'",
         "'left' and 'right'",
@@ -157,7 +158,7 @@ def test_contacts_that_resist_the_same_push_must_both_slide():
     scene.contact("zmax", lid, MU, name="lid")
     scene.contact("xmin", wall, name="wall")
     stages = [Stage("press", move={lid: (0, 0, -0.1)}, steps=2), Stage("push", move={wall: (1.0, 0, 0)}, steps=10)]
-    result = solve(scene, stages=stages, stabilise=True, progress=False)
+    result = solve(scene, stages=stages, method=Method(stabilise=True))
     assert not told(result)
     grip = MU * np.array([result.column(f"{name}_load_N")[-1] for name in ("floor", "lid")])
     drag = [abs(result.column(f"{name}_friction_x_N")[-1]) for name in ("floor", "lid")]

@@ -15,6 +15,7 @@ from test_damping import blade, stumbling
 from fenics_contact import (
     Body,
     Displacement,
+    Method,
     Motion,
     Penalty,
     Scene,
@@ -370,7 +371,12 @@ CATALOGUE = {
     ),
     "soft by thirty": (lambda: ball_through(penalty=2.0), "penalty too soft", "contact 'ball' at (", "raise penalty="),
     "soft under a block": (block_through, "penalty too soft", "contact 'joint' at (", "raise penalty="),
-    "long steps": (tall_block, "no convergence", "most at (", "take more steps, or allow shorter ones (smallest_step=)"),
+    "long steps": (
+        tall_block,
+        "no convergence",
+        "most at (",
+        "take more steps, or allow shorter ones (Method(smallest_step=...))",
+    ),
     "too great a push": (
         dragged_by_force,
         "friction used up",
@@ -384,7 +390,7 @@ CATALOGUE = {
         "raise friction=, fix a surface, or prescribe",
     ),
     "on an incline": (on_an_incline, "friction used up", "contact 'c'", "raise friction="),
-    "on a steep slope": (on_a_steep_slope, "no convergence", "most at (", "solve(..., stabilise=True)"),
+    "on a steep slope": (on_a_steep_slope, "no convergence", "most at (", "solve(..., method=Method(stabilise=True))"),
     "wedge on springs": (
         lambda: drawn_wedge(stabilise=True),
         "friction used up",
@@ -407,7 +413,12 @@ CATALOGUE = {
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
     "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),
-    "blade": (drawn_blade, "limit point", "body 'box' at (", "let damping carry it on: solve(..., damping=True)"),
+    "blade": (
+        drawn_blade,
+        "limit point",
+        "body 'box' at (",
+        "let damping carry it on: solve(..., method=Method(damping=True))",
+    ),
     "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
     "cycling": (lambda: stumbling(0.1), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
@@ -416,7 +427,7 @@ CATALOGUE = {
 
 def failed(name, **options):
     scene, more = CATALOGUE[name][0]()
-    result = solve(scene, progress=False, **({"steps": 5} | more), **options)
+    result = solve(scene, **{"steps": 5} | more, **options)
     assert not result.converged
     assert len(set(COMM.allgather(result.verdict.reason))) == 1  # all ranks say the same
     return result
@@ -468,7 +479,7 @@ CURES = {
 def test_remedy_cures(name):
     for cure in CURES[name]:
         scene, options = cure()
-        result = solve(scene, progress=False, **({"steps": 5} | options))
+        result = solve(scene, **{"steps": 5} | options)
         assert result.converged, result.verdict.reason
         assert not any("snap" in note for note in result.verdict.notes)
 
@@ -492,7 +503,7 @@ def test_a_fold_is_foreseen_where_it_is():
 @pytest.mark.parallel
 def test_a_soft_motion_is_no_limit_point():
     scene, drive = snapping()
-    result = solve(scene, steps=5, progress=False, **drive)
+    result = solve(scene, steps=5, **drive)
     assert not result.converged and result.verdict.kind == "no convergence", result.verdict.reason
 
 
@@ -514,7 +525,7 @@ def test_what_topples_is_not_to_be_stabilised():
 def test_what_slides_along_a_tool_is_not_pushed_beyond_balance():
     """No load does work on the block: it has an answer with the friction stated, once damping lets it slide."""
     scene, drive = between_plates()
-    system = solve(scene, steps=10, progress=False, **drive).require().system
+    system = solve(scene, steps=10, **drive).require().system
     found = sliding(system)
     assert found.kind == "friction used up" and "no load pushes it" in found.reason and "damping=True" in found.remedy
     assert found.place == "contact 'floor', contact 'top'"
@@ -532,7 +543,7 @@ def test_friction_alone_holds_no_body_that_a_hub_leads():
     scene.tie("upper_top", above)
     scene.contact("upper_bottom", "lower_top", 0.1, name="c")
     way = lambda t: (6.0 * max(2.0 * t - 1.0, 0.0), 0.0, -1.0 * min(2.0 * t, 1.0))  # noqa: E731
-    system = solve(scene, move={below: (0, 0, 0), above: way}, steps=6, progress=False).require().system
+    system = solve(scene, move={below: (0, 0, 0), above: way}, steps=6).require().system
     taken, most = system.comm.allreduce(np.array(system.contacts[0].forces.grip(system.state)))
     assert taken > 0.99 * most  # all of it slides
     assert sliding(system) is None
@@ -541,14 +552,14 @@ def test_friction_alone_holds_no_body_that_a_hub_leads():
 @pytest.mark.parallel
 def test_a_good_penalty_gives_no_verdict():
     scene, _ = pressed(None)
-    result = solve(scene, steps=5, progress=False)
+    result = solve(scene, steps=5)
     assert result.converged and result.require() is result and result.verdict.kind == "converged"
 
 
 @pytest.mark.parallel
 def test_cycling_is_resolved_by_smaller_steps_and_said():
     scene, _ = stumbling(None, friction=0.4, press=0.2, drag=2.0)
-    result = solve(scene, steps=5, progress=False)
+    result = solve(scene, steps=5)
     assert result.converged
     assert any("cut back: the status of" in note for note in result.summary["verdict"]["notes"])
     total = [note for note in result.verdict.notes if note.startswith(f"{result.verdict.cuts} cut-back")]
@@ -578,7 +589,7 @@ def test_memory():
     PETSc.Options()["fc_mat_mumps_icntl_23"] = 1  # MB per process
     try:
         scene, options = no_room()
-        verdict = solve(scene, steps=5, progress=False, **options).verdict
+        verdict = solve(scene, steps=5, **options).verdict
     finally:
         PETSc.Options().delValue("fc_mat_mumps_icntl_23")
     assert verdict.kind == "out of memory" and verdict.step == 1 and verdict.cuts == 0
@@ -611,14 +622,14 @@ def test_a_script_has_a_nonzero_exit_code():
 def test_smallest_step_is_a_share():
     scene, _ = pressed(None)
     with pytest.raises(SceneError, match="smallest_step = 0.0 must be"):
-        solve(scene, smallest_step=0.0)
+        solve(scene, method=Method(smallest_step=0.0))
 
 
 @pytest.mark.parallel
 def test_bodies_that_hold_only_each_other_are_refused():
     scene, drive = holding_each_other(floor=False)
     with pytest.raises(SceneError, match="'lower'.*loose together"):
-        solve(scene, **drive, progress=False)
+        solve(scene, **drive)
 
 
 @pytest.mark.parallel
@@ -635,7 +646,7 @@ def test_bodies_drawn_inside_one_another_that_the_first_step_cannot_part():
         scene.fix("lower_bottom")
         scene.contact("upper_bottom", "lower_top", friction=0.4, name="c")
         scene.tie("upper_top", hub := rigid_hub("hub"))
-        return solve(scene, move={hub: (0, 0, -0.4 - start)}, steps=steps, progress=False)
+        return solve(scene, move={hub: (0, 0, -0.4 - start)}, steps=steps)
 
     verdict = run(-0.3, 2).verdict
     assert verdict.kind == "no convergence" and "contact 'c'" in verdict.place, verdict.reason
@@ -654,9 +665,9 @@ def test_a_pad_led_through_the_floor_it_is_glued_to(friction, depth, steps):
     scene.fix("pad_ymin")
     lid = rigid_plane((0, 3, 0), normal=(0, -1, 0), name="lid")
     scene.contact("pad_ymax", lid, friction=friction, name="top")
-    result = solve(scene, move={lid: (0, -depth, 0)}, steps=steps, progress=False)
+    result = solve(scene, move={lid: (0, -depth, 0)}, steps=steps)
     verdict = result.verdict
     assert (verdict.kind, "body 'pad'" in verdict.place) == ("element inverted", True), verdict.reason
     assert "squeezed to nothing" in verdict.reason and "end the path before" in verdict.remedy
     assert result.column("lid_travel_y_mm")[-1] > -3.0  # it has not come to the floor
-    solve(scene, move={lid: (0, -0.8 * result.column("t")[-1] * depth, 0)}, steps=2 * steps, progress=False).require()
+    solve(scene, move={lid: (0, -0.8 * result.column("t")[-1] * depth, 0)}, steps=2 * steps).require()

@@ -10,7 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, compat, mooney_paper, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import (
+    Body,
+    Method,
+    Scene,
+    compat,
+    mooney_paper,
+    mooney_rivlin,
+    read_gmsh,
+    rigid_plane,
+    rigid_punch,
+    solve,
+)
 from fenics_contact.meshes import punch_plate, two_blocks
 
 RECORD = Path(__file__).with_name("versions.json")
@@ -25,7 +36,7 @@ def punch_scalars(case, degree=1):
     punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
     scene.contact("top", punch, case[0], name="top")
     scene.contact("bottom", rigid_plane(), case[1], name="bottom")
-    result = solve(scene, move={punch: (0, 0, -0.8)}, steps=4, progress=False)
+    result = solve(scene, move={punch: (0, 0, -0.8)}, steps=4)
     last = result.history[-1]
     return {name: last[name] for name in ("top_force_x_N", "top_force_z_N", "top_moment_x_Nmm", "smallest_J")}
 
@@ -40,7 +51,7 @@ def sliding_scalars():
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), 2.0 * max(2 * t - 1, 0.0)))
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -min(2 * t, 1.0)))
     scene.contact("upper_bottom", "lower_top", friction=0.3, name="interface")
-    result = solve(scene, steps=4, tolerance=1e-11, progress=False)
+    result = solve(scene, steps=4, method=Method(tolerance=1e-11))
     return {name: result.history[-1][name] for name in ("interface_force_x_N", "interface_force_z_N", "smallest_J")}
 
 

@@ -40,5 +40,5 @@ class Acceptance:
         if self._grounding is None or self._grounding.engaged or not (loose := self.loose()):
             return None
         names = ", ".join(self._holds.bodies[i][0] for i in sorted(loose))
-        remedy = "solve(..., stabilise=True), fix a surface, or end the path before"
+        remedy = "solve(..., method=Method(stabilise=True)), fix a surface, or end the path before"
         return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)

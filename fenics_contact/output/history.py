@@ -234,8 +234,8 @@ def energy_notes(
         )
     return [
         f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step "
-        "(damping=True carries it) or into friction: where sticking turns to sliding, and against round tools (penetration= "
-        "lessens that)"
+        "(Method(damping=True) carries it) or into friction: where sticking turns to sliding, and against round tools "
+        "(penetration= lessens that)"
     ]
 
 

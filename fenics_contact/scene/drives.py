@@ -22,7 +22,7 @@ from fenics_contact.scene.directions import Unit, normals, unit
 from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_free
 from fenics_contact.scene.pairs import CourseAt, Pairing
-from fenics_contact.scene.stage import Along, Group, Stage, Way
+from fenics_contact.scene.stage import ARC_LENGTH, Along, Group, Stage, Way
 from fenics_contact.scene.start import LeftTool
 from fenics_contact.scene.statements import Support
 from fenics_contact.scene.tied import Bound, ties_of
@@ -202,7 +202,7 @@ def motion_of(
                     what = f"the {'moment' if i else 'force'} on '{tools[k].name}'"
                     _refuse_start(stage, what, load(0.0), stated[n - 1], reached[mine], free[mine])
                 if load is not None:
-                    reached[mine] = np.nan if stage.method == "arc_length" else load(1.0)
+                    reached[mine] = np.nan if stage.method == ARC_LENGTH else load(1.0)
         reached[~free] = np.nan
         driven_by.append(now)
         frees.append(free)
@@ -289,7 +289,7 @@ def _refuse_start(stage: Stage, what: str, first: Floats, before: Stage, reached
     begun = ", ".join(f"{letter} {value:.6g}" for letter, value in zip("xyz", first + 0.0, strict=True))
     if unknown.any():
         along = " and ".join(np.array(list("xyz"))[unknown])
-        why = "arc length may end anywhere" if before.method == "arc_length" else "the tool was moved or held that way"
+        why = "arc length may end anywhere" if before.method == ARC_LENGTH else "the tool was moved or held that way"
         raise SceneError(
             f"{stage.says(what)} is a function of s that starts from {begun}, but how large its component {along} is at the "
             f"end of {before} is known only there, for {why}; give the load at the end of '{stage.name}' as numbers: it "

@@ -10,7 +10,7 @@ from fenics_contact.assembly.stages import Stages
 from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.field_loads import swelling_path
 from fenics_contact.scene.functions import AtPoints, Drive, Path, Place, Ramp, load_path, ramp, whole
-from fenics_contact.scene.stage import Stage
+from fenics_contact.scene.stage import ARC_LENGTH, Stage
 from fenics_contact.scene.statements import Entering, Load, Loading, Swelling, called
 from fenics_contact.types import Ints
 from fenics_contact.values import SceneError
@@ -39,7 +39,7 @@ def loads_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> list[Lo
                 raise SceneError(f"{what}: {how}; state one, with the value of the first stage, 0 for none (there: {known})")
             k = keys.index(key)
             last = stated[max(parts[k], default=0)]  # that has changed it, the first one by what the scene says
-            if i > 0 and callable(value) and last.method == "arc_length" and (parts[k] or not _none(loads[k])):
+            if i > 0 and callable(value) and last.method == ARC_LENGTH and (parts[k] or not _none(loads[k])):
                 raise SceneError(
                     f"{what}: a function of s cannot know how large the load is after {last}, whose arc may end anywhere; "
                     "give a number, to which it goes linearly in this stage, or put a stage with a number before this one"

@@ -16,6 +16,8 @@ Along = str | tuple[float, ...]  # an axis, "normal", or a direction
 Way = float | Callable[[Floats, float], Any]  # of a surface: by how much at the end, or a function (X, s) -> (n,)
 Moves = Mapping[Tool, Drive | Motion]
 
+ARC_LENGTH = "arc_length"  # method of a stage whose steps are ArcSteps
+
 FORMS = {"prescribe": '("group", "z"): by', "relative": '("first", "second"): (x, y, z)',
          "tractions": '"group": (x, y, z)', "forces": '"group": (x, y, z)',
          "pressures": '"group": value', "moments": '"group": (x, y, z)', "swell": '"volume": ratio'}  # fmt: skip
@@ -33,8 +35,8 @@ class Stage:
     are zero at s = 0, loads there what the stage before left. The scene states what there is: supports, pairs and loads that
     stages name are its own. Its own numbers and functions are those of the first stage, where that does not name them.
 
-    steps, method, until, back: as of `solve`, whose own hold where nothing is said; Load(1.0) as a target means s = 1.
-    duration: how much t grows; arc length ends where its target is.
+    steps: as of `solve`, whose own hold where nothing is said; in ArcSteps Load(1.0) as a target means s = 1. method:
+    "newton", "incremental" or "snes", likewise. duration: how much t grows; arc length ends where its target is.
     """
 
     name: str
@@ -51,8 +53,6 @@ class Stage:
     spin: Drive | None = None
     steps: object = None
     method: str | None = None
-    until: object = None
-    back: object = None
     duration: float = 1.0
 
     def __post_init__(self) -> None:

@@ -35,15 +35,22 @@ Leg = dict[str, Callable[[], float]]  # words of a target: distance of the state
 
 @dataclass(frozen=True)
 class ArcSteps:
-    """Steps of a continuation.
+    """Steps of a continuation, which follows the equilibrium path through its limit points, t being an unknown that may pass
+    1 or fall: solve(..., steps=ArcSteps(until=...)).
+
+    until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
+    value), a function of the state (u, t, travel and angles of the tools) that changes its sign there, or a list of these,
+    of which the first reached counts; back: the same for a way back along the path, with friction another one.
 
     first: load increment the first step aims at; largest: bound of the arc [length], about the mean displacement of a step;
     smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
     gives up; iterations: tangent solves per step, to which the arc's length is steered; turn: angle [radians] by which the
-    path's direction may change in a step, likewise; stations: targets like those of until=, on each of which a step lands
+    path's direction may change in a step, likewise; stations: targets like `until`, on each of which a step lands
     every time the path passes it; branch: a Branch, on which the path goes on from a bifurcation.
     """
 
+    until: object
+    back: object = None
     first: float = 0.05
     largest: float = np.inf
     smallest: float = 1e-4
@@ -124,7 +131,7 @@ class Path:
             if found.kind == LIMIT_POINT:  # no news to a continuation: the arc was too long for the turn of its path
                 found = found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
             # neither springs nor damping go with arcs: where a remedy is one of them it is to be taken in load steps
-            verdict.stop(found._replace(remedy=found.remedy.replace("solve(...", 'solve(..., method="newton"')), t)
+            verdict.stop(found._replace(remedy=found.remedy.replace("solve(...", "solve(..., steps=20")), t)
         else:
             verdict.converged, verdict.reason = True, "reached " + ", then ".join(self.reached)
 

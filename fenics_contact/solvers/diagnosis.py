@@ -105,12 +105,12 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
     if edge := next((found for contact in system.contacts if (found := contact.findings.pressing_edge(system.state))), None):
         reason, place, ways = f"{reason}; {edge.reason}", f"{edge.place}, {place}", [edge.remedy, *ways]
     if not ways and goal is not None and goal - system.trail.last.t > LONG:
-        ways = ["take more steps, or allow shorter ones (smallest_step=)"]
+        ways = ["take more steps, or allow shorter ones (Method(smallest_step=...))"]
     elif not ways:
         ways = [*damping(system), "take finer cells there, and round edges that press or slide there"]
     # springs tell what friction cannot hold from the first step on, which no tangent of the start does
     if len(system.trail.accepted) < 2 and system.grounding and not system.stabilised:
-        ways = ["see what holds before the contacts do: solve(..., stabilise=True)", *ways]
+        ways = ["see what holds before the contacts do: solve(..., method=Method(stabilise=True))", *ways]
     return Finding(UNKNOWN, reason, place, " or ".join(ways))
 
 
@@ -133,7 +133,7 @@ def _letting_go(system: System) -> Finding | None:
         return None
     names = ", ".join(system.bodies[i][0] for i in sorted(loose))
     text = f"the contacts that hold it press with less than {FADED:g} of the largest force so far: they are about to let go"
-    remedy = "fix a surface, end the path before, or solve(..., stabilise=True)"
+    remedy = "fix a surface, end the path before, or solve(..., method=Method(stabilise=True))"
     return Finding(RIGID_MOTION, text, f"body '{names}'", remedy)
 
 

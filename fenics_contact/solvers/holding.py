@@ -97,7 +97,7 @@ def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
         which = " and ".join(f"'{name}'" for name in tools)
         remedy = f"let the Motion of {which} hold or prescribe that component, or let friction hold it before it is loaded"
     if waiting:
-        crossed = "" if system.stabilised else " or cross it with prescribe or solve(..., stabilise=True)"
+        crossed = "" if system.stabilised else " or cross it with prescribe or solve(..., method=Method(stabilise=True))"
         remedy = f"{remedy}, close the gap of {waiting}, which is open,{crossed}"
     owners: dict[str, list[str]] = {}
     for name, _ in parts:
@@ -233,7 +233,7 @@ def _slides(
     if not _pushed(system, motions, held):
         reliant = {system.bodies[i][0] for i in system.holds.reliant}
         springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damped)
-        remedy = " or ".join((["solve(..., stabilise=True)"] if springs else []) + damping(system))
+        remedy = " or ".join((["solve(..., method=Method(stabilise=True))"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
     return Finding(SLIDES, f"{text}; {end}", where, remedy)

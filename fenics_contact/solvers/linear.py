@@ -215,7 +215,7 @@ class LinearSolver:
         """What to raise where loads act on these components (of tools, 6 each) and nothing resists."""
         ways = [MOVES[axis] for axis in sorted(set(components % 6))]
         names = dict.fromkeys(self.system.tools.names[c // 6] for c in components)
-        remedy = "bring it into contact before the force acts, or solve(..., stabilise=True)"
+        remedy = "bring it into contact before the force acts, or solve(..., method=Method(stabilise=True))"
         if (components % 6 >= 3).all():
             remedy = "let the moment begin once friction holds it, or prescribe this rotation in its Motion (rx=, ry=, rz=)"
         place = ", ".join(f"tool '{name}'" for name in names)
@@ -276,7 +276,7 @@ class LinearSolver:
         code = self._solver.mumps_code() if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED else 0
         if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
             text = f"the direct solver could not get the memory it needs (MUMPS {code})"
-            return text, MEMORY, "", 'use linear="iterative", more ranks on more machines, or a coarser mesh'
+            return text, MEMORY, "", 'use method=Method(linear="iterative"), more ranks on more machines, or a coarser mesh'
         if reason == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT:
             return ('the tangent does not resist every motion, which linear="iterative" takes for granted and "direct" not',)
         if self.method == "iterative":

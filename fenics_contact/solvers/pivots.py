@@ -65,7 +65,7 @@ class PivotWatch:
                 )
                 found += "let go and moved far within this step; look at this step's motion"
             remedy = (
-                'follow the path by method="arc_length", and a branch by ArcSteps(branch=Branch(...))'
+                "follow the path by steps=ArcSteps(until=...), and a branch by its branch=Branch(...)"
                 if self.arcs
                 else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise=, "
                 'damping= and where="open")'

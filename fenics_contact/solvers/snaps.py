@@ -84,7 +84,8 @@ def snapped(system: System, goal: float) -> str | None:
         )
     return (
         f"it has passed through a snap: near t = {low[0]:.6g} the state jumped by {largest:.3g}; where it came to rest is "
-        "Newton's choice: follow it by arc length, or let damping carry it: solve(..., damping=True) in shorter steps"
+        "Newton's choice: follow it by arc length, or let damping carry it: solve(..., "
+        "method=Method(damping=True)) in shorter steps"
     )
 
 

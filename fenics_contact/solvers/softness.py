@@ -89,7 +89,7 @@ def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | 
         name, place, _ = _where(system, mode)
         text = f"a part around {place} moves without resistance: it is not joined to the rest of its body"
         remedy = "join it to the rest (fragment in the gmsh script), fix a surface of it, or close its gap to what holds it"
-        remedy += "" if system.stabilised else ", also by solve(..., stabilise=True)"
+        remedy += "" if system.stabilised else ", also by solve(..., method=Method(stabilise=True))"
         return Finding(RIGID_MOTION, text, f"body '{name}' around {place}", remedy)
     if not now < TOPPLES * alone or not system.contacts:
         return None
@@ -203,7 +203,7 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
 
 def damping(system: System) -> list[str]:
     """The advice to let damping carry the bodies on, in a list, where that has not been asked for."""
-    return [] if system.damped else ["let damping carry it on: solve(..., damping=True)"]
+    return [] if system.damped else ["let damping carry it on: solve(..., method=Method(damping=True))"]
 
 
 def _loaded(system: System) -> bool:

@@ -3,7 +3,11 @@
 from typing import Any
 
 from fenics_contact.assembly.system import System
+from fenics_contact.options import Method, Steps
 from fenics_contact.plans import STEPPERS
+from fenics_contact.scene.stage import ARC_LENGTH
+from fenics_contact.scene.targets import Load
+from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.solvers.newton import Newton, upright
 from fenics_contact.types import Floats, Vec
 
@@ -20,8 +24,15 @@ STEPPERS["full steps"] = FullSteps
 MULTIPLIERS = "and augmented to 1e-3 mm"
 # name: options of `solve`; where no step is small enough to be cut, the first failure ends the run
 CONTROLS: dict[str, dict[str, Any]] = {
-    "full steps": {"method": "full steps", "smallest_step": 1.0},
-    "line search": {"smallest_step": 1.0},
+    "full steps": {"method": Method("full steps", smallest_step=1.0)},
+    "line search": {"method": Method(smallest_step=1.0)},
     "and step control": {},
     MULTIPLIERS: {},
 }
+
+
+def load_path(method: str, steps: int, linear: str) -> dict[str, Any]:
+    """Options of `solve`: so many load steps by a method; or arcs to the whole load, the first of which aims at one."""
+    arcs = method == ARC_LENGTH
+    along: Steps = ArcSteps(Load(1.0), first=1.0 / steps) if arcs else steps
+    return {"steps": along, "method": Method(linear=linear) if arcs else Method(method, linear)}

@@ -9,12 +9,13 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import disc
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
-from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
 
 # (radius mm, a1, a2, K MPa, squeeze in all mm, force N/mm): classical Mooney-Rivlin, references of other codes
@@ -91,15 +92,8 @@ def cylinder(
     upwards = np.array([float(axis == up) for axis in "xyz"])
     plate = rigid_plane(radius * upwards, -upwards)
     scene.contact("rim", plate, points=points, penalty=Penalty(factor=factor), penetration=penetration or None, name="rim")
-    until = Load(1.0) if method == "arc_length" else None
     result = solve(
-        scene,
-        move={plate: tuple(-squeeze / 2 * upwards)},
-        method=method,
-        steps=steps,
-        linear=linear,
-        progress=False,
-        until=until,
+        scene, move={plate: tuple(-squeeze / 2 * upwards)}, out=Output(progress=False), **load_path(method, steps, linear)
     )
     force = -2 * result.history[-1][f"rim_force_{up}_N"] / length if result.history else float("nan")
     return metrics(result, error=abs(force / reference - 1), value=force)

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from fenics_contact.contact.tools import Tool, rigid_punch
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import box, two_blocks
+from fenics_contact.options import Method, Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
@@ -79,7 +80,7 @@ def plate(
     if solver != "auto":
         options["fc_pc_type"] = solver
     try:
-        result = solve(scene, move=move, steps=5, linear="direct", progress=False)
+        result = solve(scene, move=move, steps=5, method=Method(linear="direct"), out=Output(progress=False))
     finally:
         options.delValue("fc_pc_type")
     force = abs(result.history[-1]["top_force_z_N"]) if result.history else float("nan")

@@ -13,12 +13,14 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_cone, rigid_cylinder, rigid_sphere
 from fenics_contact.mesh_io import NamedMesh, read_gmsh
 from fenics_contact.meshes import graded_block, graded_rectangle
+from fenics_contact.options import Output
 from fenics_contact.result import Result
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import from_elastic
 from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.exact import Field, boussinesq, flamant, under_cone, under_hertz
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
 from fenics_contact.types import Floats
@@ -108,7 +110,7 @@ def indented(
     if tool == "cylinder":
         scene.fix("ymax", "y")
     scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    return solve(scene, move={shape: (0, 0, -depth)}, method=method, steps=steps, linear=linear, progress=False), exact
+    return solve(scene, move={shape: (0, 0, -depth)}, out=Output(progress=False), **load_path(method, steps, linear)), exact
 
 
 def indented_plane(
@@ -125,7 +127,7 @@ def indented_plane(
             scene.prescribe(side, letter, lambda X, t, axis=axis: t * field(X[:, [0, 2, 1]])[:, axis])
     shape = rigid_cylinder(R, (0, R, 0), axis=(0, 0, 1))
     scene.contact("block_ymax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    result = solve(scene, move={shape: (0, -depth, 0)}, method=method, steps=steps, linear=linear, progress=False)
+    result = solve(scene, move={shape: (0, -depth, 0)}, out=Output(progress=False), **load_path(method, steps, linear))
     return result, DEPTH * P / 2
 
 

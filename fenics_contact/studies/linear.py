@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from fenics_contact.contact.tools import rigid_plane, rigid_punch
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import box, graded_rectangle, two_blocks
+from fenics_contact.options import Method, Output
 from fenics_contact.result import Result
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
@@ -61,7 +62,9 @@ def punch(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
         scene.fix(side, axes)
     tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 0), fillet=5.0)
     scene.contact("zmax", tool, 0.3, name="c")
-    return solve(scene, move={tool: (0, 0, -0.2 * STEPS)}, steps=STEPS, linear=solver, progress=False)
+    return solve(
+        scene, move={tool: (0, 0, -0.2 * STEPS)}, steps=STEPS, method=Method(linear=solver), out=Output(progress=False)
+    )
 
 
 def cube(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
@@ -71,7 +74,7 @@ def cube(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
     scene.fix("zmin")
     plate = rigid_plane((0, 0, 0), (0, 0, -1), name="plate")
     scene.contact("zmax", plate, 1.5, name="c")
-    return solve(scene, move={plate: (1.0, 0, -2.0)}, steps=STEPS, linear=solver, progress=False)
+    return solve(scene, move={plate: (1.0, 0, -2.0)}, steps=STEPS, method=Method(linear=solver), out=Output(progress=False))
 
 
 def blocks(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
@@ -84,7 +87,7 @@ def blocks(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
     scene.prescribe("upper_top", "x", 1.5)
     scene.prescribe("upper_top", "z", -1.5)
     scene.contact("upper_bottom", "lower_top", 0.3, name="c")
-    return solve(scene, steps=STEPS, linear=solver, progress=False)
+    return solve(scene, steps=STEPS, method=Method(linear=solver), out=Output(progress=False))
 
 
 def plane(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
@@ -96,7 +99,7 @@ def plane(cells: int, cell: Run, rubber: Isotropic, solver: str) -> Result:
     scene.fix("block_ymin")
     tool = rigid_punch(half_width=8.0, height=10.0, face=(20, 0, 0), direction=(0, -1, 0), fillet=3.0)
     scene.contact("block_ymax", tool, 0.3, name="c")
-    return solve(scene, move={tool: (1.0, -2.0, 0)}, steps=STEPS, linear=solver, progress=False)
+    return solve(scene, move={tool: (1.0, -2.0, 0)}, steps=STEPS, method=Method(linear=solver), out=Output(progress=False))
 
 
 def studies(quick: bool) -> list[Study]:

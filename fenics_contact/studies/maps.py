@@ -9,10 +9,12 @@ import numpy as np
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import disc, sphere_shell, two_blocks
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_paper, mooney_rivlin
+from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.studies.controls import CONTROLS, MULTIPLIERS
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate
@@ -36,13 +38,13 @@ def press(penalty_factor: float, steps: int, friction: float, control: str, cell
     """Sharp punch pressed into a rubber plate by 40 % of its thickness."""
     allowed = 1e-3 if control == MULTIPLIERS else 0.0  # mm
     scene, tool = punched_plate(cells, friction, factor=penalty_factor, penetration=allowed)
-    return metrics(solve(scene, move={tool: (0, 0, -4.0)}, steps=steps, progress=False, **CONTROLS[control]))
+    return metrics(solve(scene, move={tool: (0, 0, -4.0)}, steps=steps, out=Output(progress=False), **CONTROLS[control]))
 
 
 def fillets(fillet: float, cell: float, points: int | str) -> Row:
     """Filleted punch at 2 mm in 20 steps; error: largest jump of the force's increments over the last force."""
     scene, tool = punched_plate(round(20.0 / cell), 0.0, points=points, fillet=fillet)
-    result = solve(scene, move={tool: (0, 0, -2.0)}, steps=20, progress=False)
+    result = solve(scene, move={tool: (0, 0, -2.0)}, steps=20, out=Output(progress=False))
     forces = -result.column("top_force_z_N") if result.history else np.zeros(1)
     jump = np.abs(np.diff(forces, n=2, prepend=0.0)).max(initial=0.0) / forces[-1]
     return metrics(result, error=jump, value=forces[-1])
@@ -57,7 +59,7 @@ def compressibility(ratio: float, element: str, cells: int = 6) -> Row:
     scene.fix(("front", "back"), "y")
     plate = rigid_plane((0, 0, 20.0), (0, 0, -1.0))
     scene.contact("rim", plate, name="rim")
-    result = solve(scene, move={plate: (0, 0, -2.0)}, steps=2, progress=False)
+    result = solve(scene, move={plate: (0, 0, -2.0)}, steps=2, out=Output(progress=False))
     return metrics(result, value=-2 * result.history[-1]["rim_force_z_N"] / SHEAR if result.history else 0.0)
 
 
@@ -78,7 +80,7 @@ def blocks(upper_cells: int, lower_cells: int, friction: float, points: int | st
     scene.prescribe("upper_top", "z", lambda X, t: np.full(len(X), -min(t / down, 1.0)))
     scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), drag * max(t - down, 0.0) / max(1.0 - down, 1e-12)))
     scene.contact("upper_bottom", "lower_top", friction, points=points, name="interface")
-    result = solve(scene, steps=pressing + dragging, progress=False)
+    result = solve(scene, steps=pressing + dragging, out=Output(progress=False))
     force = np.abs([row["interface_force_z_N"] for row in result.history if row["t"] > down + 0.3 * (1.0 - down)])
     ripple = np.ptp(force) / force.mean() if len(force) else float("nan")
     return metrics(result, error=ripple, value=force[-1] if len(force) else 0.0)
@@ -97,7 +99,7 @@ def patch(slave_over_master: float, points: int | str, stretch: float = 0.9, cel
     scene.fix("lower_bottom", "z")
     scene.prescribe("upper_top", "z", -10.0 * (1.0 - stretch))
     scene.contact("upper_bottom", "lower_top", points=points, name="interface")
-    result = solve(scene, steps=2, progress=False)
+    result = solve(scene, steps=2, out=Output(progress=False))
     force = abs(result.history[-1]["interface_force_z_N"]) if result.history else 0.0
     return metrics(result, error=abs(force / (100.0 * UNIAXIAL[stretch]) - 1), value=force)
 
@@ -117,13 +119,12 @@ def limit(reach: float, way: str, cells: int = 4, steps: int = 8) -> Row:
     radial = inner_radial(scene)
     if way == "arc length":
         scene.pressure("inner", aim)
-        result = solve(scene, method="arc_length", steps=steps, until=lambda s: radial(s) - reach,
-                       progress=False)  # fmt: skip
+        result = solve(scene, steps=ArcSteps(until=lambda s: radial(s) - reach, first=1 / steps), out=Output(progress=False))
         error = abs(result.history[-1]["t"] - 1) if result.history else float("nan")
         return metrics(result, error=error, value=radial(result.system.state))
     scene.pressure("inner", aim if reach < PEAK else 1.03 * highest)
     control = dict(zip(LOADS, CONTROLS.values(), strict=False))[way]
-    result = solve(scene, steps=steps, progress=False, **control)
+    result = solve(scene, steps=steps, out=Output(progress=False), **control)
     moved = radial(result.system.state)
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 

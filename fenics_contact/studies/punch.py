@@ -7,12 +7,13 @@ from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import RigidTool, rigid_punch
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import punch_plate
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
-from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
+from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
 
 BASE: Run = {"cells": 10, "degree": 1, "element": "displacement", "friction": 0.3, "points": "nodes", "factor": 100.0,
@@ -68,8 +69,7 @@ def punch(
     penetration: largest one [mm] left by multipliers, 0 for the plain penalty.
     """
     scene, tool = punched_plate(cells, friction, points, factor, share, fillet, penetration, degree=degree, element=element)
-    until = Load(1.0) if method == "arc_length" else None
-    result = solve(scene, move={tool: (0, 0, -2.0)}, method=method, steps=steps, linear=linear, progress=False, until=until)
+    result = solve(scene, move={tool: (0, 0, -2.0)}, out=Output(progress=False), **load_path(method, steps, linear))
     return metrics(result, value=-result.history[-1]["top_force_z_N"] if result.history else float("nan"))
 
 

@@ -7,12 +7,13 @@ from fenics_contact import compat
 from fenics_contact.assembly.term import State
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import sphere_shell
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
-from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, medians, work_precision
+from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
 
@@ -56,8 +57,7 @@ def sphere(cells: int, degree: int, element: str, method: str, steps: int, linea
     for axis in "xyz":
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", Radial("sphere", K).solve((RADIUS, RADIUS + WALL), RADIUS + reach)[0])
-    until = Load(1.0) if method == "arc_length" else None
-    result = solve(scene, method=method, steps=steps, linear=linear, progress=False, until=until)
+    result = solve(scene, out=Output(progress=False), **load_path(method, steps, linear))
     moved = inner_radial(scene)(result.system.state)
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 

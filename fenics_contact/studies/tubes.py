@@ -8,12 +8,13 @@ from fenics_contact import compat
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import tubes as tube_mesh
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
-from fenics_contact.scene.targets import Load
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, work_precision
+from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
 from fenics_contact.types import Function
@@ -87,8 +88,7 @@ def tubes(
     scene.pressure("inner_inside", pressure)
     scene.contact("inner_outside", "outer_inside", points=points, name="interface",
                   penalty=Penalty(factor=factor), penetration=penetration or None)  # fmt: skip
-    until = Load(1.0) if method == "arc_length" else None
-    result = solve(scene, method=method, steps=steps, linear=linear, progress=False, until=until)
+    result = solve(scene, out=Output(progress=False), **load_path(method, steps, linear))
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on a symmetry plane
     found = -result.history[-1]["interface_force_x_N"] / mean_radius(scene, "outer_inside", result.u) / (depth or 1.0)
     moved = mean_radius(scene, "inner_inside", result.u) - INNER[0]

@@ -6,6 +6,7 @@ import sys
 from fenics_contact.contact.tools import rigid_punch
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import punch_plate
+from fenics_contact.options import Output
 from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves
@@ -38,7 +39,7 @@ def run(scene_name: str, cells: int, layers: int) -> dict[str, float]:
         scene.prescribe("under_punch", "z", -TRAVEL * steps)
     else:
         move = pressed(scene, FRICTION[scene_name], TRAVEL * steps)
-    result = solve(scene, move=move, steps=steps, progress=False).require()
+    result = solve(scene, move=move, steps=steps, out=Output(progress=False)).require()
     force = result.history[-1]["under_punch_reaction_z_N" if parity else "top_force_z_N"]
     unknowns, tangents = result.summary["sizes"]["unknowns"], result.verdict.iterations
     return {"force_N": abs(float(force)), "unknowns": unknowns, "tangents": tangents}
