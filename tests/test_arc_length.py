@@ -49,7 +49,6 @@ def demo(name):
 
 
 SPHERE = demo("inflated_sphere")
-FOLLOW = {"method": "arc_length"}
 
 
 # -- Rivlin's cube ----------------------------------------------------------------------------------------------------
@@ -93,8 +92,8 @@ def exact_folds():
 @pytest.fixture(scope="module")
 def cube_there_and_back():
     """Past both folds to a stretch of 1.8 and back to no load."""
-    steps = ArcSteps(first=0.2, largest=0.1)
-    result = solve(cube(), **FOLLOW, steps=ArcSteps(until=Displacement("ymax", "y", 0.8), back=Load(0.0), first=1 / steps))
+    steps = ArcSteps(until=Displacement("ymax", "y", 0.8), back=Load(0.0), first=0.2, largest=0.1)
+    result = solve(cube(), steps=steps)
     assert result.converged, result.verdict.reason
     return result
 
@@ -127,7 +126,7 @@ def test_history_marks_the_limit_points(cube_there_and_back):
 
 def test_the_last_step_lands_on_its_target():
     for target, reached in ((0.3, lambda r: r.history[-1]["t"]), (0.7, lambda r: r.history[-1]["t"])):
-        result = solve(cube(), **FOLLOW, steps=ArcSteps(until=[Displacement("ymax", "y", 5.0), Load(target)]))
+        result = solve(cube(), steps=ArcSteps(until=[Displacement("ymax", "y", 5.0), Load(target)], first=0.1))
         assert result.converged and "load" in result.verdict.reason
         assert abs(reached(result) - target) <= 1e-6 * target
 
@@ -171,13 +170,8 @@ def test_newton_on_the_arc_is_quadratic():
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", 0.005)
     radial = SPHERE.inner_radial(scene)
-    steps = ArcSteps(first=0.5)
-    result = solve(
-        scene,
-        **FOLLOW,
-        steps=ArcSteps(until=lambda state: radial(state) - 95.0, first=1 / steps),
-        method=Method(tolerance=1e-10),
-    )
+    steps = ArcSteps(until=lambda state: radial(state) - 95.0, first=0.5)
+    result = solve(scene, steps=steps, method=Method(tolerance=1e-10))
     assert result.converged and len(result.summary["limit_points"]) == 1
     pairs = [(a, b) for r in result.verdict.residuals for a, b in zip(r, r[1:], strict=False) if a < 0.1 and b > 1e-11]
     # shares of the force: where they are small, what is left is of the order of the square of what was left before
@@ -206,7 +200,7 @@ def columns(result):
 def test_same_states_as_load_control(drive):
     """At the loads of the continuation's own steps Newton finds its states: the same friction history."""
     scene, way = pressed(drive)
-    arc = solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Load(1.0), first=0.2), method=Method(tolerance=1e-11))
+    arc = solve(scene, **way, steps=ArcSteps(until=Load(1.0), first=0.2), method=Method(tolerance=1e-11))
     assert arc.converged and len(arc.history) > 3 and not arc.summary["limit_points"]
     assert max(arc.column("top_sticking_points")) > 0
     loads = arc.column("t")
@@ -251,8 +245,8 @@ def snapped(drive=None, travels=None):
     scene.contact("outer", ball, 0.3, name="top")
     if travels is not None:
         return solve(scene, move={ball: (0, 0, travels[-1])}, steps=travels / travels[-1])
-    steps = ArcSteps(first=0.1, largest=1.5)
-    return solve(scene, push={ball: (0, 0, -1.0)}, **FOLLOW, steps=ArcSteps(until=Travel(ball, "z", -17.0), first=1 / steps))
+    steps = ArcSteps(until=Travel(ball, "z", -17.0), first=0.1, largest=1.5)
+    return solve(scene, push={ball: (0, 0, -1.0)}, steps=steps)
 
 
 @pytest.mark.slow
@@ -298,9 +292,9 @@ def test_a_thin_arch_is_pushed_past_its_limit_load(thickness):
     touch = Stage("touch", move={roller: (0, -0.3, 0)}, steps=2)
     forces, points = [], []
     for way in ({"move": {roller: (0, -5.7, 0)}}, {"push": {roller: (0, -0.02, 0)}}):
-        steps = ArcSteps(first=0.1, largest=0.4, stations=[Travel(roller, "y", -y) for y in (1.0, 2.0, 3.0, 4.0, 5.0)])
-        until = Travel(roller, "y", -6.0)
-        onward = Stage("onward", **way, steps=ArcSteps(until=until, first=1 / steps))
+        stations = [Travel(roller, "y", -y) for y in (1.0, 2.0, 3.0, 4.0, 5.0)]
+        steps = ArcSteps(until=Travel(roller, "y", -6.0), first=0.1, largest=0.4, stations=stations)
+        onward = Stage("onward", **way, steps=steps)
         result = solve(scene, stages=[touch, onward]).require()
         assert result.verdict.cuts == 0, result.verdict.notes
         forces.append(result.column("top_force_y_N")[[i for i, at in enumerate(result.column("station")) if at > 0]])
@@ -315,8 +309,8 @@ def test_no_part_of_an_arch_is_loose_at_its_limit_load():
     touch = Stage("touch", move={roller: (0, -0.3, 0)}, steps=2)
     most = 12
     for _ in range(2):  # the second run ends at the limit point
-        way = {"steps": ArcSteps(first=0.1, most=most), "until": Travel(roller, "y", -6.0)}
-        onward = Stage("onward", push={roller: (0, -0.02, 0)}, **way)
+        steps = ArcSteps(until=Travel(roller, "y", -6.0), first=0.1, most=most)
+        onward = Stage("onward", push={roller: (0, -0.02, 0)}, steps=steps)
         result = solve(scene, stages=[touch, onward])
         most = result.summary["limit_points"][0]["step"] - 2
     assert result.history[-1]["limit_point"] == 1
@@ -327,9 +321,8 @@ def test_no_part_of_an_arch_is_loose_at_its_limit_load():
 def numbers():
     """The path of the pushed ball, there and back."""
     scene, way = pressed("push")
-    result = solve(
-        scene, **way, **FOLLOW, steps=ArcSteps(until=Load(1.0), back=Load(0.5), first=0.2), method=Method(tolerance=1e-11)
-    )
+    steps = ArcSteps(until=Load(1.0), back=Load(0.5), first=0.2)
+    result = solve(scene, **way, steps=steps, method=Method(tolerance=1e-11))
     columns = [
         result.column(n) for n in ("t", "ball_travel_z_mm", "top_force_z_N", "top_penetration_mm", "top_sticking_points")
     ]
@@ -348,7 +341,7 @@ def test_same_path_on_one_and_two_ranks():
 # -- ends and wrong statements ----------------------------------------------------------------------------------------
 @pytest.mark.parallel
 def test_a_target_out_of_reach_ends_with_its_reason():
-    result = solve(cube(), **FOLLOW, steps=ArcSteps(until=Load(3.0), first=0.2, most=12))
+    result = solve(cube(), steps=ArcSteps(until=Load(3.0), first=0.2, most=12))
     assert not result.converged and len(result.history) == 12
     assert "12 steps" in result.verdict.reason and "load t = 3" in result.verdict.reason
 
@@ -368,16 +361,16 @@ def fades(t):
 
 @pytest.mark.parallel
 def test_a_body_that_its_contacts_let_go_is_named():
-    failed = solve(loose_block(fades), **FOLLOW, steps=ArcSteps(until=Load(1.0), first=0.1))
+    failed = solve(loose_block(fades), steps=ArcSteps(until=Load(1.0), first=0.1))
     assert failed.verdict.kind == "rigid-body motion" and "body 'box'" in failed.verdict.place, failed.verdict.reason
     assert "about to let go" in failed.verdict.reason and 0.49 < failed.verdict.t < 0.5
     assert "end the path before" in failed.verdict.remedy
-    solve(loose_block(fades), **FOLLOW, steps=ArcSteps(until=Load(0.45), first=0.1)).require()
+    solve(loose_block(fades), steps=ArcSteps(until=Load(0.45), first=0.1)).require()
 
 
 @pytest.mark.parallel
 def test_a_remedy_that_does_not_go_with_arcs_is_one_for_load_steps():
-    failed = solve(loose_block(lambda t: -0.02 * t, floor=-0.1), **FOLLOW, steps=ArcSteps(until=Load(1.0), first=0.1))
+    failed = solve(loose_block(lambda t: -0.02 * t, floor=-0.1), steps=ArcSteps(until=Load(1.0), first=0.1))
     assert "solve(..., steps=20, method=Method(stabilise=True))" in failed.verdict.remedy, failed.verdict.reason
     scene = loose_block(lambda t: -0.02 * t, floor=-0.1)
     result = solve(scene, method=Method("newton", stabilise=True), steps=2).require()
@@ -386,11 +379,9 @@ def test_a_remedy_that_does_not_go_with_arcs_is_one_for_load_steps():
 
 @pytest.mark.parallel
 def test_a_path_that_does_not_start_in_balance_is_named():
-    failed = solve(
-        loose_block(lambda t: -0.02 * (1.0 + t)), **FOLLOW, steps=ArcSteps(until=Load(1.0), first=0.01, largest=1e-4)
-    )
+    failed = solve(loose_block(lambda t: -0.02 * (1.0 + t)), steps=ArcSteps(until=Load(1.0), first=0.01, largest=1e-4))
     assert "let the functions of the loads start from 0" in failed.verdict.remedy, failed.verdict.reason
-    solve(loose_block(lambda t: -0.04 * t), **FOLLOW, steps=ArcSteps(until=Load(1.0), first=0.1)).require()
+    solve(loose_block(lambda t: -0.04 * t), steps=ArcSteps(until=Load(1.0), first=0.1)).require()
 
 
 def refused(action, *words):
@@ -405,27 +396,27 @@ def refused(action, *words):
 def test_wrong_statements_are_refused():
     scene, way = pressed("push")
     ball = next(iter(way["push"]))
-    refused(lambda: solve(scene, **way, **FOLLOW), "until")
-    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0))), "arc_length")
-    refused(lambda: solve(scene, **way, steps=ArcSteps()), "arc_length")
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Displacement("lid", "z", 1.0))), "'lid'", "zmax")
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Displacement("zmax", "r", 1.0))), "'r'", "x, y, z")
+    refused(lambda: solve(scene, **way, method="arc_length"), "give steps=ArcSteps(until=...)")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0)), method="snes"), "go by arc length", "'snes'")
+    refused(lambda: solve(scene, **way, steps=ArcSteps()), "ArcSteps needs until")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Displacement("lid", "z", 1.0))), "'lid'", "zmax")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Displacement("zmax", "r", 1.0))), "'r'", "x, y, z")
     refused(
-        lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Travel(rigid_plane(name="other"), "z", 1.0))),
+        lambda: solve(scene, **way, steps=ArcSteps(until=Travel(rigid_plane(name="other"), "z", 1.0))),
         "'other'",
         "no contact",
     )
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Travel(ball, "z", np.nan))), "finite")
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until="far")), "'far'", "Load")
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Load(1.0), first=1 / [0.5, 1.0])), "ArcSteps")
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Load(1.0), first=0.0)), "first")
-    refused(lambda: solve(scene, **way, **FOLLOW, steps=ArcSteps(until=Load(1.0), most=0)), "most")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Travel(ball, "z", np.nan))), "finite")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until="far")), "'far'", "Load")
+    refused(lambda: solve(scene, **way, steps=[0.5, 1.0], method="arc_length"), "ArcSteps")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0), first=0.0)), "first")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0), most=0)), "most")
 
 
 @pytest.mark.parallel
 def test_nothing_that_depends_on_the_load_is_refused():
     scene, _ = pressed("push")
-    refused(lambda: solve(scene, **FOLLOW, steps=ArcSteps(until=Load(1.0))), "without a load to scale", "push a tool")
+    refused(lambda: solve(scene, steps=ArcSteps(until=Load(1.0), first=0.1)), "without a load to scale", "push a tool")
 
 
 if __name__ == "__main__":
@@ -449,10 +440,8 @@ def test_steps_land_on_every_station_there_and_back():
     plain = solve(scene(), steps=[0.25, 0.6, 1.0], record={"end": end}).require()
     middle = 0.5 * (plain.column("end")[0] + plain.column("end")[1])
     stations = [Load(0.25), Load(0.6), Displacement("zmax", "z", middle)]
-    steps = ArcSteps(first=0.11, stations=stations)
-    result = solve(
-        scene(), steps=ArcSteps(until=Load(1.0), back=Load(0.0), first=1 / steps), record={"end": end}, **FOLLOW
-    ).require()
+    steps = ArcSteps(until=Load(1.0), back=Load(0.0), first=0.11, stations=stations)
+    result = solve(scene(), steps=steps, record={"end": end}).require()
     station, t, ends = (result.column(name) for name in ("station", "t", "end"))
     assert station[station > 0].tolist() == [1, 3, 2, 2, 3, 1]
     for number, load in ((1, 0.25), (2, 0.6)):
@@ -460,7 +449,7 @@ def test_steps_land_on_every_station_there_and_back():
         np.testing.assert_allclose(ends[station == number], plain.column("end")[number - 1], rtol=1e-5)
     assert result.column("t").max() == pytest.approx(1.0, abs=2e-6) and len(t) > 8
     with pytest.raises(SceneError, match="give a Load"):
-        solve(scene(), steps=ArcSteps(until=Load(1.0), stations=[0.3]), **FOLLOW)
+        solve(scene(), steps=ArcSteps(until=Load(1.0), stations=[0.3]))
 
 
 # -- over an edge -----------------------------------------------------------------------------------------------------
@@ -485,8 +474,8 @@ def test_a_pushed_part_goes_over_an_edge_where_the_load_falls_at_once(friction):
         scene, hub = snap_fit(friction)
         touch = Stage("touch", move={hub: (0.8, 0, 0)}, steps=4)
         found[way] = solve(scene, stages=[touch, Stage("drive", move={hub: (way, 0, 0)}, steps=40)])
-    arcs, until = ArcSteps(first=0.1, largest=0.3), Travel(hub, "x", 2.5)
-    push = Stage("push", push={hub: (0.05, 0, 0)}, steps=ArcSteps(until=until, **arcs))
+    arcs = ArcSteps(until=Travel(hub, "x", 2.5), first=0.1, largest=0.3)
+    push = Stage("push", push={hub: (0.05, 0, 0)}, steps=arcs)
     result = solve(scene, stages=[touch, push]).require()
     force, travel = result.column("hub_force_x_N"), result.column("hub_travel_x_mm")
     (limit,) = result.summary["limit_points"]

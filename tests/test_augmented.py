@@ -126,7 +126,7 @@ def sphere(**options):
 
 
 def test_converges_where_the_penalty_of_that_penetration_does_not():
-    element, drive = 1.25, {"steps": 1, "smallest_step": 1.0}  # steps are not cut
+    element, drive = 1.25, {"steps": 1, "method": Method(smallest_step=1.0)}  # steps are not cut
     scene, move = sphere(penalty=1e6)  # what 1e-6 of an element takes at a pressure of 1 MPa
     assert not solve(scene, **move, **drive).converged
     scene, move = sphere(penetration=1e-6 * element)
@@ -241,10 +241,8 @@ def test_on_an_arc_as_at_given_loads():
         scene.fix("zmin")
         ball = rigid_sphere(5.0, (4.0, 4.0, 9.0))
         scene.contact("zmax", ball, 0.4, penetration=1e-6, name="c")
-        way = {"move": {ball: (0.3, 0.0, -1.0)}, "tolerance": 1e-11}
-        if arc:
-            way |= {"method": "arc_length", "until": Load(1.0)}
-        result = solve(scene, **way, steps=2 if arc else [*loads[:-1], 1.0]).require()
+        steps = ArcSteps(until=Load(1.0), first=0.5) if arc else [*loads[:-1], 1.0]
+        result = solve(scene, move={ball: (0.3, 0.0, -1.0)}, steps=steps, method=Method(tolerance=1e-11)).require()
         loads = result.column("t")
         columns.append([result.column(name) for name in ("c_force_x_N", "c_force_z_N")])
         assert result.column("c_penetration_mm").max() <= 1e-6 and result.verdict.augmentations > 0
@@ -261,8 +259,7 @@ def test_past_a_limit_point():
         scene.traction(f"{axis}max", -2.0 * np.eye(3)[i])
         if axis != "z":
             scene.fix(f"{axis}min", axis)
-    follow = {"method": "arc_length", "steps": ArcSteps(first=0.2), "until": Displacement("zmax", "z", -0.8)}
-    result = solve(scene, **follow).require()
+    result = solve(scene, steps=ArcSteps(until=Displacement("zmax", "z", -0.8), first=0.2)).require()
     (limit,) = result.summary["limit_points"]
     # a tangent that holds multipliers is singular a little off the extremum: by the square of that the load is
     np.testing.assert_allclose(limit["t"], 5.0 * 0.6 * 0.4 ** (2 / 3) / 2.0, rtol=1e-5)

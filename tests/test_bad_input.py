@@ -17,6 +17,7 @@ from fenics_contact import (
     ArcSteps,
     Body,
     Method,
+    Output,
     Scene,
     read_gmsh,
     rigid_cone,
@@ -414,17 +415,20 @@ WRONG_VALUES = {
     "steps table": (lambda s: driven(s.mesh, s.out, steps=[[0.5, 1.0]]), "steps", "increasing", "finite numbers"),
     "method number": (lambda s: driven(s.mesh, s.out, method=1), "method", "1", "newton"),
     "method list": (lambda s: driven(s.mesh, s.out, method=["newton"]), "method", "newton", "snes"),
-    "linear number": (lambda s: driven(s.mesh, s.out, linear=1), "1", "direct"),
-    "tolerance zero": (lambda s: driven(s.mesh, s.out, tolerance=0), "tolerance", "0", "positive"),
-    "tolerance negative": (lambda s: driven(s.mesh, s.out, tolerance=-1e-8), "tolerance", "positive"),
-    "tolerance text": (lambda s: driven(s.mesh, s.out, tolerance="1e-8"), "tolerance", "'1e-8'", "positive"),
-    "tolerance large": (lambda s: driven(s.mesh, s.out, tolerance=10), "tolerance", "10", "up to 1"),
-    "tolerance unused": (lambda s: driven(s.mesh, s.out, tolerance=1e-8, method="incremental"), "tolerance", "incremental"),
-    "smallest text": (lambda s: driven(s.mesh, s.out, smallest_step="1e-4"), "smallest_step", "positive"),
-    "until with newton": (lambda s: driven(s.mesh, s.out, until=fc.Load(1.0)), "until", "arc_length"),
-    "back with newton": (lambda s: driven(s.mesh, s.out, back=fc.Load(0.0)), "back", "arc_length"),
-    "ArcSteps with newton": (lambda s: driven(s.mesh, s.out, steps=fc.ArcSteps()), "ArcSteps", "arc_length"),
-    "no until": (lambda s: driven(s.mesh, s.out, method="arc_length"), "until", "Load"),
+    "linear number": (lambda s: driven(s.mesh, s.out, method=Method(linear=1)), "1", "direct"),
+    "tolerance zero": (lambda s: driven(s.mesh, s.out, method=Method(tolerance=0)), "tolerance", "0", "positive"),
+    "tolerance negative": (lambda s: driven(s.mesh, s.out, method=Method(tolerance=-1e-8)), "tolerance", "positive"),
+    "tolerance text": (lambda s: driven(s.mesh, s.out, method=Method(tolerance="1e-8")), "tolerance", "'1e-8'", "positive"),
+    "tolerance large": (lambda s: driven(s.mesh, s.out, method=Method(tolerance=10)), "tolerance", "10", "up to 1"),
+    "tolerance unused": (
+        lambda s: driven(s.mesh, s.out, method=Method("incremental", tolerance=1e-8)), "tolerance", "incremental",
+    ),
+    "smallest text": (lambda s: driven(s.mesh, s.out, method=Method(smallest_step="1e-4")), "smallest_step", "positive"),
+    "ArcSteps with snes": (lambda s: s.followed(until=fc.Load(1.0), method="snes"), "go by arc length", "'snes'"),
+    "ArcSteps in a stage": (lambda s: s.stage(steps=ArcSteps(until=fc.Load(1.0)), method="newton"), "'in'", "by arc length"),
+    "method arc length": (lambda s: driven(s.mesh, s.out, method="arc_length"), "give steps=ArcSteps(until=...)"),
+    "arc length in a stage": (lambda s: s.stage(method="arc_length"), "'in'", "give steps=ArcSteps(until=...)"),
+    "no until": (lambda s: s.followed(until=None), "until", "Load"),
     "until number": (lambda s: s.followed(until=1.0), "until = 1.0", "Load"),
     "until of two": (lambda s: s.followed(until=lambda u, t: t), "until(state)", "(u, t)"),
     "load text": (lambda s: s.followed(until=fc.Load("1")), "Load: value", "'1'"),
@@ -432,11 +436,11 @@ WRONG_VALUES = {
     "displacement axis": (lambda s: s.followed(until=fc.Displacement("zmax", "xy", 1.0)), "'zmax'", "'xy'", "one of x"),
     "displacement group": (lambda s: s.followed(until=fc.Displacement("lid", "z", 1.0)), "'lid'", "zmax"),
     "displacement groups": (lambda s: s.followed(until=fc.Displacement(6, "z", 1.0)), "6", "surface group"),
-    "first text": (lambda s: s.followed(until=fc.Load(1.0), steps=fc.ArcSteps(first="0.1")), "first", "positive"),
-    "most part": (lambda s: s.followed(until=fc.Load(1.0), steps=fc.ArcSteps(most=2.5)), "most", "whole number"),
-    "checkpoint text": (lambda s: driven(s.mesh, s.out, checkpoint="yes"), "checkpoint", "'yes'", "whole number"),
-    "checkpoint part": (lambda s: driven(s.mesh, s.out, checkpoint=1.5), "checkpoint", "1.5", "whole number"),
-    "checkpoint nowhere": (lambda s: driven(s.mesh, None, checkpoint=True), "checkpoint", "out="),
+    "first text": (lambda s: s.followed(until=fc.Load(1.0), first="0.1"), "first", "positive"),
+    "most part": (lambda s: s.followed(until=fc.Load(1.0), most=2.5), "most", "whole number"),
+    "checkpoint text": (lambda s: driven(s.mesh, Output(s.out, checkpoint="yes")), "checkpoint", "'yes'", "whole number"),
+    "checkpoint part": (lambda s: driven(s.mesh, Output(s.out, checkpoint=1.5)), "checkpoint", "1.5", "whole number"),
+    "checkpoint nowhere": (lambda s: driven(s.mesh, Output(checkpoint=True)), "checkpoint", "out="),
     "out number": (lambda s: driven(s.mesh, 5), "out = 5", "folder"),
 }  # fmt: skip
 
@@ -471,8 +475,12 @@ class Start:
         scene, tool = pressed(self.mesh)
         return solved(scene, out=self.out, **{word: {tool: value} for word, value in drives.items()})
 
-    def followed(self, **options):
-        return driven(self.mesh, self.out, method="arc_length", **options)
+    def followed(self, method="newton", **arcs):
+        return driven(self.mesh, self.out, steps=ArcSteps(**arcs), method=method)
+
+    def stage(self, **options):
+        scene, tool = pressed(self.mesh)
+        return solved(scene, out=self.out, stages=[fc.Stage("in", move={tool: (0, 0, -0.1)}, **options)])
 
 
 @pytest.mark.parametrize("name", WRONG_VALUES)
@@ -492,7 +500,8 @@ def test_numbers_of_numpy_and_one_number_for_all_places_are_right(mesh):
         scene, tool = pressed(mesh, points=count, friction=np.float32(0.25), penalty=np.array(10.0))
         scene.prescribe("zmax", "x", way)
         scene.traction(group, (0.0, 0.1, 0.0))
-        result = solved(scene, move={tool: np.array([0, 0, -1]) / 10}, steps=count, smallest_step=np.float64(0.1))
+        method = Method(smallest_step=np.float64(0.1))
+        result = solved(scene, move={tool: np.array([0, 0, -1]) / 10}, steps=count, method=method)
         assert result.converged
         found.append([result.history[-1][f"top_force_{axis}_N"] for axis in "xyz"])
     np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-10)

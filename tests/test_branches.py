@@ -20,6 +20,7 @@ from fenics_contact import (
     Load,
     Method,
     Motion,
+    Output,
     Scene,
     Travel,
     from_elastic,
@@ -36,7 +37,6 @@ from fenics_contact.solvers.softest import Softest
 from fenics_contact.solvers.verdict import Verdict
 
 COMM = MPI.COMM_WORLD
-FOLLOW = {"method": "arc_length"}
 
 
 # -- Rivlin's cube ----------------------------------------------------------------------------------------------------
@@ -74,8 +74,10 @@ def on_branch(wide):
 def test_rivlins_cube_leaves_the_symmetric_state_at_its_critical_load(towards, wide):
     """Flat cubes one way, rods the other; the branch crosses: one of its arms starts with a falling load."""
     assert abs(critical() - 2.0) < 1e-3  # 2 mu where it is incompressible
-    steps = ArcSteps(first=0.3, largest=0.05, branch=Branch("xmax", "x", towards))
-    result = solve(cube(), **FOLLOW, steps=ArcSteps(until=Displacement("ymax", "y", wide - 1.0), first=1 / steps))
+    branch = Branch("xmax", "x", towards)
+    result = solve(
+        cube(), steps=ArcSteps(until=Displacement("ymax", "y", wide - 1.0), first=0.3, largest=0.05, branch=branch)
+    )
     assert result.converged, result.verdict.reason
     at = result.column("bifurcation") == 1
     np.testing.assert_allclose(result.column("t")[at][0], critical(), rtol=1e-5)
@@ -90,9 +92,10 @@ def test_a_run_resumed_at_a_bifurcation_goes_on_along_its_branch(tmp_path):
     folder = MPI.COMM_WORLD.bcast(tmp_path)
 
     def go(out, last=100, resume=False):
-        steps = ArcSteps(first=0.3, largest=0.05, branch=Branch("xmax", "x", -1.0))
-        kept = {"out": folder / out, "checkpoint": True, "resume": resume, "record": dying(last)}
-        return solve(cube(), **FOLLOW, **kept, steps=ArcSteps(until=Displacement("ymax", "y", 0.1), first=1 / steps))
+        branch = Branch("xmax", "x", -1.0)
+        steps = ArcSteps(until=Displacement("ymax", "y", 0.1), first=0.3, largest=0.05, branch=branch)
+        kept = Output(folder / out, checkpoint=True, resume=resume)
+        return solve(cube(), steps=steps, out=kept, record=dying(last))
 
     whole = go("whole").require()
     landed = int(np.argmax(whole.column("bifurcation"))) + 1
@@ -105,7 +108,7 @@ def test_a_run_resumed_at_a_bifurcation_goes_on_along_its_branch(tmp_path):
 
 @pytest.mark.parallel
 def test_a_bifurcation_that_is_passed_is_said():
-    result = solve(cube(), **FOLLOW, steps=ArcSteps(until=Load(2.1), first=0.1, largest=1e-5)).require()
+    result = solve(cube(), steps=ArcSteps(until=Load(2.1), first=0.1, largest=1e-5)).require()
     t, negative = result.column("t"), result.column("negative_pivots")
     assert np.all(negative[t < critical()] == 0) and np.all(negative[t > critical()] == 2)  # two motions, alike
     assert result.column("bifurcation").sum() == 1 and result.column("bifurcation")[np.argmax(t > critical())] == 1
@@ -168,10 +171,10 @@ def test_the_softest_motion_is_found_and_followed(skewed):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("held", [{"stabilise": True}, {"damping": True}])
-def test_what_cannot_be_followed_is_not_told_to_be(held):
+@pytest.mark.parametrize("method", [Method(stabilise=True), Method(damping=True)], ids=["stabilise", "damping"])
+def test_what_cannot_be_followed_is_not_told_to_be(method):
     """These words do not go with arc length."""
-    result = solve(cube(), steps=[1.0, 1.9, 2.05], **held).require()
+    result = solve(cube(), steps=[1.0, 1.9, 2.05], method=method).require()
     (said,) = (note for note in result.verdict.notes if "pivots" in note)
     assert "a bifurcation has been passed" in said and "ArcSteps" not in said and "shorter steps" in said
 
@@ -187,7 +190,7 @@ def test_an_unsymmetric_tangent_is_weak_evidence(arcs):
         linear.builds, linear.negative = linear.builds + 1, negative
         watch(StepReport(residuals=[1e-5, 1e-9]), 0.0, True)
     (said,) = verdict.notes
-    assert "may have been passed" in said and "let go" in said and ("arc_length" in said) == arcs
+    assert "may have been passed" in said and "let go" in said and ("ArcSteps" in said) == arcs
 
 
 # -- a column ---------------------------------------------------------------------------------------------------------
@@ -218,8 +221,9 @@ def column(rough=False):
 @pytest.mark.parametrize("rough", [False, True])
 def test_a_column_buckles_at_eulers_load_and_follows_the_elastica(rough):
     sideways = 2.0
-    steps = ArcSteps(first=0.3, largest=0.5, branch=Branch("zmax", "x"))
-    result = solve(column(rough), **FOLLOW, steps=ArcSteps(until=Displacement("zmax", "x", sideways), first=1 / steps))
+    until = Displacement("zmax", "x", sideways)
+    steps = ArcSteps(until=until, first=0.3, largest=0.5, branch=Branch("zmax", "x"))
+    result = solve(column(rough), steps=steps)
     assert result.converged and result.system.symmetric != rough, result.verdict.reason
     load = result.column("t")[result.column("bifurcation") == 1][0]
     np.testing.assert_allclose(load, 1.0, atol=LEFT_OUT)
@@ -239,13 +243,8 @@ def test_a_column_tied_to_a_hub_buckles_alike_however_it_is_pressed():
         scene.tie("zmax", hub)
         free = Motion(**press, free="x ry")
         branch = Branch("zmax" if how == "pushed" else "xmin", "x", towards=-1)
-        steps = ArcSteps(first=0.3, largest=0.5, branch=branch)
-        result = solve(
-            scene,
-            move={hub: free},
-            **FOLLOW,
-            steps=ArcSteps(until=[Travel(hub, "x", way) for way in (-2.0, 2.0)], first=1 / steps),
-        )
+        until = [Travel(hub, "x", way) for way in (-2.0, 2.0)]
+        result = solve(scene, move={hub: free}, steps=ArcSteps(until=until, first=0.3, largest=0.5, branch=branch))
         assert result.verdict.reason == "reached travel of 'hub' along x = -2", result.verdict.reason
         (at,) = np.flatnonzero(result.column("bifurcation") == 1)
         found[how] = -result.column("hub_force_z_N")[[at, -1]] / EULER
@@ -265,4 +264,4 @@ def test_wrong_branches_are_refused():
         (Branch("zmax", "x", 2.0), "towards = 2.0"),
         (Branch("zmax", "x", number=0), "number"),
     ):
-        refused(lambda: solve(column(), **FOLLOW, steps=ArcSteps(until=Load(1.0), branch=branch)), *words)  # noqa: B023
+        refused(lambda: solve(column(), steps=ArcSteps(until=Load(1.0), branch=branch)), *words)  # noqa: B023

@@ -1,5 +1,6 @@
 """Jumps of the load path, a snap and a blade that lets go: damped motion carries the bodies to where they rest."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ from by_node import displacements
 from mpi4py import MPI
 
 from fenics_contact import (
+    ArcSteps,
     Body,
     Load,
     Method,
@@ -71,7 +73,7 @@ def stumbling(smallest, friction=0.3, press=0.3, drag=4.0):
     scene.prescribe("zmax", "x", lambda X, t: np.full(len(X), drag * max(t - 0.2, 0.0)))
     scene.fix("zmax", "y")
     scene.contact("zmin", rigid_plane(), friction, penalty=Penalty(share=1.0), name="floor")
-    return scene, {"smallest_step": smallest}
+    return scene, {"method": Method(smallest_step=smallest)}
 
 
 def past_the_end(way=-6.0):
@@ -167,11 +169,11 @@ def test_a_run_resumed_after_a_jump_equals_a_continuous_one(scene, times, stated
     if COMM.size > 1 and scene is blade:
         pytest.skip("which solves fail as it flips is round-off, and MUMPS adds up in another order each time")
     folder = COMM.bcast(tmp_path)
-    kept = {"damping": True, "method": method, "checkpoint": True, "tolerance": 1e-11}
-    whole = solve(scene(**stated), steps=times, out=folder / "whole", **kept).require()
-    begun = solve(scene(**stated), steps=times[:-1], out=folder / "parts", **kept).require()
+    damped, kept = Method(method, tolerance=1e-11, damping=True), Output(folder / "parts", checkpoint=True)
+    whole = solve(scene(**stated), steps=times, method=damped, out=Output(folder / "whole", checkpoint=True)).require()
+    begun = solve(scene(**stated), steps=times[:-1], method=damped, out=kept).require()
     assert begun.summary["damping"]["jumps"] > 0
-    parts = solve(scene(**stated), steps=times, out=Output(folder / "parts", resume=True), **kept).require()
+    parts = solve(scene(**stated), steps=times, method=damped, out=replace(kept, resume=True)).require()
     # on several processes MUMPS adds up in another order each time: behind a jump solves may be some more or fewer
     for name in ("t", "damping_work_Nmm", *(["iterations"] if COMM.size == 1 else [])):
         np.testing.assert_allclose(parts.column(name), whole.column(name), rtol=1e-9)  # steps end at 1e-11 of the force
@@ -250,9 +252,9 @@ def test_one_half_tells_that_an_even_path_does_not_jump(monkeypatch):
 
 
 def test_wrong_methods_are_refused():
-    for options in ({"method": "incremental"}, {"method": "arc_length", "until": Load(1.0)}):
+    for method, steps in (("incremental", 10), ("newton", ArcSteps(until=Load(1.0), first=0.1))):
         with pytest.raises(SceneError, match="damping"):
-            solve(loaded_dome(), method=Method(damping=True), **options)
+            solve(loaded_dome(), steps=steps, method=Method(method, damping=True))
 
 
 def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
@@ -387,10 +389,10 @@ def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
 
 def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):
     folder, times = COMM.bcast(tmp_path), [0.2, 0.4, 0.6, 0.7, 0.8, 0.9]
-    kept = {"checkpoint": True, "tolerance": 1e-11}
-    whole = solve(stumbling(None)[0], steps=times, out=folder / "whole", **kept).require()
-    begun = solve(stumbling(None)[0], steps=times[:-1], out=folder / "parts", **kept).require()
-    parts = solve(stumbling(None)[0], steps=times, out=Output(folder / "parts", resume=True), **kept).require()
+    tight, kept = Method(tolerance=1e-11), Output(folder / "parts", checkpoint=True)
+    whole = solve(stumbling(None)[0], steps=times, method=tight, out=Output(folder / "whole", checkpoint=True)).require()
+    begun = solve(stumbling(None)[0], steps=times[:-1], method=tight, out=kept).require()
+    parts = solve(stumbling(None)[0], steps=times, method=tight, out=replace(kept, resume=True)).require()
     assert begun.summary["damping"]["jumps"] == 1
     assert parts.summary["damping"] == pytest.approx(whole.summary["damping"], rel=1e-9)
     for name in ("t", "floor_force_x_N", "energy_error_Nmm"):

@@ -13,7 +13,7 @@ import refusals
 from mpi4py import MPI
 from test_restart import alone, mpirun
 
-from fenics_contact import Body, Load, Output, Scene, SceneError, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import ArcSteps, Body, Load, Output, Scene, SceneError, coulomb, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.agreement import alike
 from fenics_contact.meshes import box
 
@@ -82,8 +82,8 @@ def test_functions_of_the_state_that_fail_on_one_rank():
         return 1.0 - state.t
 
     refused(lambda: solve(scene, steps=2, record={"mine": late}), "record 'mine'", "KeyError", "no such thing")
-    arc = {"method": "arc_length", "until": late}
-    refused(lambda: solve(scene, **arc), "target 1, late = 0", "KeyError")
+    arc = ArcSteps(until=late, first=0.1)
+    refused(lambda: solve(scene, steps=arc), "target 1, late = 0", "KeyError")
 
 
 @pytest.mark.parallel
@@ -91,7 +91,7 @@ def test_a_run_that_an_error_ends_leaves_what_it_accepted(tmp_path):
     """The folder is whole, says why it ends, and the run goes on from there once the function is mended."""
     folder = COMM.bcast(tmp_path)
 
-    def run(fails, **options):
+    def run(fails, resume=False):
         scene = bar()
         scene.prescribe("xmax", "x", 0.1)
 
@@ -100,7 +100,7 @@ def test_a_run_that_an_error_ends_leaves_what_it_accepted(tmp_path):
                 raise ValueError("the table ends here")
             return view.t
 
-        return solve(scene, steps=4, out=Output(folder, checkpoint=True), record={"mine": mine}, **options)
+        return solve(scene, steps=4, out=Output(folder, checkpoint=True, resume=resume), record={"mine": mine})
 
     refused(lambda: run(True), "the table ends here")
     COMM.Barrier()
@@ -124,8 +124,8 @@ def test_a_record_must_be_a_number_and_the_same_on_all_ranks():
     local = {"size": lambda state: float(len(state.u.x.array) + COMM.rank)}
     if COMM.size > 1:
         refused(lambda: solve(scene, steps=1, record=local), "record 'size'", "on rank 0", "allreduce")
-        arc = {"method": "arc_length", "until": [Load(1.0), local["size"]]}
-        refused(lambda: solve(scene, **arc), "target 2", "on rank 0", "allreduce")
+        arc = ArcSteps(until=[Load(1.0), local["size"]], first=0.1)
+        refused(lambda: solve(scene, steps=arc), "target 2", "on rank 0", "allreduce")
 
 
 @pytest.mark.parallel

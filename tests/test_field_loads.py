@@ -1,5 +1,7 @@
 """Forces in all, spin, swelling and springs: each against a closed form, its work against the energy, and its tangent."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import ufl
@@ -8,7 +10,7 @@ from petsc4py import PETSc
 from refusals import refused
 from scipy.optimize import brentq
 
-from fenics_contact import Body, Output, Scene, Stage, from_elastic, neo_hooke, read_gmsh, solve, user_energy
+from fenics_contact import Body, Method, Output, Scene, Stage, from_elastic, neo_hooke, read_gmsh, solve, user_energy
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.meshes import box, rectangles, tubes
 from fenics_contact.scene.build import build
@@ -148,7 +150,7 @@ def test_a_spin_at_large_strain_has_an_exact_tangent_and_a_potential(block):
         made.spin(0.5, 1.0, axis=(0.2, 0.0, 1.0))
         return made
 
-    result = solved(scene(), 2, tolerance=1e-12)
+    result = solved(scene(), 2, method=Method(tolerance=1e-12))
     assert displacement(result, "xmax")[0] > 0.1 * LENGTH
     assert max(result.column("iterations")) <= 6
     system = result.system
@@ -272,6 +274,7 @@ def test_swelling_that_differs_from_place_to_place(options, order, bound):
 def test_swelling_from_place_to_place_in_stages(tmp_path):
     """Its work is counted, and what went with a field goes back with a number; resumed, and as a run of its own."""
     errors, ends = [], []
+    tight = Method(tolerance=1e-11)
     for steps in (2, 4):
         scene = inverted(1)
         scene.swell("box", 1.0)
@@ -280,16 +283,16 @@ def test_swelling_from_place_to_place_in_stages(tmp_path):
             Stage("less", swell={"box": lambda X, s: warmed(X, 1.0 - 0.5 * s)}),
             Stage("cool", swell={"box": 1.0}),
         ]
-        result = solved(scene, steps, stages=stages, tolerance=1e-11)
+        result = solved(scene, steps, stages=stages, method=tight)
         errors.append(abs(result.column("energy_error_Nmm", "warm")[-1]))
         ends.append(abs(displacement(result, "xmax")[0]))
     assert errors[0] / errors[1] > 3.8 and errors[1] < 0.1 * result.column("external_work_Nmm", "warm")[-1]
     assert max(ends) < 1e-6  # mm, of 0.3: what soft springs hold to Newton's tolerance
     folder = MPI.COMM_WORLD.bcast(tmp_path)
-    kept = {"out": folder, "checkpoint": True, "tolerance": 1e-11}
-    solved(scene, steps, stages=stages[:1], **kept)
-    for way in ({"stages": stages[1:], "start": folder, "tolerance": 1e-11}, {"stages": stages, "resume": True, **kept}):
-        again = solved(scene, steps, **way)
+    kept = Output(folder, checkpoint=True)
+    solved(scene, steps, stages=stages[:1], method=tight, out=kept)
+    for way in ({"stages": stages[1:], "start": folder}, {"stages": stages, "out": replace(kept, resume=True)}):
+        again = solved(scene, steps, method=tight, **way)
         energy = [one.column("strain_energy_Nmm", "cool")[0] for one in (again, result)]
         assert energy[0] == pytest.approx(energy[1], rel=1e-9)
 
@@ -357,8 +360,9 @@ def test_a_run_of_all_these_is_resumed(block, tmp_path):
         return made
 
     whole = solved(scene(), 4)
-    solve(scene(), steps=[0.25, 0.5], out=Output(folder / "run", checkpoint=True))
-    resumed = solved(scene(), 4, out=folder / "run", checkpoint=True, resume=True)
+    kept = Output(folder / "run", checkpoint=True)
+    solve(scene(), steps=[0.25, 0.5], out=kept)
+    resumed = solved(scene(), 4, out=replace(kept, resume=True))
     for name in ("strain_energy_Nmm", "external_work_Nmm", "xmin_reaction_x_N"):
         assert abs(resumed.column(name)[-1] - whole.column(name)[-1]) < 1e-10 * max(1.0, abs(whole.column(name)[-1]))
 

@@ -1,5 +1,7 @@
 """A fluid that acts where contact does not: exact tangent, closed forms of a block and a ring, ranks, restart, bad input."""
 
+from dataclasses import replace
+
 import gmsh
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from test_two_bodies import RUBBER, blocks, roughened
 
 from fenics_contact import (
     Body,
+    Method,
     Motion,
+    Output,
     Penalty,
     Scene,
     Stage,
@@ -236,7 +240,7 @@ def test_corners_without_area_are_refused():
 
 
 # ---- a ring
-def ring(cells=5, p=3.0, points=None, source="wet", penalty=None, **options):
+def ring(cells=5, p=3.0, points=None, source="wet", penalty=None, steps=6, out=None):
     """Half an O-ring under a lid that squeezes it until t = 0.5, then pushed to a side wall by a fluid."""
     mesh = read_gmsh(o_ring.build, cells=cells)
     scene = Scene(Body(mesh, "ring", neo_hooke(2.0, 20.0)), plane="strain")
@@ -245,8 +249,8 @@ def ring(cells=5, p=3.0, points=None, source="wet", penalty=None, **options):
     scene.contact("rim", lid, points=points, penalty=penalty, name="lid")
     scene.contact("rim", rigid_plane((1.6, 0, 0), (-1, 0, 0), name="side"), points=points, penalty=penalty, name="side")
     scene.pressure("rim", lambda t: p * max(2 * t - 1, 0.0), where="open", from_=source)
-    drive = {"move": {lid: lambda t: (0, -0.4 * min(2 * t, 1.0), 0)}, "stabilise": True, "steps": 6}
-    return solve(scene, **{**drive, **options})
+    way = {lid: lambda t: (0, -0.4 * min(2 * t, 1.0), 0)}
+    return solve(scene, move=way, steps=steps, method=Method(stabilise=True), out=out)
 
 
 @pytest.mark.parallel
@@ -364,17 +368,17 @@ def test_a_fluid_that_runs_through_a_seal_is_said_and_damping_carries_the_bodies
     verdict = between_hubs().verdict
     assert (verdict.kind, verdict.place) == ("fluid comes through", "fluid 1 on low_ymax"), verdict.reason
     assert "more nodes" in verdict.reason and "damping=True" in verdict.remedy
-    through = between_hubs(damping=True).require()
+    through = between_hubs(method=Method(damping=True)).require()
     assert through.column("c_load_N")[-1] == 0.0
     assert through.column("upper_force_y_N")[-1] == pytest.approx(-0.4 * (4.0 - through.column("corner")[-1]), rel=1e-6)
 
 
 @pytest.mark.parallel
 def test_a_run_resumed_knows_how_far_the_fluid_was(tmp_path_factory):
-    out = COMM.bcast(str(tmp_path_factory.mktemp("ring")) if COMM.rank == 0 else None)
+    kept = Output(COMM.bcast(str(tmp_path_factory.mktemp("ring")) if COMM.rank == 0 else None), checkpoint=True)
     times = np.arange(1, 7) / 6
-    whole, first = ring(4, steps=times), ring(4, steps=times[:5], out=out, checkpoint=True)
-    again = ring(4, steps=times, out=out, checkpoint=True, resume=True)
+    whole, first = ring(4, steps=times), ring(4, steps=times[:5], out=kept)
+    again = ring(4, steps=times, out=replace(kept, resume=True))
     np.testing.assert_array_equal(again.column("t"), whole.column("t"))
     np.testing.assert_allclose(again.column("lid_force_y_N"), whole.column("lid_force_y_N"), rtol=1e-9)
     assert again.column("iterations")[-1] == whole.column("iterations")[-1]

@@ -17,7 +17,19 @@ from refusals import refused
 from test_restart import alone, mpirun
 from vtu_files import times_of_fields
 
-from fenics_contact import Body, FolderError, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, rigid_sphere, solve
+from fenics_contact import (
+    Body,
+    FolderError,
+    Method,
+    Output,
+    Scene,
+    SceneError,
+    neo_hooke,
+    read_gmsh,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.meshes import box
 from fenics_contact.output import checkpoint
 from fenics_contact.output.checkpoint import CheckpointFiles
@@ -48,12 +60,9 @@ def scene_of(radius=RADIUS, lid=0.0, traction=0.0, penalty=None, friction=0.3, l
 
 
 def press(out, depth=-1.0, steps=4, method="newton", record=None, **options):
-    kept = {
-        name: options.pop(name) for name in ("checkpoint", "resume", "overwrite", "stabilise", "damping") if name in options
-    }
     scene, ball = scene_of(**options)
     drive = {"move": {ball: lambda t: (0.5 * t, 0.0, depth * t)}}
-    return solve(scene, **drive, steps=steps, out=out, method=method, record=record, **kept)
+    return solve(scene, **drive, steps=steps, out=out, method=method, record=record)
 
 
 def raised(kind, action, *words):
@@ -99,12 +108,12 @@ def test_no_room_for_fields(folder, file_size, keep):
         file_size(2000 if state.t > 0.3 else resource.RLIM_INFINITY)
         return 0.0
 
-    run = lambda **how: press(folder, record={"fill": fill}, checkpoint=keep, **how)  # noqa: E731
+    run = lambda: press(Output(folder, checkpoint=keep), record={"fill": fill})  # noqa: E731
     raised(FolderError, run, str(folder), "the fields of step 2", "OSError", os.strerror(errno.EFBIG))
     file_size(resource.RLIM_INFINITY)
     whole(folder, 1)
     if keep:
-        assert press(folder, record={"fill": lambda state: 0.0}, resume=True).converged
+        assert press(Output(folder, resume=True), record={"fill": lambda state: 0.0}).converged
         whole(folder, 4)
 
 
@@ -120,11 +129,12 @@ def test_no_room_for_a_checkpoint(folder, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(checkpoint.np, "savez", cut)
-    raised(FolderError, lambda: press(folder, checkpoint=True), str(folder), "a checkpoint", "No space left on device")
+    kept = Output(folder, checkpoint=True)
+    raised(FolderError, lambda: press(kept), str(folder), "a checkpoint", "No space left on device")
     whole(folder, 1)
     monkeypatch.undo()
     assert COMM.rank > 0 or CheckpointFiles(folder).read()[1]["step"] == 1
-    assert press(folder, resume=True).converged
+    assert press(Output(folder, resume=True)).converged
     whole(folder, 4)
 
 
@@ -155,15 +165,13 @@ def test_results_are_replaced_only_where_that_is_asked_for(folder, keep):
         (folder / "tools" / "ball_of_mine.pvd").write_text('<x><DataSet file="ball_999999.vtu"/></x>')
     COMM.Barrier()
     mine = contents(folder)
-    press(folder, checkpoint=keep)
+    press(Output(folder, checkpoint=keep))
     whole(folder, 4)
     before = contents(folder)
     COMM.Barrier()
-    for how in ({}, {"checkpoint": True}):
-        raised(
-            SceneError, lambda how=how: press(folder, **how), str(folder), "holds results", "overwrite=True", "resume=True"
-        )
-    raised(SceneError, lambda: press(folder, overwrite=True, resume=True), "give one of them")
+    for out in (folder, Output(folder, checkpoint=True)):
+        raised(SceneError, lambda out=out: press(out), str(folder), "holds results", "overwrite=True", "resume=True")
+    raised(SceneError, lambda: press(Output(folder, overwrite=True, resume=True)), "give one of them")
     assert contents(folder) == before
     stale = []
 
@@ -172,7 +180,7 @@ def test_results_are_replaced_only_where_that_is_asked_for(folder, keep):
         stale.extend(name for name in old if (folder / name).exists())
         return 0.0
 
-    press(folder, checkpoint=not keep, overwrite=True, steps=2, record={"look": look})
+    press(Output(folder, checkpoint=not keep, overwrite=True), steps=2, record={"look": look})
     whole(folder, 2)
     assert not stale, "of the run before"
     assert (folder / "checkpoint_0.npz").exists() is not keep
@@ -185,13 +193,14 @@ def test_a_folder_in_the_place_of_a_file_is_named(folder, file):
     if COMM.rank == 0:
         (folder / file).mkdir(parents=True)
     COMM.Barrier()
-    raised(FolderError, lambda: press(folder, checkpoint=True), str(folder), "the fields of step 1", "IsADirectoryError")
+    kept = Output(folder, checkpoint=True)
+    raised(FolderError, lambda: press(kept), str(folder), "the fields of step 1", "IsADirectoryError")
     whole(folder, 0)
 
 
 @pytest.mark.parallel
 def test_damaged_checkpoints_are_refused_and_nothing_is_lost(folder):
-    press(folder, checkpoint=True, steps=2)
+    press(Output(folder, checkpoint=True), steps=2)
     if COMM.rank == 0:
         for i in range(2):
             path = folder / f"checkpoint_{i}.npz"
@@ -199,16 +208,16 @@ def test_damaged_checkpoints_are_refused_and_nothing_is_lost(folder):
     COMM.Barrier()
     before = contents(folder)
     COMM.Barrier()
-    raised(
-        SceneError, lambda: press(folder, resume=True), "checkpoint_0.npz and checkpoint_1.npz", "damaged", "overwrite=True"
-    )
+    resumed = lambda: press(Output(folder, resume=True))  # noqa: E731
+    raised(SceneError, resumed, "checkpoint_0.npz and checkpoint_1.npz", "damaged", "overwrite=True")
     assert contents(folder) == before
 
 
 @pytest.mark.parallel
 def test_results_without_a_checkpoint_are_not_resumed(folder):
     press(folder, steps=1)
-    raised(SceneError, lambda: press(folder, resume=True), str(folder), "without a checkpoint", "overwrite=True")
+    resumed = lambda: press(Output(folder, resume=True))  # noqa: E731
+    raised(SceneError, resumed, str(folder), "without a checkpoint", "overwrite=True")
     whole(folder, 1)
 
 
@@ -227,8 +236,8 @@ OTHERS = {
     "contact 'c', penalty normal: None there, 7.0 here": {"penalty": 7.0},
     "contact 'c', friction: 0.3 there, 0.2 here": {"friction": 0.2},
     "energy of 'box': .* there, .* here": {"law": stiffer(1.1)},
-    "stabilise: False there, True here": {"stabilise": True},
-    "damping: False there, True here": {"damping": True},
+    "stabilise: False there, True here": {"method": Method(stabilise=True)},
+    "damping: False there, True here": {"method": Method(damping=True)},
     "method: newton there, snes here": {"method": "snes"},
     r"record: \[\] there, \['mine'\] here": {"record": {"mine": lambda state: 1.0}},
 }
@@ -237,15 +246,15 @@ OTHERS = {
 @pytest.mark.parallel
 def test_another_statement_is_refused_and_named(folder):
     law = stiffer(1.0)
-    press(folder, checkpoint=True, steps=[0.25], law=law)
+    press(Output(folder, checkpoint=True), steps=[0.25], law=law)
     before = contents(folder)
     COMM.Barrier()
     for words, change in OTHERS.items():
         with pytest.raises(SceneError, match=f"another scene, {words}; resume with the script") as caught:
-            press(folder, resume=True, **{"law": law, **change})
+            press(Output(folder, resume=True), **{"law": law, **change})
         assert len(set(COMM.allgather(str(caught.value)))) == 1
     assert contents(folder) == before
-    assert press(folder, resume=True, steps=[0.25, 0.5], law=law).converged
+    assert press(Output(folder, resume=True), steps=[0.25, 0.5], law=law).converged
 
 
 @pytest.mark.parallel
@@ -256,17 +265,18 @@ def test_paths_are_compared_as_far_as_the_run_has_come(folder):
         assert t <= 2.0 or beyond is not None
         return (0.0, 0.0, -0.2 * min(t, 1.0) - 0.1 * max(t - 1.0, 0.0) - (beyond or 0.0) * max(t - 2.0, 0.0))
 
-    def go(path, steps, **options):
+    def go(path, steps, out):
         scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", stiffer(1.0)))
         scene.fix("zmin")
         plane = rigid_plane((0, 0, 2.0), (0, 0, -1.0), name="plane")
         scene.contact("zmax", plane, name="c")
-        return solve(scene, move={plane: path}, steps=steps, out=folder, **options).require()
+        return solve(scene, move={plane: path}, steps=steps, out=out).require()
 
-    go(lambda t: way(t, None), [0.5, 1.0, 2.0], checkpoint=True)
+    resumed = Output(folder, resume=True)
+    go(lambda t: way(t, None), [0.5, 1.0, 2.0], Output(folder, checkpoint=True))
     with pytest.raises(SceneError, match="another scene, move of 'plane'"):
-        go(lambda t: (0.0, 0.0, -0.2 * t), [0.5, 1.0, 2.0, 3.0], resume=True)
-    result = go(lambda t: way(t, 0.3), [0.5, 1.0, 2.0, 3.0], resume=True)
+        go(lambda t: (0.0, 0.0, -0.2 * t), [0.5, 1.0, 2.0, 3.0], resumed)
+    result = go(lambda t: way(t, 0.3), [0.5, 1.0, 2.0, 3.0], resumed)
     assert list(result.column("t")) == [0.5, 1.0, 2.0, 3.0]
     assert result.history[-1]["plane_travel_z_mm"] == pytest.approx(-0.7)
 

@@ -13,6 +13,7 @@ from test_steppers import on_ranks
 from fenics_contact import (
     Body,
     Method,
+    Output,
     Scene,
     Units,
     from_elastic,
@@ -245,13 +246,13 @@ def test_augmented_contact_in_other_units_and_turned():
 @pytest.mark.serial  # on 2 ranks: test_restart.py
 def test_restart(scene, tmp_path):
     name, plain = scene
-    folder, tolerance = COMM.bcast(tmp_path), 1e-11
+    kept, tight = Output(COMM.bcast(tmp_path), checkpoint=True), Method(tolerance=1e-11)
     for part in (2, None):
         statement, drive = SCENES[name](Frame())
         times = drive.pop("steps")
         times = np.arange(1, times + 1) / times if isinstance(times, int) else times
-        options = {"out": folder, "checkpoint": True, "resume": part is None, "tolerance": tolerance}
-        result = solve(statement, **drive, steps=times[:part], **options).require()
+        out = replace(kept, resume=part is None)
+        result = solve(statement, **drive, steps=times[:part], method=tight, out=out).require()
     assert_same(rows(result, Frame()), plain, EXACT)
 
 
