@@ -95,7 +95,8 @@ class Recorder:
         if not self.bar.disable and news:
             tqdm.write("\n".join(news), file=sys.stderr)
         if not self.arcs:
-            self.bar.update(t - self.bar.n)
+            self.bar.n = min(t, self.bar.total)  # steps may go past t = 1, if only by rounding; tqdm would warn of it
+            self.bar.update(0)
 
     def _words(self, report: StepReport) -> str:
         name = self.system.stages.name
