@@ -398,7 +398,7 @@ def test_wrong_statements_are_refused():
     ball = next(iter(way["push"]))
     refused(lambda: solve(scene, **way, method="arc_length"), "give steps=ArcSteps(until=...)")
     refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0)), method="snes"), "go by arc length", "'snes'")
-    refused(lambda: solve(scene, **way, steps=ArcSteps()), "ArcSteps needs until")
+    refused(lambda: solve(scene, **way, steps=ArcSteps(until=None)), "ArcSteps needs until")
     refused(lambda: solve(scene, **way, steps=ArcSteps(until=Displacement("lid", "z", 1.0))), "'lid'", "zmax")
     refused(lambda: solve(scene, **way, steps=ArcSteps(until=Displacement("zmax", "r", 1.0))), "'r'", "x, y, z")
     refused(
