@@ -16,14 +16,17 @@ import signal
 import subprocess
 import sys
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import gmsh
 import numpy as np
 
 from fenics_contact import (
+    ArcSteps,
     Body,
+    Load,
+    Method,
     Penalty,
     Scene,
     read_gmsh,
@@ -55,7 +58,7 @@ class Statement:
     what: "tool" on one body, "pair" of bodies, or "both": a tool on the upper one of a pair. hold: how the lower body is
     held; size, cells: of the only or lower body; upper, upper_cells: of the other; depth: pressed so far [length]; drag
     (2,): then dragged; force, aside: pushed so hard [force], then aside by that share of it; length,
-    pressure: the units that it is computed in; options: of solve.
+    pressure: the units that it is computed in; method: of solve; arcs: whether it goes by arc length.
     """
 
     seed: int
@@ -94,7 +97,8 @@ class Statement:
     axes: str = ""  # along which symmetry planes hold a body that contacts alone hold otherwise
     penalty_factor: float | None = None
     tangential_share: float | None = None
-    options: dict = field(default_factory=dict)
+    method: Method = Method()
+    arcs: bool = False
 
     @property
     def young(self):
@@ -196,7 +200,7 @@ def draw(seed):
     turn, far = between(0.0, 2.0 * np.pi), between(0.1, 0.8) * (pressed[2] if tool in ("", "plane") else 0.5 * pressed[0])
     if what == "both":
         far = min(far, 0.7 * upper[2])
-    options = {"stabilise": True} if path.startswith("push") and rng.random() < 0.7 else {}
+    stabilise = path.startswith("push") and rng.random() < 0.7
     length, pressure = one_of((1.0, 1.0), (1e-3, 1e6), (25.4, 145.0), p=(0.6, 0.3, 0.1))
     slack = 0.2 * (size[0] - upper[0]), 0.2 * (size[1] - upper[1])
     place = (float(rng.uniform(-0.2, 0.2) * pressed[0]), float(rng.uniform(-0.2, 0.2) * pressed[1]))
@@ -207,7 +211,7 @@ def draw(seed):
         0.0 if path.startswith("push") else one_of(0.0, between(0.005, 0.05) * height),
         depth, (far * float(np.cos(turn)), far * float(np.sin(turn))), force, aside, radius, half,
         half * between(0.4, 0.9), friction, friction * one_of(0.6, 1.4), points, penetration, int(rng.integers(3, 13)),
-        between(0.01, 0.08), length, pressure, axes, options=options,
+        between(0.01, 0.08), length, pressure, axes, method=Method(stabilise=stabilise),
     )  # fmt: skip
 
 
@@ -220,7 +224,8 @@ def build(s):
     laws = [law, rubber(mesh, 1.4 * s.shear * s.pressure, 0.0, min(s.ratio, 5.0 if s.tetrahedra else s.ratio))]
     parts = [Body(mesh, name, law) for name, law in zip(names, laws, strict=False)]
     scene = Scene(*parts, degree=s.degree, element=s.element)
-    options = {"steps": times(s)} | s.options
+    steps = ArcSteps(until=Load(1.0), first=1 / s.steps) if s.arcs else times(s)
+    options = {"steps": steps, "method": s.method}
     _hold(s, scene)
     _load(s, scene)
     tool = None

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from random_scenes import BREAKS, GOOD, build, draw, make_tool, times
 
-from fenics_contact import Load, SceneError, run, solve
+from fenics_contact import SceneError, run, solve
 from fenics_contact.assembly.exchange import ghosted_vector, sum_to_owners
 from fenics_contact.contact import findings
 from fenics_contact.contact.tools import RigidTool
@@ -100,10 +100,8 @@ class Run:
     def __init__(self, s, finer=1):
         scene, self.tool, options = build(s)
         self.s, self.scene, self.probe = replace(s, steps=finer * s.steps), scene, Probe(s.young * s.pressure)
-        if finer != 1:
+        if finer != 1 and not s.arcs:
             options["steps"] = times(s, finer)
-        if s.options.get("method") == "arc_length":
-            options["steps"] = s.steps
         self.result = solve(scene, record={"probe": self.probe}, **options)
         self.rows, self.verdict, self.system = self.probe.rows, self.result.verdict, self.probe.system
 
@@ -254,13 +252,12 @@ def differs(s, run):
 
 # -- verdicts ---------------------------------------------------------------------------------------------------------
 def with_options(s, **options):
-    return replace(s, options=s.options | options)
+    return replace(s, method=replace(s.method, **options))
 
 
 def by_arc_length(s):
     """By arc length, which knows neither springs nor damping."""
-    left = {name: value for name, value in s.options.items() if name not in ("stabilise", "damping")}
-    return replace(s, options=left | {"method": "arc_length", "until": Load(1.0)})
+    return replace(with_options(s, stabilise=False, damping=False), arcs=True)
 
 
 def moved(s):

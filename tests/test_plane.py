@@ -206,8 +206,7 @@ def test_limit_point_of_a_thin_sphere(law, K, limit, way):
     scene.fix("ymin", "y")
     scene.pressure("inner", 0.005)
     ends = {"way_mm": lambda view: (view.at((R, 0, 0)).displacement[0] + view.at((0, R, 0)).displacement[1]) / 2}
-    arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=10.0), "until": Displacement("ymin", "x", 60.0)}
-    result = solve(scene, record=ends, **arc)
+    result = solve(scene, record=ends, steps=ArcSteps(until=Displacement("ymin", "x", 60.0), first=0.1, largest=10.0))
     ((t, found),) = ((row["t"], row["way_mm"]) for row in result.history if row["limit_point"])
     assert t * 0.005 == pytest.approx(limit, rel=5e-6)
     assert found == pytest.approx(way, rel=5e-6)
@@ -224,8 +223,8 @@ def test_a_thick_sphere_follows_the_radial_problem_past_its_limit_point(reading,
     scene.pressure("inner", 0.3)
     places = {"inner_x": (1.0, 0.0, 0.0), "inner_y": (0.0, 1.0, 0.0), "outer_x": (2.0, 0.0, 0.0), "outer_y": (0.0, 2.0, 0.0)}
     record = {f"{name}_mm": lambda view, X=X: float(sum(view.at(X).displacement)) for name, X in places.items()}
-    arc = {"method": "arc_length", "steps": ArcSteps(first=0.1, largest=0.3), "until": Displacement("ymin", "x", 1.15)}
-    result = solve(scene, record=record, **arc).require()
+    arcs = ArcSteps(until=Displacement("ymin", "x", 1.15), first=0.1, largest=0.3)
+    result = solve(scene, record=record, steps=arcs).require()
     assert sum(result.column("limit_point")) == 1 and len(result.history) > 8
     for row in result.history:
         moved = np.array([row[f"{name}_mm"] for name in places])

@@ -13,6 +13,7 @@ from fenics_contact import (
     Body,
     Load,
     Method,
+    Output,
     Penalty,
     Scene,
     mooney_rivlin,
@@ -131,9 +132,9 @@ def test_friction_is_felt_unchanged(kind):
     np.testing.assert_allclose(friction, held, rtol=0, atol=1e-9 * size)  # round-off of anchors over an elastic slip
 
 
-def carried(kind, times, folder=None, resume=False, steps=None, **options):
-    kept = {} if folder is None else {"out": folder, "checkpoint": True, "resume": resume}
-    return solve(dragged(kind), steps=times, method=Method(tolerance=1e-11), **kept, **options).require()
+def carried(kind, times, folder=None, resume=False):
+    kept = folder and Output(folder, checkpoint=True, resume=resume)
+    return solve(dragged(kind), steps=times, method=Method(tolerance=1e-11), out=kept).require()
 
 
 def numbers(result):

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import gmsh
@@ -83,7 +84,7 @@ def dropped_tetrahedra():
     scene = Scene(Body(read_gmsh(draw_tetrahedra), "box", RUBBER), degree=2)
     scene.contact("bottom", rigid_plane((0, 0, -0.05)), 0.4, name="c", points=3)
     scene.body_force(lambda t: (0.03 * max(t - 0.25, 0.0), 0.0, -0.1 * t))
-    return scene, {"stabilise": True}
+    return scene, {"method": Method(stabilise=True)}
 
 
 def draw_tetrahedra(size=0.7):
@@ -106,7 +107,7 @@ def turning_ball():
     ball = rigid_sphere(20.0, (0.1, 0.2, 20.0), name="ball")
     scene.contact("zmax", ball, 0.4, name="c")
     loads = {"force": lambda t: (0, 0, -0.6 * min(4 * t, 1.0)), "moment": lambda t: (0, 0, 0.05 * t), "free": "rx ry"}
-    return scene, {"move": {ball: Motion(x=lambda t: 0.3 * t, **loads)}, "stabilise": True}
+    return scene, {"move": {ball: Motion(x=lambda t: 0.3 * t, **loads)}, "method": Method(stabilise=True)}
 
 
 def hub_and_tread():
@@ -180,11 +181,9 @@ ARCS = {"dome": snapped_dome, "cave": caving_cube, "box": confined_block}
 def follow(name, folder, stop=None, resume=False):
     """The path of one of ARCS to its end or, in vain, to one of its stops."""
     scene, drive, until, back, stops = ARCS[name]()
-    steps = ArcSteps(first=0.6, turn=0.5, most=200 if stop is None else stops[stop])
-    options = {"until": until, "back": back}
-    if folder is not None:
-        options |= {"out": Path(folder) / name, "checkpoint": True, "resume": resume}
-    result = solve(scene, **drive, method=Method(tolerance=1.5e-12), steps=ArcSteps(first=1 / steps), **options)
+    steps = ArcSteps(until=until, back=back, first=0.6, turn=0.5, most=200 if stop is None else stops[stop])
+    kept = folder and Output(Path(folder) / name, checkpoint=True, resume=resume)
+    result = solve(scene, **drive, method=Method(tolerance=1.5e-12), steps=steps, out=kept)
     assert result.converged == (stop is None), result.verdict.reason
     assert stop is None or len(result.history) == stops[stop]
     return result
@@ -194,8 +193,9 @@ def carry(name, folder, times, resume=False):
     if name in ARCS:
         return follow(name, folder, None if times == ALL else 0, resume)
     scene, drive = SCENES[name]()
-    kept = {} if folder is None else {"out": Path(folder) / name, "checkpoint": True, "resume": resume}
-    result = solve(scene, **drive, **kept, steps=times, method=Method(tolerance=1e-11))
+    method = replace(drive.pop("method", Method()), tolerance=1e-11)
+    kept = folder and Output(Path(folder) / name, checkpoint=True, resume=resume)
+    result = solve(scene, **drive, steps=times, method=method, out=kept)
     assert result.converged, result.verdict.reason
     return result
 
@@ -295,31 +295,31 @@ def test_a_resumed_continuation_equals_a_continuous_one(name, folder):
 def test_a_continuation_goes_on_to_another_target(folder):
     """A leg that has ended can be made longer, not one before the way back has begun."""
     scene, drive, *_ = confined_block()
-    options = {"method": "arc_length", "out": folder, "checkpoint": True, "tolerance": 1e-11}
-    solve(scene, **drive, steps=ArcSteps(until=Load(0.5)), **options).require()
-    result = solve(
-        scene, **drive, steps=ArcSteps(until=Load(0.8), back=Load(0.7)), out=Output(resume=True), **options
-    ).require()
+    kept = Output(folder, checkpoint=True)
+    options = drive | {"method": Method(tolerance=1e-11)}
+    solve(scene, steps=ArcSteps(until=Load(0.5), first=0.1), out=kept, **options).require()
+    on = replace(kept, resume=True)
+    result = solve(scene, steps=ArcSteps(until=Load(0.8), back=Load(0.7), first=0.1), out=on, **options).require()
     t = result.column("t")
     np.testing.assert_allclose([t[-1], t.max(), *t[np.abs(t - 0.5) < 1e-3]], [0.7, 0.8, 0.5], rtol=2e-6)  # TARGET_TOLERANCE
-    for ways in ({"until": Load(0.9), "back": Load(0.7)}, {"until": Load(0.8)}):
+    for steps in (ArcSteps(until=Load(0.9), back=Load(0.7), first=0.1), ArcSteps(until=Load(0.8), first=0.1)):
         with pytest.raises(SceneError, match="gone beyond load t = 0.8, then load t = 0.7"):
-            solve(scene, **drive, **ways, out=Output(resume=True), **options)
+            solve(scene, steps=steps, out=on, **options)
 
 
 @pytest.mark.parallel
 def test_load_steps_and_continuations_do_not_resume_each_other(folder):
     scene, drive, *_ = confined_block()
-    ways = {"arcs": {"method": "arc_length", "until": Load(0.5)}, "steps": {"steps": [0.25, 0.5]}}
-    for name, way in ways.items():
-        solve(scene, **drive, **way, out=Output(folder / name, checkpoint=True)).require()
+    ways = {"arcs": ArcSteps(until=Load(0.5), first=0.1), "steps": [0.25, 0.5]}
+    for name, steps in ways.items():
+        solve(scene, **drive, steps=steps, out=Output(folder / name, checkpoint=True)).require()
     for name, words in (
         ("arcs", "method: arc_length there, newton here"),
         ("steps", "method: newton there, arc_length here"),
     ):
         other = ways["steps" if name == "arcs" else "arcs"]
         with pytest.raises(SceneError, match=f"another scene, {words}; resume with the script that wrote it") as caught:
-            solve(scene, **drive, **other, out=Output(folder / name, resume=True))
+            solve(scene, **drive, steps=other, out=Output(folder / name, resume=True))
         assert len(set(COMM.allgather(str(caught.value)))) == 1
 
 
@@ -389,7 +389,7 @@ def test_another_scene_is_refused(folder):
 @pytest.mark.parallel
 def test_a_checkpoint_needs_a_folder():
     scene, drive = pushed_punch()
-    with pytest.raises(SceneError, match="give out="):
+    with pytest.raises(SceneError, match='need a folder: out=Output\\("folder"'):
         solve(scene, **drive, out=Output(checkpoint=True))
     with pytest.raises(SceneError, match="give True, or the number"):
         solve(scene, **drive, out=Output(checkpoint=-1))

@@ -405,14 +405,14 @@ def test_friction_work_is_traction_times_way():
 def test_a_resumed_run_goes_on_with_its_energies(tmp_path):
     folder = COMM.bcast(tmp_path)
 
-    def run(steps, **options):
+    def run(steps, **kept):
         scene = cube()
         scene.fix("zmin")
         ball = rigid_cone(1.2, (1.0, 1.0, 2.0), tip=0.5, name="cone")
         scene.contact("zmax", ball, 0.3, name="top")
         times = np.arange(1, steps + 1) / 6
         move = {ball: lambda t: (0.1 * t, 0.0, -0.3 * t)}
-        return solve(scene, move=move, steps=times, out=Output(folder, checkpoint=True), **options)
+        return solve(scene, move=move, steps=times, out=Output(folder, checkpoint=True, **kept))
 
     run(3)
     resumed = run(6, resume=True).history[-1]

@@ -310,7 +310,7 @@ def test_arc_length_turns_a_shaft():
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
     scene, move = rubber(shaft, 0.1, cells=(6, 2, 2)), {shaft: Motion(ry=0.8, force=(0, 0, -2.0))}
     until = Travel(shaft, "ry", 0.4)
-    along = solve(scene, move=move, steps=ArcSteps(until=until))
+    along = solve(scene, move=move, steps=ArcSteps(until=until, first=0.1))
     assert along.converged and str(until) == "rotation of 'shaft' about y = 0.4"
     there = solve(scene, move=move, steps=list(along.column("t")))
     assert there.column("c_sticking_points")[-1] == along.column("c_sticking_points")[-1] == 0
@@ -436,7 +436,7 @@ def test_what_nothing_turns_stays_and_what_nothing_holds_is_said(stabilise):
     """A ball without friction resists no turn: without a moment it rests, and no pivot of round-off is a bifurcation."""
     ball = rigid_sphere(6.0, (0, 0, 6.0), name="ball")
     scene = rubber(ball, 0.0)
-    press, kept = lambda t: -0.4 * min(2 * t, 1.0), {"steps": 4, "stabilise": stabilise}
+    press, kept = lambda t: -0.4 * min(2 * t, 1.0), {"steps": 4, "method": Method(stabilise=stabilise)}
     resting = solve(scene, move={ball: Motion(z=press, free="rz")}, **kept).require()
     assert np.abs(resting.column("ball_angle_z_rad")).max() < 1e-9
     assert not any("bifurcation" in note for note in resting.verdict.notes)
@@ -561,15 +561,14 @@ def strip(plane, hub):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("method", ["newton", "arc_length"])
-def test_a_hub_in_plane_strain(method):
+@pytest.mark.parametrize("steps", [3, ArcSteps(until=Load(1.0), first=0.1)], ids=["load steps", "arcs"])
+def test_a_hub_in_plane_strain(steps):
     """Pushed, and turning freely under a moment: the same as a layer of the thickness in space."""
     runs = []
     for plane in (True, False):
         hub = rigid_hub("hub", (1.2, 1.0, 0.0))
-        drive = {"move": {hub: Motion(force=(0.2, -0.3, 0.0), moment=(0.0, 0.0, 0.1))}}
-        drive |= {"until": Load(1.0)} if method == "arc_length" else {"steps": 3}
-        runs.append(solve(strip(plane, hub), method=method, **drive).require())
+        move = {hub: Motion(force=(0.2, -0.3, 0.0), moment=(0.0, 0.0, 0.1))}
+        runs.append(solve(strip(plane, hub), move=move, steps=steps).require())
     columns = [
         "hub_travel_x_mm",
         "hub_travel_y_mm",
@@ -612,7 +611,7 @@ def test_arc_length_turns_a_hub():
     """Twisted by a growing moment and pulled by a force, along the arc as by load steps to the same loads."""
     hub = rigid_hub("hub", (0, 0, 1.0))
     drive = {"move": {hub: Motion(force=(0.1, 0, 0.5), moment=(0, 0.1, 2.0), free="rx y")}}
-    along = solve(shaken(hub), **drive, steps=ArcSteps(until=Travel(hub, "rz", 0.5)))
+    along = solve(shaken(hub), **drive, steps=ArcSteps(until=Travel(hub, "rz", 0.5), first=0.1))
     steps = solve(shaken(hub), **drive, steps=list(along.column("t")))
     angle, same = vectors(along, "hub_angle", "rad"), vectors(steps, "hub_angle", "rad")
     assert abs(angle[-1][2] - 0.5) < 1e-6 and abs(angle[-1][1]) > 0.01
@@ -649,9 +648,9 @@ def test_a_wrong_motion_is_refused(motion, words):
 @pytest.mark.parallel
 def test_a_target_that_a_tool_cannot_reach_is_refused():
     shaft = rigid_cylinder(4.0, (0, 0, 4.0), name="shaft")
-    along = {"method": "arc_length", "until": Travel(shaft, "rz", 0.1)}
+    along = ArcSteps(until=Travel(shaft, "rz", 0.1))
     move = {shaft: Motion(ry=0.8, force=(0, 0, -2.0))}
-    refused(lambda: solve(rubber(shaft, 0.1), move=move, **along), "'shaft' about z = 0.1", "neither moves nor is free")
+    refused(lambda: solve(rubber(shaft, 0.1), move=move, steps=along), "'shaft' about z = 0.1", "neither moves nor is free")
 
 
 @pytest.mark.parallel

@@ -5,7 +5,18 @@ import pytest
 from by_node import displacements, of_all
 from mpi4py import MPI
 
-from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_sphere, solve
+from fenics_contact import (
+    Body,
+    Output,
+    Scene,
+    mooney_rivlin,
+    neo_hooke,
+    read_gmsh,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.meshes import box
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -59,8 +70,8 @@ def test_a_resumed_run_knows_that_softer_penalties_help(tmp_path):
     out, steps = COMM.bcast(tmp_path), [0.5, 0.6, 0.7, 0.8]
 
     def go(folder, upto, resume=False):
-        options = {"out": out / folder, "checkpoint": True, "resume": resume}
-        return solve(strap(), steps=steps[:upto], **options).require()
+        kept = Output(out / folder, checkpoint=True, resume=resume)
+        return solve(strap(), steps=steps[:upto], out=kept).require()
 
     whole, part = go("whole", 4), go("parts", 3)
     assert any("softer penalties first" in note for note in part.verdict.notes)

@@ -68,8 +68,7 @@ def test_a_pushed_tool_crosses_a_gap():
         scene.fix("zmin")
         ball = rigid_sphere(2.0, (0, 0, 2.0 + gap), name="ball")
         scene.contact("zmax", ball, name="c")
-        drive = {"push": {ball: (0, 0, -0.5)}, "steps": 2, "tolerance": 1e-11}
-        result = solve(scene, **drive, method=Method(stabilise=True)).require()
+        result = solve(scene, push={ball: (0, 0, -0.5)}, steps=2, method=Method(tolerance=1e-11, stabilise=True)).require()
         np.testing.assert_allclose(result.history[-1]["c_force_z_N"], -0.5, rtol=2e-7)
         assert result.summary["stabilisation"]["energy_share"] < ENERGY
         travel.append(result.history[-1]["ball_travel_z_mm"] + gap)
@@ -88,7 +87,7 @@ def test_a_step_that_ends_out_of_balance_is_refused():
         solve(block(1.0, 0.3), steps=1, method=Method("incremental", stabilise=True))
 
 
-def rolled(steps, **options):
+def rolled(steps):
     """A block on another one, which a side pressure bulges beneath it before a ball comes down, presses it and drags it."""
     lower = {"lower": (7, 6, 2.5), "lower_cells": (5, 4, 2), "lower_origin": (0, 0, -2.5)}
     upper = {"upper": (4, 4, 2), "upper_cells": (3, 3, 2), "upper_origin": (1.2, 0.9, 0)}
@@ -104,7 +103,7 @@ def rolled(steps, **options):
         aside = max(t - 0.4, 0.0)
         return 0.7 * aside, 0.14 * aside, -0.5 * min(t / 0.4, 1.0)
 
-    return solve(scene, move={ball: path}, steps=steps, **options)
+    return solve(scene, move={ball: path}, steps=steps)
 
 
 @pytest.mark.parametrize("steps", [20, pytest.param(30, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.slow)])

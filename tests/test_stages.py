@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -38,7 +39,8 @@ from fenics_contact.meshes import box, rectangles
 from fenics_contact.scene.start import drives_left
 
 COMM = MPI.COMM_WORLD
-TIGHT = {"tolerance": 1e-11}
+CLOSE = Method(tolerance=1e-11)
+TIGHT = {"method": CLOSE}
 LAW = neo_hooke(0.4, 2.0)
 
 
@@ -218,10 +220,10 @@ def test_turns_about_several_axes_follow_one_another(folder):
     whole = solve(scene, stages=turns, out=Output(folder / "whole", checkpoint=True), **TIGHT).require()
     products = rotation(np.array([0, 0.6, 0])) @ rotation(np.array([0, 0, 0.6])) @ rotation(np.array([0.6, 0, 0]))
     np.testing.assert_allclose(whole.system.state.pose(0).turn, products, atol=1e-14)
-    killed = {"out": folder / "killed", "checkpoint": True, **TIGHT}
+    kept = Output(folder / "killed", checkpoint=True)
     with pytest.raises(Killed):
-        solve(scene, stages=turns, record=dying(4), **killed)
-    resumed = solve(scene, stages=turns, record=dying(100), out=Output(resume=True), **killed).require()
+        solve(scene, stages=turns, record=dying(4), out=kept, **TIGHT)
+    resumed = solve(scene, stages=turns, record=dying(100), out=replace(kept, resume=True), **TIGHT).require()
     np.testing.assert_allclose(resumed.system.state.pose(0).turn, products, atol=1e-14)
     first = solve(scene, stages=turns[:2], out=Output(folder / "first", checkpoint=True), **TIGHT).require()
     for start in (first, folder / "first"):
@@ -535,8 +537,8 @@ def pushed_in_stages(out, last=100, resume=False):
         Stage("follow", push={ball: (2.0, 0, -7.0)}, steps=ArcSteps(until=Load(1.0), first=1 / 3)),
         Stage("lift", move={ball: (0, 0, 1.0)}, steps=2),
     ]
-    kept = {"out": out, "checkpoint": True, "resume": resume} if out else {}
-    return solve(scene, stages=stages, **kept, record=dying(last), **TIGHT)
+    kept = out and Output(out, checkpoint=True, resume=resume)
+    return solve(scene, stages=stages, out=kept, record=dying(last), **TIGHT)
 
 
 @cache
@@ -578,16 +580,15 @@ def figures(result):
 def test_stages_to_come_may_be_changed_those_behind_not(folder):
     scene, ball = pressed()
     first, second, third = press_drag_lift(ball, (1, 1, 1))
-    kept = {"out": folder, "checkpoint": True, **TIGHT}
-    solve(scene, stages=[first, second], **kept).require()
-    result = solve(scene, stages=[first, second, third], out=Output(resume=True), **kept).require()
+    kept = Output(folder, checkpoint=True)
+    solve(scene, stages=[first, second], out=kept, **TIGHT).require()
+    on = {"out": replace(kept, resume=True), **TIGHT}
+    result = solve(scene, stages=[first, second, third], **on).require()
     assert list(dict.fromkeys(result.column("stage"))) == ["press", "drag", "lift"]
     other = Stage("drag", move={ball: (1.0, 0, 0)}, steps=1)
-    refused(
-        lambda: solve(scene, stages=[first, other, third], out=Output(resume=True), **kept), "stage 'drag': move of 'ball'"
-    )
-    refused(lambda: solve(scene, stages=[first], out=Output(resume=True), **kept), "another scene", "stage 'drag'")
-    refused(lambda: solve(scene, move={ball: (0, 0, -1)}, steps=1, out=Output(resume=True), **kept), "another scene")
+    refused(lambda: solve(scene, stages=[first, other, third], **on), "stage 'drag': move of 'ball'")
+    refused(lambda: solve(scene, stages=[first], **on), "another scene", "stage 'drag'")
+    refused(lambda: solve(scene, move={ball: (0, 0, -1)}, steps=1, **on), "another scene")
 
 
 def with_a_stage(last, out=None):
@@ -599,9 +600,8 @@ def with_a_stage(last, out=None):
         "arc": Stage("arc", push={ball: (0.3, 0, -6.0)}, steps=ArcSteps(until=Load(1.0), first=1)),
     }
     stages = [Stage("press", move={ball: (0, 0, -0.6)}, steps=1), *([ways[last]] if last else [])]
-    kept = {"out": out, "checkpoint": True, "resume": True} if out else {}
     record = {"tilt": lambda view: 1.0}
-    return solve(scene, stages=stages, record=record, **kept, **TIGHT)
+    return solve(scene, stages=stages, record=record, out=out and Output(out, checkpoint=True, resume=True), **TIGHT)
 
 
 @pytest.mark.parallel
@@ -634,9 +634,8 @@ def test_a_stage_left_out_on_restart_takes_its_columns_along(folder):
 def test_a_stage_that_was_not_reached_is_told_from_one_that_is_not_stated(folder):
     scene, ball = pressed()
     out = Stage("out", move={ball: lambda s: (0, 0, -1e3 * s)}, steps=1)  # through the block
-    result = solve(
-        scene, stages=[Stage("press", move={ball: (0, 0, -0.2)}, steps=1), out], method=Method(smallest_step=0.5), **TIGHT
-    )
+    stages = [Stage("press", move={ball: (0, 0, -0.2)}, steps=1), out]
+    result = solve(scene, stages=stages, method=replace(CLOSE, smallest_step=0.5))
     assert not result.converged
     with pytest.raises(KeyError, match="stage 'out' has no accepted step, the history has: press; the run has ended: "):
         result.column("t", "out")
@@ -970,8 +969,10 @@ WRONG = {
     "mixed rotations": (lambda b: [Stage("a", move={b: Motion(rz=1.0, free="rx")})], "stage 'a': motion of 'ball'", "order"),
     "no spin": (lambda b: [Stage("a", spin=1.0)], "stage 'a': speed of the spin", "the scene states none"),
     "no swelling": (lambda b: [Stage("a", swell={"box": 1.1})], "stage 'a': swelling of 'box'", "the scene states none"),
-    "arc without an end": (lambda b: [Stage("a")], "stage 'a'", "until"),
-    "arcs in steps": (lambda b: [Stage("a", steps=ArcSteps())], "stage 'a'", "arc_length"),
+    "arc without an end": (lambda b: [Stage("a", method="arc_length")], "stage 'a'", "give steps=ArcSteps(until=...)"),
+    "arcs in steps": (
+        lambda b: [Stage("a", steps=ArcSteps(until=Load(1.0)), method="newton")], "stage 'a'", "not by method 'newton'",
+    ),
     "a function after arcs": (
         lambda b: [Stage("a", steps=ArcSteps(until=Load(1.0))), Stage("b", pressures={"xmax": lambda s: 0.01})],
         "stage 'b': pressure on 'xmax'", "after stage 'a', whose arc may end anywhere", "give a number", "before this one",
@@ -992,7 +993,7 @@ def test_stages_go_alone():
     scene, ball = pressed()
     stages = press_drag_lift(ball)
     refused(lambda: solve(scene, stages=stages, move={ball: (0, 0, -1)}), "stages= beside move")
-    refused(lambda: solve(scene, stages=stages, steps=ArcSteps(until=Load(1.0))), "stages= beside")
+    refused(lambda: solve(scene, stages=stages, push={ball: (0, 0, -1)}), "stages= beside")
     corner = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", LAW))
     corner.fix("zmin")
     corner.fix("xmin")

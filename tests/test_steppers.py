@@ -34,7 +34,7 @@ def rubber():
     return mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 
 
-def frictional_punch(push=None, **options):
+def frictional_punch(push=None, **numbers):
     """Small plate under a punch on a rough floor, moved down 1 mm and 0.3 mm aside, or pushed."""
     scene = Scene(Body(read_gmsh(punch_plate.build, **COARSE), "plate", rubber()))
     scene.fix("symmetry_x", "x")
@@ -43,7 +43,7 @@ def frictional_punch(push=None, **options):
     scene.contact("top", punch, 0.3, name="top")
     scene.contact("bottom", rigid_plane(name="floor"), 0.2, name="bottom")
     drive = {"move": {punch: (0.3, 0, -1.0)}} if push is None else {"push": {punch: push}}
-    result = solve(scene, **drive, steps=4, method=Method(tolerance=1e-11), **options)
+    result = solve(scene, **drive, steps=4, method=Method(tolerance=1e-11, **numbers))
     assert result.converged, result.verdict.reason
     return result
 
@@ -61,7 +61,7 @@ def apart(one, other):
 @pytest.mark.parallel
 @pytest.mark.parametrize("push", [None, (0, 0, -60.0)])
 def test_newton_and_snes_agree(push):
-    newton, snes = (frictional_punch(push, method=method) for method in ("newton", "snes"))
+    newton, snes = (frictional_punch(push, name=name) for name in ("newton", "snes"))
     assert apart(forces(snes), forces(newton)) < 1e-8  # required
 
 

@@ -47,8 +47,8 @@ def folder(tmp_path_factory):
 def test_every_end_is_a_row_and_a_second_call_runs_nothing(folder):
     ways = ["good", "diverges", "dies", "raises", "refused", "hangs"]
     study = Study("ends", case, grid(h=[1.0], way=ways), limit=60.0)
-    Study("ends", case, study.runs[:-1], limit=60.0).run(folder)
-    path = Study("ends", case, study.runs[-1:], limit=2.0).run(folder)  # hangs, or has not even begun
+    Study("ends", case, study.runs[:-1], limit=60.0).run(folder, progress=False)
+    path = Study("ends", case, study.runs[-1:], limit=2.0).run(folder, progress=False)  # hangs, or has not even begun
     rows = {row["way"]: row for row in read(path)}
     assert list(rows) == ways
     assert rows["good"]["converged"] is True and rows["good"]["error"] == 1.0
@@ -58,15 +58,15 @@ def test_every_end_is_a_row_and_a_second_call_runs_nothing(folder):
     assert "2 s" in rows["hangs"]["verdict"] and rows["dies"]["verdict"].startswith("stopped")
     assert all("numpy" in row["versions"] and row["machine"] for row in rows.values())
     before = path.read_text()
-    study.run(folder)
+    study.run(folder, progress=False)
     assert path.read_text() == before
 
 
 def test_an_interrupted_study_goes_on_where_it_stopped(folder):
     runs = grid(h=[1.0, 0.5], way=["good"])
-    path = Study("stopped", case, runs[:1], repeats=2).run(folder)
+    path = Study("stopped", case, runs[:1], repeats=2).run(folder, progress=False)
     first = path.read_text()
-    Study("stopped", case, runs, repeats=2).run(folder)
+    Study("stopped", case, runs, repeats=2).run(folder, progress=False)
     assert path.read_text().startswith(first)
     assert sorted((row["h"], row["repeat"]) for row in read(path)) == [(0.5, 0), (0.5, 1), (1.0, 0), (1.0, 1)]
 
@@ -88,11 +88,11 @@ def test_a_case_may_give_outputs_alone(folder):
             {"depth_mm": 4.0, "stiff": 3.0, "way": "less"},
             {"depth_mm": float("nan"), "stiff": 3.0, "way": "good"}]  # fmt: skip
     study = Study("outputs", outputs_of, runs, shared=True, outputs=["force_N", "width_mm"])
-    rows = read(study.run(folder))
+    rows = read(study.run(folder, progress=False))
     assert [row["force_N"] for row in rows][:4] == [3.0, 12.0, "", ""] and rows[1]["width_mm"] == 4.0
     assert [row["converged"] for row in rows] == [True, True, False, False, False]
     before = (folder / "outputs.csv").read_text()
-    study.run(folder)
+    study.run(folder, progress=False)
     assert (folder / "outputs.csv").read_text() == before
     assert failures(rows, ["depth_mm"]) == [
         "depth_mm 3: limit point: the dome snaps",
@@ -100,7 +100,7 @@ def test_a_case_may_give_outputs_alone(folder):
         "depth_mm nan: 'force_N' is not a number",
     ]
     with pytest.raises(ValueError, match="no column 'torque_Nmm'; move it away"):
-        Study("outputs", outputs_of, runs, outputs=["force_N", "torque_Nmm"]).run(folder)
+        Study("outputs", outputs_of, runs, outputs=["force_N", "torque_Nmm"]).run(folder, progress=False)
     with pytest.raises(ValueError, match="'stiff' is a parameter and an output"):
         Study("clash", outputs_of, runs, outputs=["stiff"])
     with pytest.raises(StudyError, match="differ in 'way' too"):
@@ -254,7 +254,7 @@ def test_field_under_hertz_pressure():
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name == "maps" else name for name in NAMES])
 def test_quick_version_of_each_study(name, tmp_path):
     """Fails where a run cannot be made, a chart not be drawn, or a slope contradicts theory."""
-    assert run(name, tmp_path, tmp_path, quick=True)
+    assert run(name, tmp_path, tmp_path, quick=True, progress=False)
     assert list(tmp_path.glob("*.csv")) and all(p.stat().st_size > 10_000 for p in tmp_path.glob("*.png"))
 
 

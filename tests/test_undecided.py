@@ -30,14 +30,14 @@ def told(result):
     return [note for note in result.require().verdict.notes if "the path may branch here" in note]
 
 
-def block(drag, below=MU, steps=10, **options):
+def block(drag, below=MU, steps=10):
     """A block between a floor and a lid that presses and then goes on by `drag`."""
     scene = Scene(Body(read_gmsh(box.build, size=(4.0, 3.0, 2.0), cells=(4, 3, 2)), "box", RUBBER))
     lid = rigid_plane((0, 0, 2), normal=(0, 0, -1), name="lid")
     scene.contact("zmin", rigid_plane((0, 0, 0), normal=(0, 0, 1), name="floor"), below, name="floor")
     scene.contact("zmax", lid, MU, name="lid")
     stages = [Stage("press", move={lid: (0, 0, -0.1)}, steps=2), Stage("drag", move={lid: drag}, steps=steps)]
-    return solve(scene, stages=stages, method=Method(stabilise=True), **options)
+    return solve(scene, stages=stages, method=Method(stabilise=True))
 
 
 @pytest.mark.parametrize(("below", "notes"), [(MU, 1), (1.01 * MU, 1), (1.1 * MU, 0), (2.0 * MU, 0)])
