@@ -115,7 +115,6 @@ def solve(
     setup = timers.table()["total"]
     kept.remark([*scene.notes, *built.notes])
     _carried(scene, system, plans, kept, numerics.smallest_step)
-    kept.bar.close()
     summary = _concluded(scene, built, plans, kept, timers)
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:
@@ -175,11 +174,12 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
     try:
         carry(system, plans, kept, kept.verdict, smallest_step)
     except SceneError as error:
-        kept.bar.close()
         kept.verdict.stop(Finding(ERROR, str(error)), system.state.t, len(kept.history) + 1)
         if kept.writer:
             kept.writer.close(_summary(scene, system, plans, kept.verdict, kept.history))
         raise
+    finally:
+        kept.bar.close()
 
 
 def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, dict[str, tuple[float, float]]]:
