@@ -174,7 +174,7 @@ told: list[dict[str, float]] = []  # seconds by stage
 def timed(*arguments: Any, **options: Any) -> Any:
     """solve(), its CPU seconds kept."""
     start = time.process_time()
-    result = solve(*arguments, out=Output(progress=False), **options)
+    result = solve(*arguments, **{"out": Output(progress=False)} | options)
     spent.append(time.process_time() - start)
     told.append(result.summary["seconds"])
     return result

@@ -1,10 +1,12 @@
 """Every plane-strain reference of these tests has the digits of one layer of cells in space, on the same cells."""
 
 import importlib.util
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from fenics_contact import Method, solve
 
 SPEC = importlib.util.spec_from_file_location("plane_cost", Path(__file__).parents[1] / "docs" / "plane_cost.py")
 plane_cost = importlib.util.module_from_spec(SPEC)
@@ -21,7 +23,9 @@ STUDIED = ["tubes, 24 cells", "cylinder, 8 cells", "cylinder, 8 cells, mixed", "
 def test_a_plane_scene_has_the_forces_moments_pressures_and_energies_of_a_layer(scene):
     """At the end of the path, of the greatest of their unit: a layer's ends belong to its largest force, to which what is
     out of balance is compared, so that averages may be sampled in it one iterate later, which tells on steps in between."""
-    plane, layer = (getattr(plane_cost, scene)(mesh, tolerance=EXACT).require().history for mesh in ("plane", "layer"))
+    plane, layer = (
+        getattr(plane_cost, scene)(mesh, method=Method(tolerance=EXACT)).require().history for mesh in ("plane", "layer")
+    )
     assert len(plane) == len(layer)
     for unit in ("N", "Nmm", "MPa"):
         both = [key for key in plane[-1] if key.rsplit("_", 1)[-1] == unit and key in layer[-1]]
@@ -33,8 +37,11 @@ def test_a_plane_scene_has_the_forces_moments_pressures_and_energies_of_a_layer(
 
 @pytest.mark.parametrize("case", STUDIED)
 def test_a_studied_plane_case_has_the_digits_of_a_layer(case, monkeypatch):
+    def exactly(scene, *, method, **options):
+        return solve(scene, method=replace(method, tolerance=EXACT), **options)
+
     for study in (plane_cost.cylinder, plane_cost.tubes):
-        monkeypatch.setattr(study, "solve", partial(study.solve, tolerance=EXACT))
+        monkeypatch.setattr(study, "solve", exactly)
     plane, layer = (plane_cost.CASES[case](mesh) for mesh in ("plane", "layer"))
     assert plane["converged"] and layer["converged"]
     assert plane["value"] == pytest.approx(layer["value"], rel=DIGITS)
