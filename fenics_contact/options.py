@@ -13,8 +13,9 @@ from fenics_contact.scene.loads import loads_stated
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import ARC_LENGTH, Moves, Only, Stage
 from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.solvers.linear import LINEAR
 from fenics_contact.types import Floats
-from fenics_contact.values import SceneError, count, finite, is_number, positive, shown
+from fenics_contact.values import SceneError, count, finite, flag, is_number, positive, shown
 
 Steps = int | float | Sequence[float] | Floats | ArcSteps
 
@@ -65,6 +66,9 @@ class Output:
 def stated_method(method: str | Method) -> Method:
     """The numbers of a run's method, checked."""
     stated = method if isinstance(method, Method) else Method(method)
+    flag(stated.stabilise, "stabilise"), flag(stated.damping, "damping")
+    if stated.linear not in list(LINEAR):
+        raise SceneError(f"linear solver {shown(stated.linear)} is not one of {', '.join(LINEAR)}")
     if stated.smallest_step is not None:
         positive(stated.smallest_step, "smallest_step", most=1.0, more=", a share of the load")
     if stated.tolerance is not None:
@@ -77,12 +81,13 @@ def stated_output(out: str | PathLike[str] | Output | None) -> tuple[Output, int
     stated = out if isinstance(out, Output) else Output(out)
     if stated.folder is not None and not isinstance(stated.folder, str | PathLike):
         raise SceneError(f"out = {shown(stated.folder)} must be the path of a folder, or an Output")
+    flag(stated.resume, "resume"), flag(stated.overwrite, "overwrite"), flag(stated.progress, "progress")
     every = stated.checkpoint
     if isinstance(every, bool):
         every = int(every or stated.resume)
     every = count(every, "checkpoint", 0, "; give True, or the number of accepted steps from one to the next")
-    if every and stated.folder is None:
-        raise SceneError('checkpoint and resume need a folder: out=Output("folder", ...)')
+    if (every or stated.overwrite) and stated.folder is None:
+        raise SceneError('checkpoint, resume and overwrite need a folder: out=Output("folder", ...)')
     return stated, every
 
 
@@ -114,6 +119,8 @@ def _decided(stage: Stage, steps: Steps, method: Method) -> Stage:
     """The stage with the run's steps and method where it has none of its own; ArcSteps are a method themselves."""
     own = stage.steps if stage.steps is not None else steps
     with within(stage):
+        if isinstance(stage.method, Method):
+            raise SceneError("a stage's method is a name, such as method=\"snes\"; a Method is the whole run's")
         name = stage.method or method.name
         if name == ARC_LENGTH:
             raise SceneError(f"method '{name}': give steps=ArcSteps(until=...), which go by arc length to that target")

@@ -51,7 +51,7 @@ def schedule(stage: Stage) -> tuple[ArcSteps | None, Floats]:
     """ArcSteps of a stage by arc length, None of another; shares s at which its steps end, or is to be asked. Checked."""
     with within(stage):
         if stage.method not in list(STEPPERS):
-            raise SceneError(f"method {shown(stage.method)} is not one of newton, incremental, snes")
+            raise SceneError(f"method {shown(stage.method)} is not one of newton, incremental, snes, nor a Method")
         steps: Any = stage.steps
         arcs = arc_steps(steps) if isinstance(steps, ArcSteps) else None
         shares = np.array([0.5, 1.0]) if arcs else load_times(steps)

@@ -80,6 +80,13 @@ def function(value: F, what: str, form: str) -> F:
     return value
 
 
+def flag(value: object, what: str) -> bool:
+    """The value, which is True or False, or SceneError."""
+    if not isinstance(value, bool | np.bool_):
+        raise SceneError(f"{what} = {shown(value)}: give True or False")
+    return bool(value)
+
+
 def text(value: object, what: str) -> str:
     """The value itself, a text that is not empty."""
     if not isinstance(value, str) or not value:

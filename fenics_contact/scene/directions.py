@@ -7,7 +7,7 @@ import numpy as np
 from fenics_contact.contact.master import area_vectors, oriented_facets
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.types import Floats, Space
-from fenics_contact.values import SceneError, finite, group_names, shown
+from fenics_contact.values import SceneError, finite, flag, group_names, shown
 
 Group = str | tuple[str, ...]
 Unit = tuple[float, ...]  # a direction (3,) of length one
@@ -57,8 +57,7 @@ def normals(mesh: NamedMesh, space: Space, group: Group, what: str) -> list[tupl
 
 def chosen(axis: object, direction: Sequence[float] | None, normal: bool, what: str) -> None:
     """One of the three ways to say a direction must be taken."""
-    if not isinstance(normal, bool):
-        raise SceneError(f"{what}: normal = {shown(normal)} must be True or False")
+    flag(normal, f"{what}: normal")
     if (axis is not None) + (direction is not None) + normal > 1:
         raise SceneError(f"{what}: axis=, direction= and normal=True are three ways to say one thing; give one")
 

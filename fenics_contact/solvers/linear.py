@@ -15,6 +15,7 @@ from fenics_contact.solvers.softest import Softest
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array, Floats, Mat, Vec
 
+LINEAR = ("auto", "direct", "iterative")  # what a run may ask for
 # MUMPS' INFOG(1) where work space or memory does not suffice (its users' guide, section "error diagnostics").
 # Not -8, -9 and -14, -15: a nearly singular matrix, whose pivots are delayed, asks for more work space than foreseen.
 NO_MEMORY = (-5, -7, -13, -19)
@@ -54,8 +55,8 @@ class LinearSolver:
     """
 
     def __init__(self, system: System, method: str = "auto", afresh: bool = False, singular: bool = False) -> None:
-        if method not in ("auto", "direct", "iterative"):
-            raise ValueError(f"linear solver '{method}' is not known; choose auto, direct or iterative")
+        if method not in LINEAR:
+            raise ValueError(f"linear solver '{method}' is not one of {', '.join(LINEAR)}")
         self.system = system
         self._loose, self._turns = 0.0 if singular else LOOSE, afresh
         size = system.vector.getSize()
