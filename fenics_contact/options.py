@@ -49,11 +49,11 @@ class Output:
     """What a run leaves behind and shows: solve(..., out=Output("folder", ...)), or the folder's path alone.
 
     folder: of history.csv, summary.json, results.pvd and body.png; None for no files. checkpoint: keep every accepted step
-    (True) or every n-th (n) there, complete whenever the run is killed; resume: go on from the last checkpoint there, where
-    there is one, on any number of ranks. A continuation's holds, beside the state and the history of its contacts, the last
-    increment, the path's direction, the arc that is due and the leg. A checkpoint of another statement is refused, as are
-    damaged ones. overwrite: replace the results of an earlier run there, which otherwise is refused. progress: show how far
-    the run is, and what it remarks.
+    (True), or every n-th (n) and the last one, there, complete whenever the run is killed; resume: go on from the last
+    checkpoint there, where there is one, on any number of ranks. A continuation's holds, beside the state and the history of
+    its contacts, the last increment, the path's direction, the arc that is due and the leg. A checkpoint of another
+    statement is refused, as are damaged ones. overwrite: replace the results of an earlier run there, which otherwise is
+    refused. progress: show how far the run is, and what it remarks.
     """
 
     folder: str | PathLike[str] | None = None
@@ -86,8 +86,8 @@ def stated_output(out: str | PathLike[str] | Output | None) -> tuple[Output, int
     if isinstance(every, bool):
         every = int(every or stated.resume)
     every = count(every, "checkpoint", 0, "; give True, or the number of accepted steps from one to the next")
-    if (every or stated.overwrite) and stated.folder is None:
-        raise SceneError('checkpoint, resume and overwrite need a folder: out=Output("folder", ...)')
+    if every and stated.folder is None:
+        raise SceneError('checkpoint and resume need a folder: out=Output("folder", ...)')
     return stated, every
 
 

@@ -138,11 +138,11 @@ def _refuse_nan(system: System, shares: Floats) -> None:
 def _steady_alone(built: Built) -> list[str]:
     """What a scene asks for that needs steps which end in balance, of methods "newton" and "snes": why another one, {}, is
     refused."""
-    steady = "steps that end in balance, method 'newton' or 'snes', not '{}'"
+    steady = "load steps that end in balance, by method 'newton' or 'snes' and not by '{}'"
     asked = {
-        f"stabilise=True needs {steady}; leave it out, or choose one of these": built.system.stabilised,
-        f"damping=True needs {steady}; leave it out, or choose one of these": built.system.damped,
-        f'pressure with where="open" needs {steady}; choose one of these, or leave where= out': built.system.fluids,
+        f"stabilise=True needs {steady}; leave it out, or choose such steps": built.system.stabilised,
+        f"damping=True needs {steady}; leave it out, or choose such steps": built.system.damped,
+        f'pressure with where="open" needs {steady}; choose such steps, or leave where= out': built.system.fluids,
     }
     return [why for why, there in asked.items() if there]
 

@@ -50,6 +50,8 @@ class Keeper:
         self._softened = next((softened for _, softened in steppers if softened), None)
         self._stages, self._left = system.stages, left
         self.verdict, self.resumed = Verdict(), False
+        self._written = -1  # rows in the last checkpoint
+        self._verdict: dict[str, Any] = {}  # as it was when the last step was accepted, before a run's end is judged
         self.rows: list[HistoryRow] = []
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
         if resume:
@@ -121,17 +123,30 @@ class Keeper:
 
     def keep(self) -> None:
         """Call at the start and after every accepted step: writes a checkpoint where one is due. Collective."""
-        if len(self.rows) % self.every == 0:
-            fields, numbers = self._path.memory() if self._path else (None, None)
-            arrays, stated = self._memory.collect(fields), self._statement(self._stages.passed)
-            ends = [[end.t, end.q.tolist(), end.forces.tolist()] for end in self._stages.ends]
-            left = self._left()
-            with writing(self.comm, self._folder, "a checkpoint"):
-                if arrays:
-                    helps = self._softened is not None and self._softened.helps
-                    content = {"scene": stated, "verdict": asdict(self.verdict), "rows": self.rows, "stepper": numbers,
-                               "softened": helps, "ends": ends, "left": left}  # fmt: skip
-                    self._files.write(len(self.rows), arrays, content)
+        self._verdict = asdict(self.verdict)
+        ends = bool(self.rows) and self._stages.share(self.rows[-1]["t"]) >= 1.0 - 1e-9  # its stage, by load steps
+        if len(self.rows) % self.every == 0 or ends:
+            self._write()
+
+    def keep_last(self) -> None:
+        """Call at the end of a run: the state accepted last is kept, whether or not its checkpoint was due, unless a stage
+        has begun since. Collective."""
+        begun = self.rows and self.rows[-1].get("stage", "") != self._stages.name
+        if self._verdict and self._written != len(self.rows) and not begun:
+            self._write()
+
+    def _write(self) -> None:
+        fields, numbers = self._path.memory() if self._path else (None, None)
+        arrays, stated = self._memory.collect(fields), self._statement(self._stages.passed)
+        ends = [[end.t, end.q.tolist(), end.forces.tolist()] for end in self._stages.ends]
+        left = self._left()
+        with writing(self.comm, self._folder, "a checkpoint"):
+            if arrays:
+                helps = self._softened is not None and self._softened.helps
+                content = {"scene": stated, "verdict": self._verdict, "rows": self.rows, "stepper": numbers,
+                           "softened": helps, "ends": ends, "left": left}  # fmt: skip
+                self._files.write(len(self.rows), arrays, content)
+        self._written = len(self.rows)
 
 
 def last_state(folder: str | PathLike[str], comm: MPI.Comm) -> Start:

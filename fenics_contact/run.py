@@ -97,6 +97,8 @@ def solve(
     refuse_unlike(scene.mesh.comm, stages_told(stated))  # all that follows goes through them on all ranks together
     schedules = [schedule(stage) for stage in stated]
     begun = _started(start, scene)
+    if record is not None and not isinstance(record, Mapping):
+        raise SceneError(f"record = {shown(record)}: give {{name: function of a View}}")
     columns = columns_of(record or {}, scene, turning(stated, begun.tools if begun else {}))
     extra = record or {}
     folder = (
@@ -115,6 +117,8 @@ def solve(
     setup = timers.table()["total"]
     kept.remark([*scene.notes, *built.notes])
     _carried(scene, system, plans, kept, numerics.smallest_step)
+    if keeper:
+        keeper.keep_last()
     summary = _concluded(scene, built, plans, kept, timers)
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:

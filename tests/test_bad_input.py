@@ -417,7 +417,6 @@ WRONG_VALUES = {
     "method list": (lambda s: driven(s.mesh, s.out, method=["newton"]), "method", "newton", "snes"),
     "stabilise text": (lambda s: driven(s.mesh, s.out, method=Method(stabilise="no")), "stabilise", "'no'", "True or False"),
     "resume text": (lambda s: driven(s.mesh, Output(s.out, resume="yes")), "resume", "'yes'", "True or False"),
-    "overwrite nowhere": (lambda s: driven(s.mesh, Output(overwrite=True)), "overwrite", "Output("),
     "Method in a stage": (lambda s: s.stage(method=Method("snes")), "'in'", "is a name", "whole run"),
     "linear number": (lambda s: driven(s.mesh, s.out, method=Method(linear=1)), "1", "direct"),
     "tolerance zero": (lambda s: driven(s.mesh, s.out, method=Method(tolerance=0)), "tolerance", "0", "positive"),
@@ -427,6 +426,7 @@ WRONG_VALUES = {
     "tolerance unused": (
         lambda s: driven(s.mesh, s.out, method=Method("incremental", tolerance=1e-8)), "tolerance", "incremental",
     ),
+    "record list": (lambda s: driven(s.mesh, s.out, record=[lambda view: 1.0]), "record", "function of a View"),
     "smallest text": (lambda s: driven(s.mesh, s.out, method=Method(smallest_step="1e-4")), "smallest_step", "positive"),
     "ArcSteps with snes": (lambda s: s.followed(until=fc.Load(1.0), method="snes"), "go by arc length", "'snes'"),
     "ArcSteps in a stage": (lambda s: s.stage(steps=ArcSteps(until=fc.Load(1.0)), method="newton"), "'in'", "by arc length"),

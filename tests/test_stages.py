@@ -577,6 +577,23 @@ def figures(result):
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize("every", [2, 20])
+def test_a_folder_has_the_last_state_however_rarely_it_is_written(every, folder):
+    """Of a run that has come to its end, and of one that could not go on."""
+    scene, ball = pressed()
+    press, drag, _ = press_drag_lift(ball, (3, 2, 1))
+    through = Stage("through", move={ball: (0, 0, -1e3)}, steps=1)  # the block
+    whole = solve(scene, stages=[press, drag], **TIGHT).require()
+    kept = Output(folder, checkpoint=every, overwrite=True)
+    for ends in ([press], [press, through]):
+        before = solve(scene, stages=ends, out=kept, method=replace(CLOSE, smallest_step=0.5))
+        assert len(before.history) == 3 and before.converged is (len(ends) == 1)
+        assert goes_on(solve(scene, stages=[drag], start=folder, **TIGHT).require(), whole)
+    resumed = solve(scene, stages=[press, drag], out=replace(kept, overwrite=False, resume=True), **TIGHT).require()
+    same(resumed, whole, 1e-8)
+
+
+@pytest.mark.parallel
 def test_stages_to_come_may_be_changed_those_behind_not(folder):
     scene, ball = pressed()
     first, second, third = press_drag_lift(ball, (1, 1, 1))
