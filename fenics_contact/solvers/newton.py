@@ -27,8 +27,8 @@ LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
 # what share of it: where it is a solve of Krylov's method or contacts are not averages, and where it is a back-substitution
 CORRECTED = {False: (HELD, 0.3), True: (30 * HELD, 0.7)}
-# Relative residual of such a solve of Krylov's method, a tenth of what it has to gain: the tangent is no longer the state's
-# own, so what lies below is no gain
+# Relative residual of such a solve by multigrid, a tenth of what it has to gain: the tangent is no longer the state's
+# own, so farther is no gain. Over a factorisation iterations are few
 LOOSER = 0.1 * CORRECTED[False][1]
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
@@ -149,7 +149,8 @@ class Newton:
         with an iterative solver: no assembly, and a preconditioner that fits.
         """
         try:
-            du, dq = self.linear.solve(*system.still(), max(_forcing(size, self.tolerance), LOOSER), again=True)
+            loosest = LOOSER if self.linear.method == "iterative" else 0.0
+            du, dq = self.linear.solve(*system.still(), max(_forcing(size, self.tolerance), loosest), again=True)
         except LinearFailure:
             return size
         report.corrections += 1
