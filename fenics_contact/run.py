@@ -156,7 +156,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary["energy"] = energy_summary(kept.history, scene.units, along_slave, kept.results.growth)
     kept.remark(kept.results.notes())
     taken = len(kept.history)
-    unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest
+    unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest + system.scales.noise_energy
     if verdict.converged:
         turned = widest_turn(kept.history, scene.units, list(travel))
         kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps, turned))

@@ -161,6 +161,19 @@ def test_a_stage_in_which_nothing_moves_jumps_nowhere():
     assert not [note for note in result.verdict.notes if "snap" in note or "jump" in note], result.verdict.notes
 
 
+def test_a_body_at_rest_misses_no_energy():
+    """A lid lies on it, or slides along it, and nothing presses."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (10.0, 5.0), (8, 4))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 2.0)), plane="strain")
+    scene.fix("pad_ymin")
+    lid = rigid_plane((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+    scene.contact("pad_ymax", lid, 0.3, name="c")
+    for way in (0.0, 0.5):
+        result = solve(scene, move={lid: (way, 0, 0)}, steps=2)
+        assert result.verdict.converged
+        assert not [note for note in result.verdict.notes if "energy" in note], result.verdict.notes
+
+
 def test_a_body_that_turns_without_strain_misses_no_energy():
     mesh = read_gmsh(rectangles.build, rectangles={"lower": LOWER})
     scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 5.0)), plane="strain")

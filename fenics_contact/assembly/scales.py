@@ -33,6 +33,11 @@ class Scales:
         return float(self.stiffness * ROUNDED * self._reach)
 
     @property
+    def noise_energy(self) -> float:
+        """Energy [force length] that the last places of the coordinates make, in bodies at rest too."""
+        return self.noise * self._reach
+
+    @property
     def moved(self) -> float:
         """The largest displacement of a node along an axis [length]. Collective."""
         return float(self._displacement.norm(PETSc.NormType.NORM_INFINITY))
