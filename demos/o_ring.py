@@ -7,6 +7,7 @@ Upper half of the section, no friction; as a straight seal, or all the way round
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -31,13 +32,9 @@ def seal(plane, cells, steps):
     scene.contact("rim", rigid_plane((MEAN + RADIUS + GAP, 0, 0), (-1, 0, 0), name="wall"), name="wall")
     scene.pressure("rim", 0.0, where="open", from_="wet")
     squeeze, fluid = Stage("squeeze", move={lid: (0, -SQUEEZE, 0)}), Stage("fluid", pressures={"rim": PRESSURE})
-    words = {"steps": steps, "method": Method(stabilise=True)}
-    squeezed = solve(
-        scene, stages=[squeeze], out=Output(OUT / "squeezed", overwrite=True, progress=False), **words
-    ).require()
-    return squeezed, solve(
-        scene, stages=[fluid], start=squeezed, out=Output(OUT, overwrite=True, progress=False), **words
-    ).require()
+    words, out = {"steps": steps, "method": Method(stabilise=True)}, Output(OUT, overwrite=True, progress=False)
+    squeezed = solve(scene, stages=[squeeze], out=replace(out, folder=OUT / "squeezed"), **words).require()
+    return squeezed, solve(scene, stages=[fluid], start=squeezed, out=out, **words).require()
 
 
 def main(plane, quick=False):

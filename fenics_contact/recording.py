@@ -2,7 +2,7 @@
 
 import pathlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from tqdm import tqdm
 
@@ -20,7 +20,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.arc_length import ArcReport
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import Verdict
-from fenics_contact.values import SceneError
+from fenics_contact.values import SceneError, shown
 
 Recorded = dict[str, Callable[[View], float]]  # what the user adds to the history
 
@@ -148,6 +148,8 @@ def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> C
         raise SceneError(
             f"two contacts, tools, supports or pairs would share the columns '{shared}_...'; give one another name"
         )
+    if not isinstance(record, Mapping):
+        raise SceneError(f"record = {shown(record)}: give {{name: function of a View}}")
     taken = columns.all()
     for name, value in record.items():
         if name in taken:

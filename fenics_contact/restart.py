@@ -1,7 +1,7 @@
 """Checkpoints of a run, and the way back from one: on any number of ranks, refused where the scene is another."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
@@ -122,8 +122,10 @@ class Keeper:
         return self._stated(tuple(max(one) for one in shares))
 
     def keep(self) -> None:
-        """Call at the start and after every accepted step: writes a checkpoint where one is due. Collective."""
-        self._verdict = asdict(self.verdict)
+        """Call at the start and after every accepted step: writes a checkpoint where one is due, as at the end of a stage.
+        Collective."""
+        # of the residuals, a list per step that stays as it is, only the list of lists is copied
+        self._verdict = asdict(replace(self.verdict, residuals=[])) | {"residuals": list(self.verdict.residuals)}
         ends = bool(self.rows) and self._stages.share(self.rows[-1]["t"]) >= 1.0 - 1e-9  # its stage, by load steps
         if len(self.rows) % self.every == 0 or ends:
             self._write()

@@ -97,10 +97,8 @@ def solve(
     refuse_unlike(scene.mesh.comm, stages_told(stated))  # all that follows goes through them on all ranks together
     schedules = [schedule(stage) for stage in stated]
     begun = _started(start, scene)
-    if record is not None and not isinstance(record, Mapping):
-        raise SceneError(f"record = {shown(record)}: give {{name: function of a View}}")
-    columns = columns_of(record or {}, scene, turning(stated, begun.tools if begun else {}))
-    extra = record or {}
+    extra = {} if record is None else record
+    columns = columns_of(extra, scene, turning(stated, begun.tools if begun else {}))
     folder = (
         results_folder(output.folder, scene.mesh.comm, output.overwrite, output.resume)
         if output.folder is not None

@@ -147,12 +147,17 @@ def test_nodes_on_edges_of_the_slave_are_told_where_the_law_asks_for_pressures(p
 
 
 # -- rounding is nothing to remark on ---------------------------------------------------------------------------------
-def test_a_stage_in_which_nothing_moves_jumps_nowhere():
+def under_a_lid():
     mesh = read_gmsh(rectangles.build, rectangles={"lower": ((0.0, -4.0), (10.0, 4.0), (10, 4))})
     scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 3.0)), plane="strain")
     scene.fix("lower_ymin")
     lid = rigid_plane((0.0, 0.0, 0.0), (0.0, -1.0, 0.0), name="lid")
     scene.contact("lower_ymax", lid, 0.3, name="c")
+    return scene, lid
+
+
+def test_a_stage_in_which_nothing_moves_jumps_nowhere():
+    scene, lid = under_a_lid()
     moves = [((0, -0.6, 0), 3), ((0.5, 0, 0), 3), ((0, 0, 0), 4)]
     stages = [Stage(name, move={lid: way}, steps=steps) for name, (way, steps) in zip("pdh", moves, strict=True)]
     result = solve(scene, stages=stages)
@@ -163,11 +168,7 @@ def test_a_stage_in_which_nothing_moves_jumps_nowhere():
 
 def test_a_body_at_rest_misses_no_energy():
     """A lid lies on it, or slides along it, and nothing presses."""
-    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (10.0, 5.0), (8, 4))})
-    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 2.0)), plane="strain")
-    scene.fix("pad_ymin")
-    lid = rigid_plane((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), name="lid")
-    scene.contact("pad_ymax", lid, 0.3, name="c")
+    scene, lid = under_a_lid()
     for way in (0.0, 0.5):
         result = solve(scene, move={lid: (way, 0, 0)}, steps=2)
         assert result.verdict.converged

@@ -35,9 +35,10 @@ class PivotWatch:
         if fresh and self.linear.negative is not None:
             return self.linear.negative, True
         resists = self.linear.resists()  # an older factorisation, or a hierarchy, served
-        if resists:  # over that one: what it does not resist itself, the tangent does not either
-            return self.linear.negative or 0, False
-        return (None if resists is None else max(1, self.negative or 0)), False
+        if resists is None:
+            return None, False
+        # over that one: what it does not resist itself, the tangent does not either
+        return (self.linear.negative or 0) if resists else max(1, self.negative or 0), False
 
     def _seen_in_the_end(self) -> tuple[int | None, bool]:
         """The same of the tangent in the state that was accepted; what is solved with it is not needed. Collective."""

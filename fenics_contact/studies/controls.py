@@ -3,11 +3,8 @@
 from typing import Any
 
 from fenics_contact.assembly.system import System
-from fenics_contact.options import Method, Steps
+from fenics_contact.options import Method
 from fenics_contact.plans import STEPPERS
-from fenics_contact.scene.stage import ARC_LENGTH
-from fenics_contact.scene.targets import Load
-from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.solvers.newton import Newton, upright
 from fenics_contact.types import Floats, Vec
 
@@ -29,10 +26,3 @@ CONTROLS: dict[str, dict[str, Any]] = {
     "and step control": {},
     MULTIPLIERS: {},
 }
-
-
-def load_path(method: str, steps: int, linear: str) -> dict[str, Any]:
-    """Options of `solve`: so many load steps by a method; or arcs to the whole load, the first of which aims at one."""
-    arcs = method == ARC_LENGTH
-    along: Steps = ArcSteps(Load(1.0), first=1.0 / steps) if arcs else steps
-    return {"steps": along, "method": Method(linear=linear) if arcs else Method(method, linear)}

@@ -15,8 +15,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.controls import load_path
-from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, stepping
 
 # (radius mm, a1, a2, K MPa, squeeze in all mm, force N/mm): classical Mooney-Rivlin, references of other codes
 RUBBERS = {"soft": (20.0, 0.1863, 0.0098, 5.0, 6.4, 4.5622), "stiff": (200.0, 0.293, 0.177, 1423.93, 40.0, 60.15)}
@@ -93,7 +92,7 @@ def cylinder(
     plate = rigid_plane(radius * upwards, -upwards)
     scene.contact("rim", plate, points=points, penalty=Penalty(factor=factor), penetration=penetration or None, name="rim")
     result = solve(
-        scene, move={plate: tuple(-squeeze / 2 * upwards)}, out=Output(progress=False), **load_path(method, steps, linear)
+        scene, move={plate: tuple(-squeeze / 2 * upwards)}, out=Output(progress=False), **stepping(method, steps, linear)
     )
     force = -2 * result.history[-1][f"rim_force_{up}_N"] / length if result.history else float("nan")
     return metrics(result, error=abs(force / reference - 1), value=force)

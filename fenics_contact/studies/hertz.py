@@ -20,9 +20,8 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import from_elastic
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.exact import Field, boussinesq, flamant, under_cone, under_hertz
-from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, stepping
 from fenics_contact.types import Floats
 
 E, NU = 1000.0, 0.3  # MPa
@@ -110,7 +109,7 @@ def indented(
     if tool == "cylinder":
         scene.fix("ymax", "y")
     scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    return solve(scene, move={shape: (0, 0, -depth)}, out=Output(progress=False), **load_path(method, steps, linear)), exact
+    return solve(scene, move={shape: (0, 0, -depth)}, out=Output(progress=False), **stepping(method, steps, linear)), exact
 
 
 def indented_plane(
@@ -127,7 +126,7 @@ def indented_plane(
             scene.prescribe(side, letter, lambda X, t, axis=axis: t * field(X[:, [0, 2, 1]])[:, axis])
     shape = rigid_cylinder(R, (0, R, 0), axis=(0, 0, 1))
     scene.contact("block_ymax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    result = solve(scene, move={shape: (0, -depth, 0)}, out=Output(progress=False), **load_path(method, steps, linear))
+    result = solve(scene, move={shape: (0, -depth, 0)}, out=Output(progress=False), **stepping(method, steps, linear))
     return result, DEPTH * P / 2
 
 

@@ -13,8 +13,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_rivlin
 from fenics_contact.studies.charts import answer, work_precision
-from fenics_contact.studies.controls import load_path
-from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, stepping
 
 BASE: Run = {"cells": 10, "degree": 1, "element": "displacement", "friction": 0.3, "points": "nodes", "factor": 100.0,
         "share": 0.1, "penetration": 0.0, "method": "newton", "steps": 5, "linear": "direct", "processes": 1}  # fmt: skip
@@ -69,7 +68,7 @@ def punch(
     penetration: largest one [mm] left by multipliers, 0 for the plain penalty.
     """
     scene, tool = punched_plate(cells, friction, points, factor, share, fillet, penetration, degree=degree, element=element)
-    result = solve(scene, move={tool: (0, 0, -2.0)}, out=Output(progress=False), **load_path(method, steps, linear))
+    result = solve(scene, move={tool: (0, 0, -2.0)}, out=Output(progress=False), **stepping(method, steps, linear))
     return metrics(result, value=-result.history[-1]["top_force_z_N"] if result.history else float("nan"))
 
 

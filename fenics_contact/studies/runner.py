@@ -20,7 +20,11 @@ import numpy as np
 from tqdm import tqdm
 
 from fenics_contact import compat
+from fenics_contact.options import Method
 from fenics_contact.result import Result
+from fenics_contact.scene.stage import ARC_LENGTH
+from fenics_contact.scene.targets import Load
+from fenics_contact.solvers.continuation import ArcSteps
 
 # What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
 METRICS = (
@@ -52,6 +56,13 @@ def of_curve(rows: list[Row], base: Run, values: Values) -> list[Row]:
     """The rows of a curve: equal to `base` in all that the curve does not vary, in the order of its values."""
     wanted = [base | run for run in grid(**values)]
     return [row for run in wanted for row in rows if all(row.get(key) == run[key] for key in run)]
+
+
+def stepping(method: str, steps: int, linear: str) -> dict[str, Any]:
+    """Options of `solve`: so many load steps by a method; or arcs to the whole load, the first of which aims at one."""
+    if method == ARC_LENGTH:
+        return {"steps": ArcSteps(Load(1.0), first=1.0 / steps), "method": Method(linear=linear)}
+    return {"steps": steps, "method": Method(method, linear)}
 
 
 def metrics(result: Result, error: float = float("nan"), value: float = float("nan"), **outputs: Any) -> Row:

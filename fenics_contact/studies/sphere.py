@@ -13,9 +13,8 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, medians, work_precision
-from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.exact import A1, A2, Radial
-from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve, stepping
 
 RADIUS, WALL, K = 95.0, 1.0, 5.0  # mm, mm, MPa
 REACH = 19.0  # mm, at 87 % of the limit pressure
@@ -57,7 +56,7 @@ def sphere(cells: int, degree: int, element: str, method: str, steps: int, linea
     for axis in "xyz":
         scene.fix(f"symmetry_{axis}", axis)
     scene.pressure("inner", Radial("sphere", K).solve((RADIUS, RADIUS + WALL), RADIUS + reach)[0])
-    result = solve(scene, out=Output(progress=False), **load_path(method, steps, linear))
+    result = solve(scene, out=Output(progress=False), **stepping(method, steps, linear))
     moved = inner_radial(scene)(result.system.state)
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 

@@ -14,9 +14,8 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_paper
 from fenics_contact.studies.charts import answer, hold_slope, work_precision
-from fenics_contact.studies.controls import load_path
 from fenics_contact.studies.exact import A1, A2, Radial
-from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve
+from fenics_contact.studies.runner import Panels, Row, Run, Study, expand, metrics, of_curve, stepping
 from fenics_contact.types import Function
 
 INNER, OUTER, K = (80.0, 90.0), (100.0, 110.0), 5.0  # mm, mm, MPa
@@ -88,7 +87,7 @@ def tubes(
     scene.pressure("inner_inside", pressure)
     scene.contact("inner_outside", "outer_inside", points=points, name="interface",
                   penalty=Penalty(factor=factor), penetration=penetration or None)  # fmt: skip
-    result = solve(scene, out=Output(progress=False), **load_path(method, steps, linear))
+    result = solve(scene, out=Output(progress=False), **stepping(method, steps, linear))
     # the interface's pressure on a quarter of its length is balanced by radius times pressure on a symmetry plane
     found = -result.history[-1]["interface_force_x_N"] / mean_radius(scene, "outer_inside", result.u) / (depth or 1.0)
     moved = mean_radius(scene, "inner_inside", result.u) - INNER[0]
