@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.facet_points import RINGS, facet_points, geometry_degree
+from fenics_contact.assembly.facet_points import ACROSS, RINGS, facet_points, geometry_degree
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
 from fenics_contact.contact.master import MasterSurface
@@ -137,7 +137,8 @@ def slave_surface(
         a, gradients, _ = facet_points(*where, None)
     owner = np.concatenate(where[3])
     key = compat.original_cells(mesh)[owner].astype(np.int64) * 6 + np.sort(local)
-    height = _cell_volumes(mesh)[owner] / np.maximum(sides, 1e-300)
+    # a sheared cell that widens away from its facet has more volume over it than the cell is high
+    height = np.minimum(_cell_volumes(mesh)[owner] / np.maximum(sides, 1e-300), _opposite(mesh, cell, where[3]))
     stiffness = modulus[owner] * degree / height  # of the layer that a node moves: an element of degree 2 has two
     tallest = mesh.comm.allreduce(height.max(initial=0.0), op=MPI.MAX)
     spacing = _shortest_sides(mesh, cell, cells, local) / (degree if isinstance(points, str) else points)
@@ -190,6 +191,23 @@ def _shortest_sides(mesh: Mesh, cell: str, cells: Ints, local: Ints64) -> Floats
         x = mesh.geometry.x[dofs[cells[local == f]]][:, ring]
         sides.append(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).min(axis=1, initial=np.inf))
     return np.concatenate(sides)
+
+
+def _opposite(mesh: Mesh, cell: str, cells: list[Ints]) -> Floats:
+    """Distance of the corners that are not on a facet from its plane, their mean, facets as in `facet_points`."""
+    dofs, kind, out = compat.geometry_dofmap(mesh), getattr(basix.CellType, cell), []
+    for mine, corners in zip(cells, basix.topology(kind)[mesh.topology.dim - 1], strict=True):
+        x = mesh.geometry.x[dofs[mine][:, : len(basix.geometry(kind))]]
+        ring = x[:, [corners[i] for i in RINGS[cell]]]
+        sides = ring - ring[:, :1]
+        if mesh.topology.dim == 2:
+            normal = np.cross(sides[:, 1], ACROSS)
+        else:
+            normal = np.cross(sides[:, 1:-1], sides[:, 2:]).sum(axis=1)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        beyond = np.delete(x, corners, axis=1).mean(axis=1) - ring.mean(axis=1)
+        out.append(np.abs(np.einsum("fc,fc->f", beyond, normal)))
+    return np.concatenate(out)
 
 
 def _cell_volumes(mesh: Mesh) -> Floats:
