@@ -15,7 +15,6 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
-from fenics_contact.contact.overlap import overlaps
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
 from fenics_contact.output.columns import HistoryRow
@@ -135,7 +134,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
         kept.remark([note for note in unmet if note])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
-        kept.remark(overlaps(system))
+        kept.remark_overlaps()
         loaded = [c for c in system.contacts if loads[c.name] > noise]
         at_nodes = [c for c in loaded if c.surface.gradients is None or c.surface.corners]
         areas = {c.name: system.comm.allreduce(float(c.surface.area.sum())) for c in at_nodes}

@@ -62,7 +62,7 @@ TABLE = {
                 "timing"},
     "options": {"numpy", "contact", "scene", "solvers", "values"},
     "restart": {"numpy", "mpi4py", "agreement", "assembly", "solvers", "output", "scene", "values"},
-    "recording": {"tqdm", "output", "scene", "solvers", "restart", "values"},
+    "recording": {"contact", "tqdm", "output", "scene", "solvers", "restart", "values"},
     "result": {"numpy", "matplotlib", "agreement", "assembly", "output", "scene", "solvers", "values"},
     "plans": {"numpy", "assembly", "solvers", "scene", "options", "values"},
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
@@ -95,7 +95,8 @@ ONLY = {
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"block_products", "scatter", "sets"},
     ("restart", "scene"): {"fingerprint", "start"},
-    ("run", "contact"): {"overlap", "tools"},  # what bodies do at the end; the keys of move and push
+    ("run", "contact"): {"tools"},  # the keys of move and push
+    ("recording", "contact"): {"overlap"},  # what bodies do that no contact holds
     ("options", "contact"): {"tools"},
     ("__init__", "contact"): {"friction", "penalties", "profiles", "tools"},
     ("meetings", "kernels"): {"broad_phase", "sets"},

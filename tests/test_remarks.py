@@ -82,16 +82,68 @@ MESHES = {
 def test_a_body_inside_another_one_is_told(cells):
     """As deep as it has been moved, in words; not where a contact of the two keeps it out."""
     mesh, axis = MESHES[cells]()
-    (note,) = pressed(mesh, axis, 0.3)
-    assert "body 'upper'" in note and "body 'lower'" in note and "lies 0.3 inside" in note and "state a contact" in note
+    first, last = pressed(mesh, axis, 0.3)
+    assert first.startswith("step 1 to t = 0.5: a node of body") and "body 'upper'" in first and "body 'lower'" in first
+    assert "lies 0.15 inside" in first and "state a contact" in first
+    assert last.startswith("at the end") and "lies 0.3 inside" in last
     assert not pressed(mesh, axis, 0.3, contact=True)
 
 
 def test_with_curved_cells_of_degree_2():
     mesh, axis = in_plane("quadrilaterals", order=2)
-    (note,) = pressed(mesh, axis, 0.3, degree=2)
-    assert "lies 0.3 inside" in note
+    _, last = pressed(mesh, axis, 0.3, degree=2)
+    assert "lies 0.3 inside" in last
     assert not pressed(mesh, axis, 0.3, degree=2, contact=True)
+
+
+def clip(solid):
+    """Two legs on a back, one body: quadrilaterals, or hexahedra as deep as they are wide."""
+    occ, mesh = gmsh.model.occ, gmsh.model.mesh
+    parts = [(2, occ.addRectangle(*corner, 0.0, *size)) for corner, size in CLIP]
+    occ.fragment(parts[:1], parts[1:])
+    dim = 3 if solid else 2
+    if solid:
+        occ.extrude(occ.getEntities(2), 0.0, 0.0, 0.5, [1], recombine=True)
+    occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    gmsh.option.setNumber("Mesh.RecombineAll", 1)
+    for _, surface in occ.getEntities(2):
+        mesh.setTransfiniteSurface(surface)
+    mesh.generate(dim)
+    sides = {"below": (1, 0.0), "above": (1, 2.5), "inner_below": (1, 1.0), "inner_above": (1, 1.5)}
+    occ_groups(dim, sides | ({"front": (2, 0.0)} if solid else {}))
+
+
+CLIP = [((0.0, 0.0), (4.0, 1.0)), ((0.0, 1.5), (4.0, 1.0)), ((-1.0, 0.0), (1.0, 1.0)), ((-1.0, 1.0), (1.0, 0.5))]
+CLIP += [((-1.0, 1.5), (1.0, 1.0))]
+
+
+def occ_groups(dim, places):
+    """Names for the body, and for its sides by where they lie along an axis, inside the clip where that is said."""
+    name = gmsh.model.setPhysicalName
+    name(dim, gmsh.model.addPhysicalGroup(dim, [tag for _, tag in gmsh.model.getEntities(dim)]), "clip")
+    sides = gmsh.model.getBoundary(gmsh.model.getEntities(dim), combined=True, oriented=False)
+    middles = {tag: gmsh.model.occ.getCenterOfMass(dim - 1, tag) for _, tag in sides}
+    for side, (axis, at) in places.items():
+        found = [tag for tag, middle in middles.items() if abs(middle[axis] - at) < 1e-6]
+        name(dim - 1, gmsh.model.addPhysicalGroup(dim - 1, found), side)
+
+
+@pytest.mark.parametrize("solid", [False, True], ids=["plane", "solid"])
+@pytest.mark.parametrize("held", [False, True], ids=["no contact", "contact"])
+def test_a_body_inside_itself_is_told(solid, held):
+    """The legs of a clip pressed together by more than there is room between them."""
+    scene = Scene(Body(read_gmsh(clip, solid=solid), "clip", SOFT), **({} if solid else {"plane": "strain"}))
+    scene.fix("below")
+    if solid:
+        scene.fix("front", "z")
+    lid = rigid_plane((0, 2.5, 0), (0, -1, 0), name="lid")
+    scene.contact("above", lid, name="lid")
+    if held:
+        scene.contact("inner_above", "inner_below", name="inner")
+    result = solve(scene, move={lid: (0, -0.8, 0)}, steps=4)
+    notes = [note for note in result.verdict.notes if "another part of itself" in note]
+    assert bool(notes) != held and (held or "node of body 'clip'" in notes[0])
 
 
 @pytest.mark.parametrize("cells", [(1, 1), (6, 4)])
