@@ -29,6 +29,7 @@ from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown
 
+STEADY = "load steps that end in balance, by method 'newton' or 'snes'"
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, ARC_LENGTH: ArcLength}
 
 
@@ -96,6 +97,8 @@ def plans_of(
                 )
         plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built)))
     system.set_loads(0.0)
+    if system.damped and not any(isinstance(steppers[str(stage.method)][0], Newton | Snes) for stage in stated):
+        raise SceneError(f"damping=True needs {STEADY}; leave it out, or choose such steps")
     return plans
 
 
@@ -138,10 +141,9 @@ def _refuse_nan(system: System, shares: Floats) -> None:
 def _steady_alone(built: Built) -> list[str]:
     """What a scene asks for that needs steps which end in balance, of methods "newton" and "snes": why another one, {}, is
     refused."""
-    steady = "load steps that end in balance, by method 'newton' or 'snes' and not by '{}'"
+    steady = f"{STEADY} and not by '{{}}'"
     asked = {
         f"stabilise=True needs {steady}; leave it out, or choose such steps": built.system.stabilised,
-        f"damping=True needs {steady}; leave it out, or choose such steps": built.system.damped,
         f'pressure with where="open" needs {steady}; choose such steps, or leave where= out': built.system.fluids,
     }
     return [why for why, there in asked.items() if there]

@@ -131,7 +131,9 @@ class Recorder:
             tqdm.write("\n".join(news), file=sys.stderr)
 
     def _row(self, report: StepReport, seconds: float) -> HistoryRow:
-        state, result = self.system.state, self.results.of_step(report.work if self.system.damped else 0.0)
+        state, result = self.system.state, self.results.of_step(report.jumped)
+        if report.jumped and self.system.damping is not None:
+            self.system.damping.took(self.results.let_go, result.energies.strain)
         view = self.view.show(result)
         row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), result)
         if name := self.system.stages.name:
@@ -140,7 +142,7 @@ class Recorder:
             row["augmentations"] = report.augmentations
         row |= {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
         if self.system.damped:
-            row[damping_column(self.scene.units)] = report.work
+            row[damping_column(self.scene.units)] = self.results.let_go
         return row | self._of_arc(report if isinstance(report, ArcReport) else ArcReport())
 
     def _of_arc(self, report: ArcReport) -> HistoryRow:

@@ -287,7 +287,7 @@ def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict
 
 
 def _damping(system: System, units: Units) -> dict[str, float]:
-    """Number of jumps, the greatest work that damping took in one, and share of it and the strain energy left; or {}."""
+    """Number of jumps, the greatest energy that one has let go, and share of it and the strain energy left; or {}."""
     if system.damping is None or not (system.damped or system.damping.most["jumps"]):
         return {}
     most = system.damping.most

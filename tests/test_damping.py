@@ -19,6 +19,7 @@ from fenics_contact import (
     Penalty,
     Scene,
     SceneError,
+    Stage,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
@@ -86,7 +87,7 @@ def past_the_end(way=-6.0):
 
 
 def test_the_way_of_the_drive_is_no_jump():
-    """A block whose support is drawn aside, nothing in its way, follows: damping takes no work, and it has not jumped."""
+    """A block whose support is drawn aside, nothing in its way, follows: it has not jumped."""
     scene = Scene(Body(read_gmsh(box.build, size=(1.0, 1.0, 2.0), cells=(2, 2, 3)), "box", RUBBER))
     scene.prescribe("zmax", "x", 0.7)
     scene.fix("zmax", "yz")
@@ -95,7 +96,7 @@ def test_the_way_of_the_drive_is_no_jump():
     report = jump(system, 1.0, Newton(LinearSolver(system)))
     displacement = system.state.u.x.array.reshape(-1, 3)
     np.testing.assert_allclose(displacement, [[0.7, 0.0, 0.0]] * len(displacement), atol=1e-6)
-    assert report.work < 1e-10 and "jumped by" in report.notes[0]
+    assert "jumped by" in report.notes[0]
     assert float(report.notes[0].split("jumped by ")[1].split()[0]) < 1e-5
 
 
@@ -193,8 +194,7 @@ def test_the_blade_slides_on_as_with_other_steps():
 
 
 def test_work_is_what_the_jump_lets_go():
-    """Of the dead load's work what is not in the strain energy has gone into damping; implicit Euler takes up to twice the
-    energy that its longest motions let go."""
+    """Of the dead load's work what is not in the strain energy."""
     scene = loaded_dome()
     system = scene.system()
     system.begin_step(1.0)
@@ -209,9 +209,8 @@ def test_work_is_what_the_jump_lets_go():
     t, work_of_load = np.append(0.0, result.column("t")), np.append(0.0, result.column("work"))
     taken = result.column("damping_work_Nmm")
     jump, mean = int(taken.argmax()), 0.5 * (t[1:] + t[:-1])
-    mean[jump] = t[jump + 1]  # held
     let_go = float(np.sum(mean * np.diff(work_of_load))) - result.system.strain_energy()
-    assert 0.8 * let_go < taken[jump] < 2.0 * let_go
+    assert taken[jump] == pytest.approx(let_go, rel=5e-3)
 
 
 def test_a_snap_within_a_step_is_said():
@@ -251,6 +250,19 @@ def test_one_half_tells_that_an_even_path_does_not_jump(monkeypatch):
     assert snapped(system, 1.0) is None and taken == [0.5]
 
 
+def test_a_stage_by_arc_length_may_come_before_one_with_damping():
+    """The dome is led along its path to close below the limit point, and then loaded on, over it: one run."""
+    limit = solve(loaded_dome(), steps=40, method=Method(damping=True)).require()
+    jumps = np.count_nonzero(limit.column("damping_work_Nmm") > 1e-3)
+    stages = [
+        Stage("arcs", steps=ArcSteps(until=Load(0.1), first=0.1)),
+        Stage("on", tractions={"outer": (0, 0, -0.05)}, steps=20),
+    ]
+    both = solve(loaded_dome(), stages=stages, method=Method(damping=True)).require()
+    assert jumps == np.count_nonzero(both.column("damping_work_Nmm") > 1e-3) == 1
+    assert both.system.strain_energy() == pytest.approx(limit.system.strain_energy(), rel=1e-6)
+
+
 def test_wrong_methods_are_refused():
     for method, steps in (("incremental", 10), ("newton", ArcSteps(until=Load(1.0), first=0.1))):
         with pytest.raises(SceneError, match="damping"):
@@ -287,7 +299,7 @@ class Creeping:
         if not self.rests:
             raise StepFailed("damped motion did not come to rest")
         self.state.t = goal
-        return StepReport(residuals=[0.0], work=1.0)
+        return StepReport(residuals=[0.0], jumped=True)
 
     def commit(self):
         self.last = SimpleNamespace(t=self.state.t)

@@ -29,8 +29,8 @@ DECISIVE = 0.5
 SAMPLES = 300  # slave points of a rank that are asked for it
 SLID_OFF = (
     "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
-    "itself ends there, make its surface larger; or, where the body snaps past it, let damping carry it on: solve(..., "
-    "method=Method(damping=True))"
+    "itself ends there, make its surface larger; or, where the body snaps past it, let damping carry it on, unless it does: "
+    "solve(..., method=Method(damping=True))"
 )
 
 

@@ -1,7 +1,7 @@
 """A run's energy balance: work of supports, loads and tools, against what bodies, penalties, friction and damping took."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -86,7 +86,8 @@ class _Forces:
 
 class EnergyBalance:
     """Work between accepted states by the trapezoidal rule. loads: the terms of dead loads and pressures; so_far: Energies
-    of a run that is resumed; section: what a plane mesh stands for."""
+    of a run that is resumed; section: what a plane mesh stands for; let_go: what the last step has let go in a jump, which
+    has gone into damping where that was asked for [force length]."""
 
     def __init__(
         self, system: System, loads: Sequence[Term], so_far: Energies | None = None, section: Section | None = None
@@ -94,7 +95,7 @@ class EnergyBalance:
         self._system, self._loads = system, loads
         self._adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
         system.assemble_residual()
-        self.now = so_far or self._at_start()
+        self.now, self.let_go = so_far or self._at_start(), 0.0
         self._last = self._forces()
         self._before: tuple[_Forces, Floats] | None = None  # the state before, and what pressures left from it to the last
         self._by_pressures = np.zeros((2, len(system.contacts)))  # over all pairs of steps: in the two; in one as long
@@ -118,8 +119,8 @@ class EnergyBalance:
         rates = zip(self._last.pressing, in_one, in_two, strict=True)
         return {name: float(one / two) for name, one, two in rates if two != 0.0}
 
-    def advance(self, damping: float) -> Energies:
-        """The Energies at the state just accepted; damping: the work that it took in this step. Collective."""
+    def advance(self, jumped: bool) -> Energies:
+        """The Energies at the state just accepted; jumped: damped motion has led there. Collective."""
         system, last, here = self._system, self._last, self._forces()
         owned = len(here.on_dofs)
         work = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
@@ -135,11 +136,16 @@ class EnergyBalance:
             self._by_pressures += [self._before[1] + left, self._left_by_pressures(self._before[0], here)]
         self._before = last, left
         balance = float(np.linalg.norm((sums[-3:] + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
-        self._last, self.now = here, Energies(
+        before, now = self.now, Energies(
             self.now.external_work + work, system.strain_energy(), float(sums[-4]), friction,
-            self.now.damping + damping, balance, pressures,
+            self.now.damping, balance, pressures,
         )  # fmt: skip
-        return self.now
+        # What a jump lets go is what is left of all else: the work of viscous forces has in it what they add to the way
+        self.let_go = max(now.error - before.error, 0.0) if jumped else 0.0
+        if system.damped:
+            now = replace(now, damping=now.damping + self.let_go)
+        self._last, self.now = here, now
+        return now
 
     def _left_by_pressures(self, start: _Forces, end: _Forces) -> Floats:
         """By contact the work against its pressures less what their penalties took of it, (contacts,). Collective."""

@@ -78,9 +78,14 @@ class Results:
         """By contact, see `EnergyBalance.growth`."""
         return self._balance.growth
 
-    def of_step(self, damping: float) -> StepResult:
-        """Of the state just accepted; damping: the work it took in this step. Call once per step. Collective."""
-        energies, state = self._balance.advance(damping), self.system.state
+    @property
+    def let_go(self) -> float:
+        """Energy that the last step has let go in a jump [force length]."""
+        return self._balance.let_go
+
+    def of_step(self, jumped: bool) -> StepResult:
+        """Of the state just accepted; jumped: damped motion has led there. Call once per step. Collective."""
+        energies, state = self._balance.advance(jumped), self.system.state
         contacts = {surface.contact.name: self._contact(surface, energies) for surface in self.surfaces}
         travel, angles = (
             dict(zip(self.system.tools.names, of_tools.copy(), strict=True)) for of_tools in (state.travel, state.angles)

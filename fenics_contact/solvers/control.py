@@ -54,7 +54,7 @@ def run(
     sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest if system.damped else 0.0) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     for target in times:
-        restless = 0
+        restless, why = 0, ""
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
             goal = _goal(system.trail.last.t, target, verdict.longest)
@@ -65,11 +65,12 @@ def run(
             except StepFailed as failure:
                 report = None
                 if size <= within * (1.0 + 1e-9) and restless < JUMPS and _carried(system, failure):
-                    report = _jumped(system, stepper, goal, failure)
+                    report, why = _jumped(system, stepper, goal, failure)
                     restless = 0 if report else restless + 1
                     within = max(sooner, 2.0 * size) if report else sooner
                 if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
-                    verdict.stop(_astray(system, verdict, failure) or diagnose(system, failure, goal), goal)
+                    found = _astray(system, verdict, failure) or diagnose(system, failure, goal)
+                    verdict.stop(found._replace(reason=f"{found.reason}; {why}") if restless and why else found, goal)
                     return verdict
                 if report is None:
                     system.trail.rollback()
@@ -79,7 +80,7 @@ def run(
             else:
                 within = sooner
             system.trail.commit()
-            if report.work > 0.0:
+            if report.jumped:
                 verdict.longest = within
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.longest *= 2.0
@@ -127,18 +128,18 @@ def _carried(system: System, failure: StepFailed) -> bool:
     return system.damping is not None and kind not in HOPELESS and (system.damped or kind == CYCLING)
 
 
-def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> StepReport | None:
-    """The report of damped motion to the next state of rest, or None; not asked for, it may go by less than a cell, as a
-    point does that jumps to where it sticks. Collective."""
+def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> tuple[StepReport | None, str]:
+    """The report of damped motion to the next state of rest, or None, and where it was asked for, why; not asked for, it may
+    go by less than a cell, as a point does that jumps to where it sticks. Collective."""
     known, asked = failure.finding, system.damped
     farthest = math.inf if asked else max(contact.surface.cell_height for contact in system.contacts)
     try:
         report = jump(system, goal, stepper, farthest)
-    except StepFailed:
-        return None
+    except StepFailed as restless:
+        return None, restless.finding.reason if asked else ""
     if not asked:
         report.notes = [f"{known.reason} ({known.place}), in short steps too; {report.notes[0]}"]
-    return report
+    return report, ""
 
 
 def _astray(system: System, verdict: Verdict, failure: StepFailed) -> Finding | None:

@@ -33,26 +33,23 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
 
     farthest: the greatest motion of a node or a tool [length]; stepper: that of the run; it settles the state of rest, with
     all that a step asks for: springs that pull no more, multipliers that have taken over, penalties that hold.
-    Each motion is a step of implicit Euler for viscous forces, its friction accepted as history. The work that they
-    take is what a real jump turns into vibrations: `report.work`. On failure the system is where it was: StepFailed.
-    Collective.
+    Each motion is a step of implicit Euler for viscous forces, its friction accepted as history. On failure the system is
+    where it was: StepFailed. Collective.
     """
     kept = _keep(system)
     system.trail.rollback()
     origin, q, scale = _driven(system, goal), system.state.q.copy(), system.scales.accepted
     _damping(system).begin(origin, q)
-    report, moving, share, work = StepReport(), _moving(system), FIRST, 0.0
+    report, moving, share, failed = StepReport(), _moving(system), FIRST, ""
     for _ in range(MOTIONS):
         try:
             moved = _settle(system, moving, goal, share)
-        except StepFailed:
-            share *= HARDER
+        except StepFailed as failure:
+            share, failed = HARDER * share, failure.finding.reason
             if share > MOST:
                 break
             continue
-        force, spent = _damping(system).spent(system.state)
-        work += spent
-        resting = force <= RESTING * max(system.scales.forces, scale)
+        resting = _damping(system).spent(system.state)[0] <= RESTING * max(system.scales.forces, scale)
         report.add(moved)
         system.trail.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
@@ -60,10 +57,10 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
             break
         if resting and (last := _at_rest(system, stepper, goal)):
             report.add(last)
-            _conclude(system, report, work, system.way_from(origin, q), scale)
+            _conclude(system, report, system.way_from(origin, q), scale)
             return report
     _restore(system, kept)
-    raise StepFailed("damped motion did not come to rest")
+    raise StepFailed(f"damped motion did not come to rest: {failed}" if failed else "damped motion did not come to rest")
 
 
 def _moving(system: System) -> Stepper:
@@ -122,19 +119,12 @@ def _driven(system: System, goal: float) -> Floats:
     return u
 
 
-def _conclude(system: System, report: StepReport, work: float, way: float, scale: float) -> None:
-    """What the jump took, in the report; steps go on from its end alone. way: how far it went [length]."""
-    energy = system.strain_energy()
-    share, most = work / max(work + energy, 1e-300), _damping(system).most
-    _damping(system).most = {
-        "jumps": most["jumps"] + 1,
-        "work": max(work, most["work"]),
-        "work_share": max(share, most["work_share"]),
-    }
-    report.work = work
+def _conclude(system: System, report: StepReport, way: float, scale: float) -> None:
+    """What the jump was, in the report; steps go on from its end alone. way: how far it went [length]."""
+    report.jumped = True
     report.notes = [
-        f"the state jumped by {way:.3g} with loads and drives held: damping took a work of {work:.3g}, {share:.2g} of that "
-        "and the strain energy left; where several states may follow it is the one that slow motion comes to"
+        f"the state jumped by {way:.3g} with loads and drives held; where several states may follow it is the one that slow "
+        "motion comes to"
     ]
     system.scales.accepted = scale
     system.trail.accepted.clear()

@@ -5,9 +5,7 @@ from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import LOOSEST
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.verdict import Verdict
-
-NEAR = 1e-3  # of the force out of balance where the last tangent of a step was made: then its pivots are the state's
+from fenics_contact.solvers.verdict import PIVOTS, Verdict
 
 
 class PivotWatch:
@@ -22,8 +20,8 @@ class PivotWatch:
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         now, counted = self._seen()
-        near = len(report.residuals) > 1 and report.residuals[-2] <= NEAR
-        if not near and now is not None and now != self.negative:  # in the state that the last tangent was made in
+        # The last tangent is that of an iterate: with K/mu = 2000 it may have 16 negative pivots where the state has none
+        if now is not None and now != self.negative:
             now, counted = self._seen_in_the_end()
         if now is not None:
             self._look(now, counted)
@@ -70,10 +68,9 @@ class PivotWatch:
             remedy = (
                 "follow the path by steps=ArcSteps(until=...), and a branch by its branch=Branch(...)"
                 if self.arcs
-                else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise=, "
-                'damping= and where="open")'
+                else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise= and "
+                'where="open")'
             )
-            step = f"step {len(self.verdict.residuals)} to t = {self.system.state.t:.6g}"
-            self.verdict.notes.append(f"{step}: {found}; {remedy}")
+            self.verdict.remark_again(PIVOTS, f"{found}; {remedy}", found, self.system)
         self._counted = counted or (self._counted and now == self.negative)
         self.negative = now

@@ -11,8 +11,8 @@ class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over what is allowed; raises:
-    how often the step was solved again with other penalties; work: taken by damping in a jump [force length]; unkept: what
-    is left of augmented contacts' errors, by name, "" where nothing is that matters; raised: by name what is to be said of
+    how often the step was solved again with other penalties; jumped: damped motion has carried it there; unkept: what is
+    left of augmented contacts' errors, by name, "" where nothing is that matters; raised: by name what is to be said of
     penalties raised beneath multipliers."""
 
     iterations: int = 0
@@ -22,7 +22,7 @@ class StepReport:
     augmentations: int = 0
     misfits: list[float] = field(default_factory=list)
     raises: int = 0
-    work: float = 0.0
+    jumped: bool = False
     unkept: dict[str, str] = field(default_factory=dict)
     raised: dict[str, str] = field(default_factory=dict)
 

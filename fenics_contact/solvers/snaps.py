@@ -9,7 +9,7 @@ from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
-from fenics_contact.solvers.softness import AHEAD, fold_ahead, load_change
+from fenics_contact.solvers.softness import AHEAD, damping, fold_ahead, load_change
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
 
@@ -84,8 +84,7 @@ def snapped(system: System, goal: float) -> str | None:
         )
     return (
         f"it has passed through a snap: near t = {low[0]:.6g} the state jumped by {largest:.3g}; where it came to rest is "
-        "Newton's choice: follow it by arc length, or let damping carry it: solve(..., "
-        "method=Method(damping=True)) in shorter steps"
+        f"Newton's choice: {', or '.join(['follow it by arc length', *damping(system)])}; and take shorter steps"
     )
 
 

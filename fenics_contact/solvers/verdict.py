@@ -10,7 +10,9 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that springs, multipliers or another way to the solution do not mend
+PIVOTS = "pivots of the tangent"  # by which the steps are remembered in which they have changed their signs
 SHORTENED = ": increments shortened"  # how the notes on such steps end
+MANY = 12  # steps that a note names
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
 
@@ -73,9 +75,15 @@ class Verdict:
             self.said.append(line)
 
     def cut_notes(self) -> list[str]:
-        """Notes on why steps were cut back, and on how many had increments shortened, if any were."""
+        """Notes on why steps were cut back, on how many had increments shortened, and where pivots have changed their signs
+        more than once, if any were."""
         more = self.shortened - 1
         notes = [f"increments were shortened so in {more} later step{'s' * (more > 1)}"] if more > 0 else []
+        if again := self.remarked.get(PIVOTS, [])[1:]:
+            notes.append(
+                f"the {PIVOTS} have changed their signs so in {len(again)} later step{'s' * (len(again) > 1)}, too: "
+            )
+            notes[-1] += ", ".join(again[:MANY]) + ", ..." * (len(again) > MANY)
         if not self.causes:
             return notes
         most = sorted(self.causes.items(), key=lambda cause: -cause[1])
@@ -107,6 +115,17 @@ class Verdict:
         for place, note in words.items():
             self.remarked[place] = [note]
             self.notes.append(f"step {len(self.residuals)} to t = {system.state.t:.6g}: {note}")
+
+    def remark_again(self, key: str, note: str, short: str, system: System) -> None:
+        """Note what is found in the step accepted last, the first time with the note; later ones are counted, and the log
+        has them in short."""
+        steps = self.remarked.setdefault(key, [])
+        steps.append(str(len(self.residuals)))
+        line = f"step {steps[-1]} to t = {system.state.t:.6g}: "
+        if len(steps) == 1:
+            self.notes.append(line + note)
+        else:
+            self.said.append(line + short)
 
     def stop(self, finding: Finding, t: float, step: int | None = None) -> None:
         """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
