@@ -263,6 +263,17 @@ def test_deep_overlap_is_refused():
     refuse("6 inside the body, where a cell is 5 high", upper_origin=(5.0, 10.0, -6.0))
 
 
+@pytest.mark.parametrize("slave", ["upper_bottom", "lower_top"])
+def test_bodies_apart_are_not_taken_for_overlapped(slave):
+    """A plate below a block, whose bottom and the block's top are stated: a ray from the top, back through its own body and
+    the room between them, meets that bottom from behind."""
+    _, scene = blocks(**COARSE, upper=(20.0, 20.0, 2.0), upper_origin=(5.0, 10.0, -13.0))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    scene.contact(slave, "lower_top" if slave == "upper_bottom" else "upper_bottom", 0.3)
+    scene.system()
+
+
 @pytest.mark.parametrize("ranks", [{"lower": 0}, {"lower": 0, "upper": 99}])
 def test_wrong_ranks_are_refused(ranks):
     with pytest.raises(ValueError, match="give each of the volumes lower, upper a rank below"):

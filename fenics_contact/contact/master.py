@@ -30,11 +30,14 @@ NORMAL = 1e-6  # of a direction of length one: what lies less in a facet is norm
 
 
 class Meeting(Protocol):
-    """Where slave and master are: coords (nx, 3) of the slave's nodes, then the master's [length]; of a tool its pose; which
-    facets points meet there."""
+    """Where slave and master are: coords (nx, 3) of the slave's nodes, then the master's, points (np, 3) [length]; of a tool
+    its pose; which facets points meet there."""
 
     @property
     def coords(self) -> Floats: ...
+
+    @property
+    def points(self) -> Floats: ...
 
     @property
     def pose(self) -> Pose | None: ...

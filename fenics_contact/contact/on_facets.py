@@ -20,6 +20,7 @@ from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.timing import Timers
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
@@ -86,6 +87,17 @@ class PlacesOnFacets(Generic[Feet]):
     def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
         """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
         return -min(self.comm.allgather(self.first_feet(state).projection[4].min(initial=0.0))), 0.0
+
+    def ways_inside(self, state: State, least: float) -> tuple[Floats, Floats, Floats]:
+        """Of this rank's slave points that are deeper than `least` in the master before anything has moved: how deep (n,),
+        where they are and where they are led to (n, 3) [length]. Collective."""
+        feet = self.first_feet(state)
+        facet, gap = feet.projection[0], feet.projection[4]
+        deep = np.flatnonzero(gap < -least)
+        N = np.empty((len(deep), 3, self.facets[0].shape[1]))
+        foot_shapes(deep, self.facets, feet.projection, N)
+        led = np.einsum("na,nac->nc", N[:, 0], feet.coords[self.facets[0][facet[deep]]])
+        return -gap[deep], feet.points[deep], led
 
     def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""

@@ -1,5 +1,6 @@
 """Nodes of a body that lie inside another one, or inside itself, where no contact holds them."""
 
+from collections.abc import Callable
 from itertools import permutations
 
 import numpy as np
@@ -8,12 +9,14 @@ from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import spot, tidied
 from fenics_contact.assembly.system import System
+from fenics_contact.contact.on_facets import PlacesOnFacets
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.types import Bools, Floats, Ints64
 
 DEEP = 0.05  # of a cell's size: what lies less deep may be what straight cells cut off
 ROUNDED = 1e-9  # of a simplex: a point so near to its border is in it
 BESIDE = 0.5  # of a cell's extents: a node of its own body that was so near to it at rest is its own, or a neighbour's
+ON_THE_WAY = (0.1, 0.3, 0.5, 0.7, 0.9)  # out of a body: shares where it is asked whether that is still there
 SOME = 200  # nodes at most whose depth is looked for
 ITSELF = (
     "it is on no surface of a contact of the body with itself, so nothing keeps it out; state one of the surfaces that meet "
@@ -34,12 +37,8 @@ class Overlaps:
     def __init__(self, system: System) -> None:
         self._system, space, mesh = system, system.space, system.space.mesh
         self._X, self._dim = space.tabulate_dof_coordinates(), mesh.topology.dim
-        self._body = np.full(len(self._X), -1)
-        for i, (_, nodes) in enumerate(system.bodies):
-            self._body[nodes] = i
-        corners = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}[compat.cell_name(mesh)]
-        self._cells = compat.cell_dofs(space)[: compat.cell_map(mesh).size_local, :corners].astype(np.int64)
-        self._sizes = np.full(len(self._cells), corners)
+        self._body = _body_of(system)
+        self._cells = _cells(system)
         self._facets = self._parts_of_boundary()
         outer = np.unique(compat.locate_blocks(space, compat.exterior_facets(mesh)))
         self._outer = outer[outer < space.dofmap.index_map.size_local]
@@ -92,24 +91,17 @@ class Overlaps:
     def _inside(self, x: Floats, places: Floats) -> tuple[list[int], list[int], list[float]]:
         """Of nodes at x (n, 3) inside this process's cells, of a body that nothing keeps them out of: which, which body, and
         the cell's size [length]."""
-        starts, listed = candidates(x, places, self._cells, self._sizes, 0.0)
-        node = np.repeat(np.arange(len(x)), np.diff(starts))
-        other = self._body[self._cells[listed, 0]]
-        free = ~self._barred[node, other]
-        own = np.flatnonzero(free & (other == self._own[node]))
-        free[own] = ~_beside(self._nodes[node[own]], self._X[self._cells[listed[own]]])
-        node, listed, other = node[free], listed[free], other[free]
-        corners = places[self._cells[listed]][..., : self._dim]
-        within = np.zeros(len(node), dtype=bool)
-        for simplex in _simplices(corners.shape[1], self._dim):
-            first, *rest = (corners[:, i] for i in simplex)
-            edges = np.stack([one - first for one in rest], axis=-1)
-            sound = np.linalg.det(edges) != 0.0
-            share = np.linalg.solve(edges[sound], (x[node[sound], : self._dim] - first[sound])[..., None])[..., 0]
-            low = np.minimum(share.min(axis=1), 1.0 - share.sum(axis=1))
-            within[sound] |= low > -ROUNDED
-        size = np.ptp(corners[within], axis=1).min(axis=1)
-        return node[within].tolist(), other[within].tolist(), size.tolist()
+
+        def may_be(node: Ints64, cell: Ints64) -> Bools:
+            other = self._body[self._cells[cell, 0]]
+            free = ~self._barred[node, other]
+            own = np.flatnonzero(free & (other == self._own[node]))
+            free[own] = ~_beside(self._nodes[node[own]], self._X[self._cells[cell[own]]])
+            return free
+
+        node, cell = _within(x, places, self._cells, self._dim, may_be)
+        size = np.ptp(places[self._cells[cell]][..., : self._dim], axis=1).min(axis=1)
+        return node.tolist(), self._body[self._cells[cell, 0]].tolist(), size.tolist()
 
     def _depths(self, pairs: list[tuple[int, int]], x: Floats, places: Floats) -> Floats:
         """How far [length] each node at x (n, 3) is from the boundary of a body, in pairs; from that of its own one, where
@@ -123,6 +115,59 @@ class Overlaps:
                     there &= ~_beside(self._nodes[n], rest)
                 out[i] = min(out[i], _distance(x[n], points[there]))
         return np.asarray(np.min([out, *self._system.comm.allgather(out)], axis=0))
+
+
+def deepest_start(system: System, contact: ContactTerm, least: float) -> float | None:
+    """Depth [length] of the deepest slave point deeper than `least` in the master before anything has moved, zero if there
+    is none: all the way out it has to lie in one body. A ray that leaves the slave's own body before it meets a surface
+    from behind has found another one. None where that is not asked. Collective.
+    """
+    if contact.partner.grounded or not isinstance(contact.places, PlacesOnFacets):
+        return None
+    ways = contact.places.ways_inside(system.state, least)
+    depth, start, end = (np.concatenate(part) for part in zip(*system.comm.allgather(ways), strict=True))
+    x = np.concatenate([start + share * (end - start) for share in ON_THE_WAY])
+    cells, body = _cells(system), _body_of(system)
+    places = system.space.tabulate_dof_coordinates() + system.state.u.x.array.reshape(-1, 3)
+    point, cell = _within(x, places, cells, system.space.mesh.topology.dim, lambda point, cell: np.full(len(point), True))
+    here = np.zeros((len(x), len(system.bodies)), dtype=bool)
+    here[point, body[cells[cell, 0]]] = True
+    there = np.any(system.comm.allgather(here), axis=0).reshape(len(ON_THE_WAY), len(depth), -1)
+    return float(depth[there.all(axis=0).any(axis=1)].max(initial=0.0))
+
+
+def _body_of(system: System) -> Ints64:
+    """The number of the body of each local node."""
+    out = np.full(len(system.state.u.x.array) // 3, -1)
+    for i, (_, nodes) in enumerate(system.bodies):
+        out[nodes] = i
+    return out
+
+
+def _cells(system: System) -> Ints64:
+    """The corners (nc, 2^d or d + 1) of this process's cells, local nodes."""
+    mesh = system.space.mesh
+    corners = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}[compat.cell_name(mesh)]
+    return compat.cell_dofs(system.space)[: compat.cell_map(mesh).size_local, :corners].astype(np.int64)
+
+
+def _within(
+    x: Floats, places: Floats, cells: Ints64, dim: int, may_be: Callable[[Ints64, Ints64], Bools]
+) -> tuple[Ints64, Ints64]:
+    """Points x (n, 3) and the cells, corners (nc, k) at places (nx, 3), that they lie in, of those pairs that may be."""
+    starts, listed = candidates(x, places, cells, np.full(len(cells), cells.shape[1]), 0.0)
+    point = np.repeat(np.arange(len(x)), np.diff(starts))
+    asked = may_be(point, listed)
+    point, listed = point[asked], listed[asked]
+    corners, within = places[cells[listed]][..., :dim], np.zeros(len(point), dtype=bool)
+    for simplex in _simplices(cells.shape[1], dim):
+        first, *rest = (corners[:, i] for i in simplex)
+        edges = np.stack([one - first for one in rest], axis=-1)
+        sound = np.linalg.det(edges) != 0.0
+        share = np.linalg.solve(edges[sound], (x[point[sound], :dim] - first[sound])[..., None])[..., 0]
+        low = np.minimum(share.min(axis=1), 1.0 - share.sum(axis=1))
+        within[sound] |= low > -ROUNDED
+    return point[within], listed[within]
 
 
 def _bodies_of(system: System, contact: ContactTerm, body_of: Ints64) -> tuple[Bools, bool]:

@@ -41,6 +41,10 @@ class FacetFeet(NamedTuple):
         return self.placed.coords
 
     @property
+    def points(self) -> Floats:
+        return self.placed.points
+
+    @property
     def pose(self) -> Pose | None:
         return self.placed.pose
 

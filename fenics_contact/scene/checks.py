@@ -17,6 +17,7 @@ from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, friction_of
+from fenics_contact.contact.overlap import deepest_start
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool, cut_shapes
 from fenics_contact.meetings import Meeting
@@ -352,7 +353,10 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
         slave = np.zeros(len(X), dtype=bool)
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
         at_surface, behind = contact.places.overlap(system.state, X, slave)
-        height, depth = contact.surface.cell_height, max(at_surface, behind)
+        height = contact.surface.cell_height
+        if at_surface > DEEPEST * height and (depth := deepest_start(system, contact, DEEPEST * height)) is not None:
+            at_surface = depth
+        depth = max(at_surface, behind)
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"
         if at_surface > DEEPEST * height or behind > BEHIND * height:
