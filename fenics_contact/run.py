@@ -150,7 +150,9 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     kept.remark(chord_notes(summary["chord_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]
-    summary["energy"] = energy_summary(kept.history, scene.units, along_slave, kept.results.growth)
+    summary["energy"] = energy_summary(
+        kept.history, scene.units, along_slave, kept.results.growth, system.scales.noise_energy
+    )
     kept.remark(kept.results.notes())
     taken = len(kept.history)
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest + system.scales.noise_energy

@@ -139,15 +139,16 @@ def energy_summary(
     units: Units,
     contacts: Sequence[str] = (),
     growth: Mapping[str, float] = MappingProxyType({}),
+    noise: float = 0.0,
 ) -> Summary:
     """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, the step
     that left most of it, and by contact, of those named, whose pressures act along the slave's normals, the part of it that
     they left and its growth, how many times as much they would leave with steps twice as long, where that is known; {} where
-    no work was done."""
+    no work was done but rounding, up to noise [force length]."""
     unit = energy_unit(units)
     work, error = (np.array([0.0, *(row[f"{name}_{unit}"] for row in rows)]) for name in ("external_work", "energy_error"))
     done, left = float(np.abs(np.diff(work)).sum()), np.abs(np.diff(error))
-    if not done > 0.0:
+    if not done > noise:
         return {}
     share, most = abs(error[-1]) / done, int(left.argmax())
     pressures = {name: rows[-1][f"{plain_name(name)}_normal_work_error_{unit}"] for name in contacts}
