@@ -10,7 +10,7 @@ import pytest
 from petsc4py import PETSc
 from taylor import forces, foreseen_left, orders, remainders
 
-from fenics_contact import Body, Method, Scene, SceneError, compat, mooney_rivlin, read_gmsh, solve
+from fenics_contact import Body, Method, Scene, SceneError, Stage, compat, mooney_rivlin, read_gmsh, solve
 from fenics_contact.assembly.pose import rotation
 from fenics_contact.contact.master import MasterSurface
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
@@ -334,3 +334,21 @@ def test_long_steps_do_not_carry_bodies_through_each_other(steps):
     scene = {name: value for name, value in TUBES.items() if name != "processes"} | {"cells": 48, "steps": steps}
     found = tubes(**scene)
     assert found["converged"] and found["error"] < 1e-2  # the mesh's own error is 8e-4, bodies passed through err by 3
+
+
+@pytest.mark.parametrize("points", ["averages", "nodes", 2])
+def test_what_has_opened_wide_has_not_slid_off(points):
+    """Farther than partners are looked for; beside its master it has."""
+    _, scene = blocks(**COARSE)
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    scene.contact("upper_bottom", "lower_top", points=points, name="c")
+    stages = [
+        Stage("press", prescribe={("upper_top", "z"): -0.1}, steps=1),
+        Stage("lift", prescribe={("upper_top", "z"): 25.0}, steps=1),
+        Stage("beside", prescribe={("upper_top", "x"): 80.0}, steps=1),
+    ]
+    lifted = solve(scene, stages=stages[:2]).require().system
+    assert lifted.contacts[0].findings.trouble(lifted.state) is None
+    beside = solve(scene, stages=stages).require().system
+    assert "has no partner on 'lower_top' any more" in beside.contacts[0].findings.trouble(beside.state).reason

@@ -131,8 +131,11 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
 
     def far(self, feet: MortarFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""
+        return self._far(feet, search)[:6]
+
+    def _far(self, feet: MortarFeet, search: float) -> kernel.Met:
         found = self.sights.pairing.far(feet.points, -feet.projection[5], feet.coords, search)
-        return self._covered(feet.points, feet.coords, found)[:6]
+        return self._covered(feet.points, feet.coords, found)
 
     def seated(self, feet: MortarFeet) -> Bools:
         """Which of the samples around each slave node (ns, J) have a foot."""
@@ -154,10 +157,10 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         share = np.where(s.table < 0, 0.0, s.share * of[s.table])
         return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
 
-    def bare(self, feet: MortarFeet) -> Floats:
-        """Shares (ns,) of the nodes' areas that do not lie over the master."""
-        s = feet.samples
-        return 1.0 - (s.share * feet.met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
+    def bare(self, feet: MortarFeet, reach: float = 0.0) -> Floats:
+        """Shares (ns,) of the nodes' areas that do not lie over the master, up to a distance."""
+        s, met = feet.samples, self._far(feet, reach) if reach > self.search else feet.met
+        return 1.0 - (s.share * met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
 
     def features(self, feet: MortarFeet) -> Array:
         """Codes (ns, ...): where one changes the traction has a kink."""

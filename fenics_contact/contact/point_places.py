@@ -134,9 +134,10 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
         return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
 
-    def bare(self, feet: FacetFeet) -> Floats:
-        """Shares (n,) of the points' areas without a partner."""
-        return (feet.projection[1] == NONE).astype(float)
+    def bare(self, feet: FacetFeet, reach: float = 0.0) -> Floats:
+        """Shares (n,) of the points' areas without a partner, up to a distance."""
+        found = self.far(feet, reach) if reach > self.search else feet.projection
+        return (found[1] == NONE).astype(float)
 
     def features(self, feet: FacetFeet) -> Array:
         """Codes (n, ...): where one changes the traction has a kink."""
