@@ -131,11 +131,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
 
     def far(self, feet: MortarFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""
-        return self._far(feet, search)[:6]
-
-    def _far(self, feet: MortarFeet, search: float) -> kernel.Met:
         found = self.sights.pairing.far(feet.points, -feet.projection[5], feet.coords, search)
-        return self._covered(feet.points, feet.coords, found)
+        return self._covered(feet.points, feet.coords, found)[:6]
 
     def seated(self, feet: MortarFeet) -> Bools:
         """Which of the samples around each slave node (ns, J) have a foot."""
@@ -159,7 +156,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
 
     def bare(self, feet: MortarFeet, reach: float = 0.0) -> Floats:
         """Shares (ns,) of the nodes' areas that do not lie over the master, up to a distance."""
-        s, met = feet.samples, self._far(feet, reach) if reach > self.search else feet.met
+        s, met = feet.samples, feet.met
+        if reach > self.search:
+            met = self._covered(feet.points, feet.coords, self.far(feet, reach))
         return 1.0 - (s.share * met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
 
     def features(self, feet: MortarFeet) -> Array:
