@@ -38,15 +38,14 @@ ASIDE = 0.02
 SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
 SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
-OPENED = 10.0  # times the distance searched for partners, which is two cells or more: how far the master is looked for then
 SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
 
 
-def _slid_off(contact: Contact, state: State, reach: float = 0.0) -> tuple[float, str, str]:
-    """(share of the area that has been in contact and has left the master, in words, place); reach: see Places.bare.
+def _slid_off(contact: Contact, state: State, far: bool = False) -> tuple[float, str, str]:
+    """(share of the area that has been in contact and has left the master, in words, place); far: however far away that is.
     Collective."""
     comm, h = state.comm, contact.trial.history
-    bare, area = contact.places.bare(contact.places.feet(state), reach), np.where(h.met, contact.surface.area, 0.0).ravel()
+    bare, area = contact.places.bare(contact.places.feet(state), far), np.where(h.met, contact.surface.area, 0.0).ravel()
     # a tool that is led along a surface leaves more and more of it, and meets as much anew
     gone, left = area * bare, comm.allreduce((area * (1.0 - bare)).sum())
     lost = max(1.0 - left / h.faced, 0.0) if h.faced > 0.0 else 0.0
@@ -288,7 +287,7 @@ class Findings:
         contact = self._contact
         lost, text, place = _slid_off(contact, state)
         if lost > SLID_OFF:  # what has opened wide may have no partner nearby, and has not left the master
-            lost, text, place = _slid_off(contact, state, OPENED * contact.places.search)
+            lost, text, place = _slid_off(contact, state, far=True)
         if lost > SLID_OFF:
             return Finding(LOST, text, place, contact.partner.slid_off)
         return (

@@ -154,11 +154,11 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         share = np.where(s.table < 0, 0.0, s.share * of[s.table])
         return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
 
-    def bare(self, feet: MortarFeet, reach: float = 0.0) -> Floats:
-        """Shares (ns,) of the nodes' areas that do not lie over the master, up to a distance."""
+    def bare(self, feet: MortarFeet, far: bool = False) -> Floats:
+        """Shares (ns,) of the nodes' areas that do not lie over the master; far: however far away it is."""
         s, met = feet.samples, feet.met
-        if reach > self.search:
-            met = self._covered(feet.points, feet.coords, self.far(feet, reach))
+        if far:
+            met = self._covered(feet.points, feet.coords, self.far(feet, self.farthest(feet)))
         return 1.0 - (s.share * met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
 
     def features(self, feet: MortarFeet) -> Array:

@@ -27,6 +27,8 @@ from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 MARGIN = 0.5  # over an edge of the master: slack of the candidate lists, and nearness at which a coupling is provided for
 # A slave point and the facet nearest to it say on which side of a tool the body is if their normals are this parallel.
 DECISIVE = 0.5
+LISTED = 20_000_000  # pairs of a slave point and a facet: what takes a second, and 160 MB
+FAR = 10.0  # times the distance that is searched at a step, two cells or more
 SAMPLES = 300  # slave points of a rank that are asked for it
 SLID_OFF = (
     "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
@@ -98,6 +100,12 @@ class PlacesOnFacets(Generic[Feet]):
         foot_shapes(deep, self.facets, feet.projection, N)
         led = np.einsum("na,nac->nc", N[:, 0], feet.coords[self.facets[0][facet[deep]]])
         return -gap[deep], feet.points[deep], led
+
+    def farthest(self, feet: Feet) -> float:
+        """How far away partners can be, or are looked for at most where all facets would make long lists [length]."""
+        if len(feet.points) * len(self.facets[0]) <= LISTED:
+            return float(np.linalg.norm(np.ptp(feet.coords, axis=0)))
+        return FAR * self.search
 
     def beside(self, state: State) -> Beside | None:
         """None: nodes off the slave surface are not looked for."""

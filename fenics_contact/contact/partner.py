@@ -35,9 +35,8 @@ class Places(ContactPlaces, Protocol):
 
     def normals(self, feet: Any) -> Floats: ...
 
-    def bare(self, feet: Any, reach: float = 0.0) -> Floats:
-        """Shares of the points' areas that do not lie over the master; reach: up to this distance, where it is more than
-        that of the search [length]."""
+    def bare(self, feet: Any, far: bool = False) -> Floats:
+        """Shares of the points' areas that do not lie over the master; far: however far away it is."""
         ...
 
     def features(self, feet: Any) -> Array: ...

@@ -134,9 +134,9 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
         return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
 
-    def bare(self, feet: FacetFeet, reach: float = 0.0) -> Floats:
-        """Shares (n,) of the points' areas without a partner, up to a distance."""
-        found = self.far(feet, reach) if reach > self.search else feet.projection
+    def bare(self, feet: FacetFeet, far: bool = False) -> Floats:
+        """Shares (n,) of the points' areas without a partner; far: however far away it is."""
+        found = self.far(feet, self.farthest(feet)) if far else feet.projection
         return (found[1] == NONE).astype(float)
 
     def features(self, feet: FacetFeet) -> Array:

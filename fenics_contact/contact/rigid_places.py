@@ -84,7 +84,7 @@ class RigidPlaces:
         """Unit directions (ne, nq, 3) in which the contact holds this rank's slave points: the tool's normals."""
         return self.normals(self.feet(state))
 
-    def bare(self, feet: RigidFeet, reach: float = 0.0) -> Floats:
+    def bare(self, feet: RigidFeet, far: bool = False) -> Floats:
         """Nothing of the points (n,): a tool has no end."""
         return np.zeros(self.surface.count)
 
