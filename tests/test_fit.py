@@ -8,8 +8,8 @@ import pytest
 from fenics_contact import arruda_boyce, mooney_rivlin, neo_hooke, ogden, yeoh
 from fenics_contact.solid.materials import Hyperelastic
 from fenics_contact.studies import fit
-from fenics_contact.studies.charts import StudyError
 from fenics_contact.studies.fit import nominal_stress
+from fenics_contact.studies.runner import StudyError
 
 pytestmark = pytest.mark.serial
 

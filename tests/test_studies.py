@@ -13,11 +13,24 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from fenics_contact.studies import Study, answer, curves, expand, failures, grid, speed, stability_map, work_precision
+from fenics_contact import Body, Output, Scene, neo_hooke, read_gmsh, solve
+from fenics_contact.meshes import box
+from fenics_contact.studies import (
+    Study,
+    answer,
+    curves,
+    expand,
+    failures,
+    grid,
+    metrics,
+    speed,
+    stability_map,
+    work_precision,
+)
 from fenics_contact.studies.__main__ import NAMES, run
-from fenics_contact.studies.charts import StudyError, cheapest, hold_slope, medians, pareto, savings, short_panels
+from fenics_contact.studies.charts import cheapest, hold_slope, medians, pareto, savings, short_panels
 from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
-from fenics_contact.studies.runner import read
+from fenics_contact.studies.runner import StudyError, read, row_of
 from fenics_contact.studies.speed import race
 
 pytestmark = pytest.mark.serial
@@ -109,6 +122,66 @@ def test_a_case_may_give_outputs_alone(folder):
         curves(folder / "none.png", rows, "depth_mm", ["torque_N"])
     with pytest.raises(StudyError, match="'way' is not a number"):
         curves(folder / "words.png", rows, "way", ["force_N"])
+
+
+def test_a_parameter_that_a_table_lacks_is_refused_and_one_that_it_has_alone_tells_rows_apart(folder):
+    """Else a run would count as done for a row that differs in that parameter only."""
+
+    def counted(depth_mm, cells=8):
+        return {"force_N": depth_mm * cells}
+
+    def study(runs):
+        return Study("fewer", counted, runs)
+
+    def swept(runs):
+        return read(study(runs).run(folder, progress=False, isolated=False))
+
+    swept(grid(depth_mm=[1.0]))
+    with pytest.raises(StudyError, match="no column 'cells'; move it away, or rename the study"):
+        swept(grid(depth_mm=[1.0], cells=[16]))
+    (folder / "fewer.csv").write_text((folder / "fewer.csv").read_text().splitlines()[0] + "\n")  # nor by columns alone
+    with pytest.raises(StudyError, match="no column 'cells'"):
+        swept(grid(depth_mm=[1.0], cells=[16]))
+    (folder / "fewer.csv").write_text("")
+    swept(grid(depth_mm=[1.0], cells=[16]))
+    rows = swept(grid(depth_mm=[1.0]))
+    assert [(row["cells"], row["force_N"]) for row in rows] == [(16, 16.0), ("", 8.0)]
+    assert study(grid(depth_mm=[1.0])).mine(rows) == rows[1:]
+    assert len(swept(grid(depth_mm=[1.0]))) == 2
+
+
+def test_all_figures_of_a_case_are_columns_of_its_table(folder):
+    """Also those that its first run did not give, or that `outputs` does not name; none may take a parameter's place."""
+
+    def figures(depth_mm):
+        if depth_mm == 1.0:
+            raise SystemExit("it snaps")
+        return {"force_N": depth_mm, "odd": float("nan")} | ({"late_mm": 7.0} if depth_mm == 3.0 else {})
+
+    def swept(depths):
+        return read(Study("figures", figures, grid(depth_mm=depths), outputs=["force_N"]).run(folder, False, isolated=False))
+
+    with pytest.raises(SystemExit):
+        swept([1.0])
+    swept([2.0])
+    rows = swept([2.0, 3.0])
+    assert list(rows[0])[:6] == ["depth_mm", "repeat", "force_N", "odd", "late_mm", "error"]
+    assert [(row["force_N"], row["late_mm"], row["converged"]) for row in rows] == [(2.0, "", True), (3.0, 7.0, True)]
+    assert curves(folder / "figures.png", rows, "depth_mm", ["late_mm", "odd"]) == []
+    with pytest.raises(StudyError, match="its case gives 'depth_mm'"):
+        Study("taken", dict, [{"depth_mm": 1.0}]).run(folder, progress=False, isolated=False)
+
+
+def test_figures_of_metrics_stand_beside_columns_of_the_history():
+    scene = Scene(Body(read_gmsh(box.build, cells=(1, 1, 1)), "box", neo_hooke(1.0, 5.0)))
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.1)
+    result = solve(scene, steps=1, out=Output(progress=False))
+    row = row_of(metrics(result, mine_N=2.0), ["mine_N", "zmin_reaction_z_N"])
+    assert row["mine_N"] == 2.0 and row["zmin_reaction_z_N"] == result.history[-1]["zmin_reaction_z_N"]
+    assert row["iterations"] == result.verdict.iterations
+    with pytest.raises(StudyError, match="the case gives no 'lid_load_N'; it gives step, t, "):
+        row_of(metrics(result), ["lid_load_N"])
 
 
 def invented(stiffs):

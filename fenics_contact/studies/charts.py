@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.output.late import figures, tickers
-from fenics_contact.studies.runner import Panels, Row, Run, Values, of_curve
+from fenics_contact.studies.runner import Panels, Row, Run, StudyError, Values, of_curve
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
 
 if TYPE_CHECKING:
@@ -22,10 +22,6 @@ MOST = 4  # curves to a panel, and labels beside it
 AIMS = (0.01, 0.001)  # relative errors a user may want
 
 End = tuple[str, tuple[float, float] | None, str]  # of a curve: its label, its last point if it has one, its colour
-
-
-class StudyError(RuntimeError):
-    """A study contradicts theory, or has nothing to draw."""
 
 
 def medians(rows: list[Row], parameters: Sequence[str]) -> list[Row]:

@@ -11,7 +11,8 @@ import numpy as np
 from fenics_contact.output.late import Late, figures
 from fenics_contact.packages import require
 from fenics_contact.solid.materials import Isotropic, isochoric_energy
-from fenics_contact.studies.charts import COLOURS, MARKERS, StudyError
+from fenics_contact.studies.charts import COLOURS, MARKERS
+from fenics_contact.studies.runner import StudyError
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH
 from fenics_contact.types import Floats
 

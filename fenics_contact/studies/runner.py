@@ -38,6 +38,16 @@ Values = Mapping[str, Sequence[Any]]  # of each parameter that a curve varies
 Panels = Mapping[str, Mapping[str, Values]]  # {title: {label of a curve: its values}}
 
 
+class StudyError(ValueError):
+    """A study cannot be run or drawn as stated, or contradicts theory."""
+
+
+class Metrics(Row):
+    """A row of `metrics`; last: the last row of the run's history, whose columns a study may ask for too."""
+
+    last: Row
+
+
 def grid(**values: Sequence[Any]) -> list[Run]:
     """All combinations of the parameters' values, as a list of dicts."""
     return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
@@ -65,9 +75,9 @@ def stepping(method: str, steps: int, linear: str) -> dict[str, Any]:
     return {"steps": steps, "method": Method(method, linear)}
 
 
-def metrics(result: Result, error: float = float("nan"), value: float = float("nan"), **outputs: Any) -> Row:
+def metrics(result: Result, error: float = float("nan"), value: float = float("nan"), **outputs: Any) -> Metrics:
     """The metrics of a Result. error: relative, against what the case compares with; value: the figure compared; outputs:
-    what else the case gives, by name. Collective.
+    what else the case gives, by name, each a column of the study's table. Collective.
 
     A failed run has its verdict and the t it reached; its error means nothing.
     """
@@ -80,32 +90,36 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
     }
     spent = {name: sum(seconds[stage] for stage in parts) for name, parts in stages.items()}
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-    return {
-        "error": error if verdict.converged else float("nan"),
-        "value": value,
-        "converged": verdict.converged,
-        "verdict": verdict.kind,
-        "t_reached": verdict.t,
-        "iterations": verdict.iterations,
-        "cut_backs": verdict.cuts,
-        "unknowns": summary["sizes"]["unknowns"],
-        "seconds": seconds["total"] - summary["seconds_before_first_step"],
-        **{f"seconds_{stage}": amount for stage, amount in spent.items()},
-        "memory_MB": memory,
-        "processes": comm.size,
-        **outputs,
-    }
+    row = Metrics(
+        {
+            "error": error if verdict.converged else float("nan"),
+            "value": value,
+            "converged": verdict.converged,
+            "verdict": verdict.kind,
+            "t_reached": verdict.t,
+            "iterations": verdict.iterations,
+            "cut_backs": verdict.cuts,
+            "unknowns": summary["sizes"]["unknowns"],
+            "seconds": seconds["total"] - summary["seconds_before_first_step"],
+            **{f"seconds_{stage}": amount for stage, amount in spent.items()},
+            "memory_MB": memory,
+            "processes": comm.size,
+            **outputs,
+        }
+    )
+    row.last = result.history[-1] if result.history else {}
+    return row
 
 
 def row_of(found: Result | Row, outputs: Sequence[str]) -> Row:
-    """A row of what a case returned. Collective. ValueError where it lacks an output."""
-    row = (
-        metrics(found) if isinstance(found, Result) else {"converged": True, "verdict": "converged", "t_reached": ""} | found
-    )
-    last = found.history[-1] if isinstance(found, Result) and found.history else row
-    if row["converged"] and (lacking := [name for name in outputs if name not in last]):
-        raise ValueError(f"the case gives no '{lacking[0]}'; it gives {', '.join(last)}")
-    given = {name: last.get(name, "") for name in outputs}
+    """A row of what a case returned. Collective. StudyError where it lacks an output."""
+    row = metrics(found) if isinstance(found, Result) else found
+    last = row.last if isinstance(row, Metrics) else {}
+    row = {"converged": True, "verdict": "converged", "t_reached": ""} | row
+    known = last | row
+    if row["converged"] and (lacking := [name for name in outputs if name not in known]):
+        raise StudyError(f"the case gives no '{lacking[0]}'; it gives {', '.join(known)}")
+    given = {name: known.get(name, "") for name in outputs}
     if row["converged"] and (
         lost := [name for name, value in given.items() if isinstance(value, float) and np.isnan(value)]
     ):
@@ -121,7 +135,8 @@ class Study:
     `metrics(...)`; runs: list of its keyword arguments, where `processes` is the number of MPI processes and not given to
     it; repeats: runs of each, for medians of times; limit: seconds after which a run counts as failed; shared: one process
     for run after run until one fails in it, which saves each its start but makes memory_MB the largest of them; outputs:
-    columns of the table, of a Result those of its history, at the end.
+    columns that every run which converges must fill with numbers: figures of the case's, or columns of the history, at the
+    end. Figures that are not named here are columns too, blank where a run gives none.
     """
 
     name: str
@@ -137,9 +152,9 @@ class Study:
     def __post_init__(self) -> None:
         self.parameters = list(dict.fromkeys(key for run in self.runs for key in run))
         if clash := {*self.parameters, *self.outputs} & set(METRICS) - {"processes"}:
-            raise ValueError(f"study '{self.name}': parameter or output '{clash.pop()}' has the name of a metric; rename it")
+            raise StudyError(f"study '{self.name}': parameter or output '{clash.pop()}' has the name of a metric; rename it")
         if clash := set(self.parameters) & set(self.outputs):
-            raise ValueError(f"study '{self.name}': '{clash.pop()}' is a parameter and an output; rename one")
+            raise StudyError(f"study '{self.name}': '{clash.pop()}' is a parameter and an output; rename one")
 
     def run(self, folder: str | Path, progress: bool = True, isolated: bool = True) -> Path:
         """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
@@ -149,9 +164,9 @@ class Study:
         """
         path = Path(folder) / f"{self.name}.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        before = read(path) if path.exists() else []
-        if before and (lacking := [name for name in self.outputs if name not in before[0]]):
-            raise ValueError(f"study '{self.name}': {path} has no column '{lacking[0]}'; move it away, or rename the study")
+        held, before = _columns(path), read(path) if path.exists() else []
+        if held and (lacking := [name for name in [*self.parameters, *self.outputs] if name not in held]):
+            raise StudyError(f"study '{self.name}': {path} has no column '{lacking[0]}'; move it away, or rename the study")
         done = {self._key(row) for row in before}
         failed = {self._key(row, False) for row in before if row["converged"] is not True}
         todo = []
@@ -160,32 +175,42 @@ class Study:
             if missing and self._key(run, False) not in failed:
                 todo.append((run, missing))
         measure = self._measure if isolated else self._measure_here
-        for run, missing in tqdm(todo, desc=self.name, disable=not progress):
-            parameters = {key: run.get(key, "") for key in self.parameters}
-            self._write(path, [parameters | row for row in measure(run, len(missing))], missing)
-        self._dismiss()
+        try:
+            for run, missing in tqdm(todo, desc=self.name, disable=not progress):
+                self._write(path, run, measure(run, len(missing)), missing)
+        finally:
+            self._dismiss()
         return path
 
-    def _write(self, path: Path, rows: list[Row], numbers: list[int]) -> None:
-        columns = [*self.parameters, "repeat", *self.outputs, *(m for m in METRICS if m not in self.parameters)]
-        new = not path.exists()
-        if not new:  # an older file keeps its columns
-            with open(path, newline="") as file:
-                columns = next(csv.reader(file))
-        with open(path, "a", newline="") as file:
-            writer = csv.DictWriter(file, columns, extrasaction="ignore")
-            if new:
-                writer.writeheader()
-            for row, number in zip(rows, numbers, strict=False):
-                writer.writerow(row | {"repeat": number} | _here())
+    def _write(self, path: Path, run: Run, rows: list[Row], numbers: list[int]) -> None:
+        """Add a run's rows to the table, which gains a column for each figure that is new to it."""
+        held, metric = _columns(path), [name for name in METRICS if name not in self.parameters]
+        columns = list(held or [*self.parameters, "repeat", *self.outputs, *metric])
+        given = list(dict.fromkeys(name for row in rows for name in row))
+        stated = set(columns[: columns.index("repeat") + 1]) - {"processes"}
+        if clash := [name for name in given if name in stated]:
+            raise StudyError(f"study '{self.name}': its case gives '{clash[0]}', which names a column of its own; rename it")
+        place = columns.index(METRICS[0])
+        columns[place:place] = [name for name in given if name not in columns]
+        parameters = {key: run.get(key, "") for key in self.parameters}
+        new = [parameters | row | {"repeat": number} | _here() for row, number in zip(rows, numbers, strict=False)]
+        if columns == held:
+            _append(path, columns, new)
+            return
+        whole = path.with_suffix(".part")  # which takes the table's place at once, or not at all
+        whole.unlink(missing_ok=True)
+        _append(whole, columns, [*(_texts(path) if held else []), *new])
+        whole.replace(path)
 
     def mine(self, rows: list[Row]) -> list[Row]:
         """The rows that belong to this study's runs as they are stated now."""
         wanted = {self._key(run | {"repeat": i}) for run in self.runs for i in range(self.repeats)}
         return [row for row in rows if self._key(row) in wanted]
 
-    def _key(self, row: Row, with_repeat: bool = True) -> tuple[str, ...]:
-        return tuple(str(row.get(name, "")) for name in [*self.parameters, *["repeat"] * with_repeat])
+    def _key(self, row: Row, with_repeat: bool = True) -> frozenset[tuple[str, str]]:
+        """What tells a run from others, of the run or of a row: all that was stated, also by an earlier study alone."""
+        stated = [*itertools.takewhile(lambda name: name != "repeat", row), *self.parameters, *["repeat"] * with_repeat]
+        return frozenset((name, text) for name in stated if (text := str(row.get(name, ""))))
 
     def _measure(self, run: Run, repeats: int) -> list[Row]:
         """Metrics of a run's repeats in another process; one that dies or takes too long is a row with its reason."""
@@ -271,8 +296,30 @@ def _lines(path: str) -> list[str]:
 
 def read(path: str | Path) -> list[Row]:
     """Rows of a study's CSV file; numbers as floats, True and False as such."""
+    return [{k: _value(v) for k, v in row.items()} for row in _texts(path)]
+
+
+def _texts(path: str | Path) -> list[dict[str, str]]:
     with open(path, newline="") as file:
-        return [{k: _value(v) for k, v in row.items()} for row in csv.DictReader(file)]
+        return list(csv.DictReader(file))
+
+
+def _columns(path: Path) -> list[str]:
+    """Columns of a table, none where there is no table yet."""
+    if not path.exists():
+        return []
+    with open(path, newline="") as file:
+        return next(csv.reader(file), [])
+
+
+def _append(path: Path, columns: list[str], rows: Sequence[Row]) -> None:
+    """Add rows to a table, which begins with the names of its columns."""
+    new = not path.exists()
+    with open(path, "a", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        if new:
+            writer.writeheader()
+        writer.writerows(rows)
 
 
 def _value(text: str) -> bool | int | float | str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.output.late import colors, figures, patches
-from fenics_contact.studies.runner import Row
+from fenics_contact.studies.runner import Row, StudyError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,7 @@ def stability_map(
 
     Failed runs are hatched, with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
     whether it converged to something wrong, which is framed; names: {parameter: axis label with unit}. As wide as a page,
-    panels below one another. ValueError for rows that do not know their iterations.
+    panels below one another. StudyError for rows that do not know their iterations.
     """
     names = names or {}
     panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
@@ -72,7 +72,7 @@ def stability_map(
     figure = figures.Figure(figsize=(WIDTH, 0.9 + (0.75 + 0.42 * len(lines)) * len(panels)), layout="constrained")
     counts = [row.get("iterations", "") for row in rows if row["converged"] is True]
     if not all(isinstance(count, int | float) for count in counts):
-        raise ValueError("the rows do not know their iterations: let the case return its Result, or metrics(result, ...)")
+        raise StudyError("the rows do not know their iterations: let the case return its Result, or metrics(result, ...)")
     norm = colors.LogNorm(min(counts, default=1), max([*counts, 2]))
     for value, axes in zip(panels, figure.subplots(len(panels), 1, squeeze=False)[:, 0], strict=True):
         mine = [row for row in rows if panel is None or row[panel] == value]

@@ -10,8 +10,8 @@ import numpy as np
 from fenics_contact.output.curves import labelled, words
 from fenics_contact.output.late import cm, colors, figures, patches
 from fenics_contact.output.units import Units
-from fenics_contact.studies.charts import COLOURS, MARKERS, MOST, StudyError
-from fenics_contact.studies.runner import Row
+from fenics_contact.studies.charts import COLOURS, MARKERS, MOST
+from fenics_contact.studies.runner import Row, StudyError
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
 
 if TYPE_CHECKING:
@@ -108,10 +108,10 @@ def _refuse_mixed(rows: list[Row], x: str, by: str | None, outputs: Sequence[str
 
 
 def _curve(axes: "Axes", rows: list[Row], x: str, output: str, **line: Any) -> None:
-    """An output over x, interrupted where a run failed."""
+    """An output over x, interrupted where a run failed or gave none."""
     places = sorted(dict.fromkeys(row[x] for row in rows))
     good = {row[x]: row[output] for row in rows if row["converged"] is True}
-    heights = [good.get(place, np.nan) for place in places]
+    heights = [y if isinstance(y := good.get(place), float | int) else np.nan for place in places]
     axes.plot(places, heights, markersize=4, linewidth=1.2, **line)
 
 
