@@ -24,10 +24,11 @@ from fenics_contact.studies import (
     grid,
     metrics,
     speed,
+    sphere,
     stability_map,
     work_precision,
 )
-from fenics_contact.studies.__main__ import NAMES, run
+from fenics_contact.studies.__main__ import NAMES, main, run
 from fenics_contact.studies.charts import cheapest, hold_slope, medians, pareto, savings, short_panels
 from fenics_contact.studies.exact import Radial, boussinesq, under_hertz
 from fenics_contact.studies.runner import StudyError, read, row_of
@@ -329,6 +330,31 @@ def test_quick_version_of_each_study(name, tmp_path):
     """Fails where a run cannot be made, a chart not be drawn, or a slope contradicts theory."""
     assert run(name, tmp_path, tmp_path, quick=True, progress=False)
     assert list(tmp_path.glob("*.csv")) and all(p.stat().st_size > 10_000 for p in tmp_path.glob("*.png"))
+
+
+def test_what_a_study_cannot_do_is_said_in_a_line(tmp_path, monkeypatch):
+    """Where it has no table, contradicts theory, cannot draw without runs that failed, or cannot write."""
+
+    def said(*words):
+        monkeypatch.setattr(sys, "argv", ["studies", "sphere", "--quick", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return end.value.code  # a text is printed, and the exit code 1
+
+    monkeypatch.chdir(tmp_path)
+    table = Path("results/studies/sphere.csv")
+    assert said("--draw") == f"sphere: {table} is not there: run the study before, without --draw"
+    case = {1.0: {"value": 1.0}, 2.0: {"converged": False, "verdict": "it burst"}}.get
+    monkeypatch.setattr(sphere, "studies", lambda quick: [Study("sphere", lambda h: case(h), grid(h=[1.0, 2.0]))])
+    monkeypatch.setattr(sphere, "report", lambda *_: hold_slope("error", [1.0, 0.5], [1.0, 0.5], 2, 0.1))
+    assert said().startswith("sphere: error: order 1.00, theory says 2")
+    monkeypatch.setattr(sphere, "report", lambda rows, *_: sum(row["value"] for row in rows["sphere"]))
+    assert (
+        said() == f"sphere: no charts without the runs that are lost: {table}, h 2: it burst; drop such rows to repeat them"
+    )
+    table.unlink()
+    table.mkdir()
+    assert "Is a directory" in said()
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
