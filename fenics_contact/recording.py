@@ -1,5 +1,6 @@
 """What a run keeps of every accepted step, and says while it goes on."""
 
+import math
 import pathlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +22,9 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.arc_length import ArcReport
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import Verdict
-from fenics_contact.values import SceneError, shown
+from fenics_contact.values import SceneError, shown, text
+
+SEPARATORS = ',"\r\n'  # of a CSV file
 
 Recorded = dict[str, Callable[[View], float]]  # what the user adds to the history
 
@@ -140,10 +143,20 @@ class Recorder:
             row = {"step": row["step"], "stage": name} | row
         if self._augments:
             row["augmentations"] = report.augmentations
-        row |= {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
+        row |= self._own(view)
         if self.system.damped:
             row[damping_column(self.scene.units)] = self.results.let_go
         return row | self._of_arc(report if isinstance(report, ArcReport) else ArcReport())
+
+    def _own(self, view: View) -> HistoryRow:
+        """The user's columns; of each the first value that is not finite is noted."""
+        row = {name: number_of(self.system.comm, f"record '{name}'", value, view) for name, value in self.extra.items()}
+        for name in [name for name, value in row.items() if not math.isfinite(value)]:
+            words = f"record '{name}' is not finite"
+            if not any(note.startswith(words) for note in self.verdict.notes):
+                step, t = len(self.history) + 1, self.system.state.t
+                self.verdict.notes.append(f"{words}: {row[name]:g}, first in step {step}, at t = {t:.6g}")
+        return row
 
     def _of_arc(self, report: ArcReport) -> HistoryRow:
         """The columns of a run with a stage by arc length; {} of another."""
@@ -168,6 +181,8 @@ def columns_of(record: Recorded, scene: Scene, turning: Sequence[str] = ()) -> C
         raise SceneError(f"record = {shown(record)}: give {{name: function of a View}}")
     taken = columns.all()
     for name, value in record.items():
+        if set(text(name, "record: name")) & set(SEPARATORS):
+            raise SceneError(f"record {shown(name)}: commas, quotes and line breaks separate columns; choose another name")
         if name in taken:
             raise SceneError(f"record '{name}': the history has a column of that name; choose another")
         if not callable(value):

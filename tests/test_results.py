@@ -633,6 +633,22 @@ def test_view_of_a_homogeneous_state(options):
     assert energies.strain == result.history[-1]["strain_energy_Nmm"]
 
 
+def test_what_record_gives_that_is_not_finite_is_noted_once(capsys):
+    """It may be meant so: before a contact closes there is no centre of it."""
+    scene = cube()
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.1)
+    own = {"late": lambda view: np.nan if view.t > 0.3 else 1.0, "large": lambda view: np.inf, "good": lambda view: view.t}
+    result = solve(scene, steps=4, record=own)
+    said = [note for note in result.verdict.notes if note.startswith("record")]
+    assert said == [
+        "record 'large' is not finite: inf, first in step 1, at t = 0.25",
+        "record 'late' is not finite: nan, first in step 2, at t = 0.5",
+    ]
+    assert capsys.readouterr().err.count("record 'late' is") == (scene.mesh.comm.rank == 0)
+    assert np.isnan(result.history[-1]["late"]) and result.history[-1]["large"] == np.inf
+
+
 def test_view_refuses_what_is_not_there():
     scene, said = cube(), []
     scene.fix("zmin")
