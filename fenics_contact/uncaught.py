@@ -1,17 +1,24 @@
 """What is printed of an error that ends a script: of a wrong statement its message and the user's own lines, once."""
 
+import difflib
+import functools
+import inspect
 import linecache
+import re
 import sys
 import sysconfig
 import time
 import traceback
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType, TracebackType
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact import agreement
 from fenics_contact.agreement import PATIENCE, Lost
 from fenics_contact.types import Ints64
 
@@ -19,10 +26,15 @@ ECHO = 5.0  # seconds that the other ranks give rank 0 to say what they would sa
 LAST_WORDS = 1.0  # seconds in which mpirun passes on what a rank has written, before it hears of the end and no more is
 TAG = 31_007  # of the messages between ranks that have failed; far from small numbers, which a script may use
 PACKAGE = str(Path(__file__).parent)
+AGREEMENT = agreement.__file__  # which hands on the words of `solve`
 OF_USERS = tuple(f"{PACKAGE}/{folder}/" for folder in ("demos", "meshes"))
 INNER = tuple(
     f"{PACKAGE}/{room}/" for room in ("assembly", "kernels", "solvers")
 )  # they know no user: their errors are bugs
+UNKNOWN = re.compile(r"([\w.]+)\(\) got an unexpected keyword argument '(\w+)'")
+PUBLIC = ("fenics_contact", "fenics_contact.studies")  # modules whose names a script may call
+NAMED = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+INSIDE = {"method": "Method", "out": "Output", "steps": "ArcSteps", "penalty": "Penalty"}  # what has words of its own there
 STANDARD = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib"))
 
 _told = sys.excepthook  # what prints all other errors
@@ -52,7 +64,43 @@ def is_refusal(error: BaseException) -> bool:
     return linecache.getline(file, line).strip().startswith("raise ")
 
 
-def words(error: BaseException) -> str:
+def unknown_word(error: BaseException) -> str | None:
+    """What to say of a word that a call of the user's gives to a function of the package's which has none of that name:
+    where it is stated, or the one that it resembles. None of other errors."""
+    found = UNKNOWN.match(str(error)) if isinstance(error, TypeError) else None
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    if found is None or not frames or not (_is_users(frames[-1]) or frames[-1].f_code.co_filename == AGREEMENT):
+        return None
+    name, word = found[1].removesuffix(".__init__"), found[2]
+    callee = _offered(name, [frame.f_globals | frame.f_locals for frame in frames if _is_users(frame)])
+    if callee is None:
+        return None
+    named = [one for one in inspect.signature(callee).parameters.values() if one.kind in NAMED and one.name != "self"]
+    own, inside = {one.name: f"{one.name}=..." for one in named}, dict[str, str]()
+    for one in named:
+        if (kind := INSIDE.get(one.name)) and kind in str(one.annotation):
+            its = inspect.signature(vars(sys.modules[PUBLIC[0]])[kind]).parameters
+            inside |= {each: f"{one.name}={kind}({each}=...)" for each in its}
+    if word in inside:
+        return f"{name} has no '{word}' of its own: give {inside[word]}"
+    alike = difflib.get_close_matches(word, both := inside | own, 1)
+    return f"{name} has no '{word}'; " + (f"did you mean {both[alike[0]]}?" if alike else f"it has {', '.join(own)}")
+
+
+def _offered(name: str, scopes: list[dict[str, Any]]) -> Callable[..., object] | None:
+    """What the package offers under this name, 'Scene.contact' for instance; where a script's names, of its scopes, do not
+    know of it, or have another one so called, None."""
+    first, *rest = name.split(".")
+    for module in [sys.modules[one] for one in PUBLIC if one in sys.modules]:
+        offered = vars(module).get(first)
+        known = any(value is offered or value is module for scope in scopes for value in scope.values())
+        if offered is not None and known and all(scope.get(first, offered) is offered for scope in scopes):
+            found = functools.reduce(lambda owner, one: getattr(owner, one, None), rest, offered)
+            return found if callable(found) else None
+    return None
+
+
+def words(error: BaseException, message: str) -> str:
     """What is printed of a refusal: the lines of the user's that lead to it, and its message. An error of another kind
     behind it, of a function of the user's for instance, is printed whole before."""
     cause, before = error.__cause__, ""
@@ -62,7 +110,7 @@ def words(error: BaseException) -> str:
     own = [step for step in steps if _is_users(step[0])] or steps
     lines = [traceback.FrameSummary(f.f_code.co_filename, line, f.f_code.co_name) for f, line in own]
     place = "".join(traceback.format_list(lines))
-    return f"{before}Traceback (most recent call last):\n{place}{type(error).__name__}: {error}\n"
+    return f"{before}Traceback (most recent call last):\n{place}{type(error).__name__}: {message}\n"
 
 
 def _is_users(frame: FrameType) -> bool:
@@ -75,7 +123,8 @@ def _is_users(frame: FrameType) -> bool:
 def _tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     """The hook. Of several ranks the others print what rank 0 has not printed. Ranks without an error may wait for this one,
     and nothing can tell them: a rank that has failed alone ends them all."""
-    text = words(error) if is_refusal(error) else f"{error}\n" if isinstance(error, Lost) else None
+    message = str(error) if is_refusal(error) else unknown_word(error)
+    text = words(error, message) if message is not None else f"{error}\n" if isinstance(error, Lost) else None
     comm, heard, start = _ranks(error), dict[int, int](), time.monotonic()
     mark = zlib.crc32((text or "").encode())
     if comm is not None:

@@ -13,9 +13,9 @@ pytestmark = pytest.mark.serial
 
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
 STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "compileall", "concurrent", "contextlib",
-            "copy", "csv", "ctypes", "dataclasses", "errno", "functools", "gc", "hashlib", "html", "importlib", "inspect",
-            "io", "itertools", "json", "linecache", "logging", "math", "numbers", "os", "pathlib", "platform", "re",
-            "resource", "runpy", "shutil", "statistics", "subprocess", "sys", "sysconfig", "tempfile", "textwrap",
+            "copy", "csv", "ctypes", "dataclasses", "difflib", "errno", "functools", "gc", "hashlib", "html", "importlib",
+            "inspect", "io", "itertools", "json", "linecache", "logging", "math", "numbers", "os", "pathlib", "platform",
+            "re", "resource", "runpy", "shutil", "statistics", "subprocess", "sys", "sysconfig", "tempfile", "textwrap",
             "time", "traceback", "types", "typing", "warnings", "weakref", "xml", "zipfile", "zlib"}  # fmt: skip
 LONGEST_MODULE = 400
 MOST_ARGUMENTS = 8

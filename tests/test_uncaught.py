@@ -7,6 +7,11 @@ import sys
 import pytest
 from test_restart import alone, mpirun
 
+from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, solve
+from fenics_contact.meshes import box
+from fenics_contact.studies import Study
+from fenics_contact.uncaught import unknown_word
+
 pytestmark = pytest.mark.serial
 
 SCRIPT = """
@@ -28,6 +33,8 @@ def mine(view):
 
 if what == "name":
     scene.fix("botom")
+if what == "word":
+    solve(scene, steps=1, tolerance=1e-10)
 if what == "folder":
     solve(scene, out="/proc/nothing", steps=1)
 if what == "tool":
@@ -60,6 +67,11 @@ def said(tmp_path, what, ranks=1):
 WRONG = [
     ("name", 'scene.fix("botom")', "SceneError: there is no surface, edge or point group 'botom'"),
     ("folder", 'solve(scene, out="/proc/nothing", steps=1)', "FolderError: output folder '/proc/nothing'"),
+    (
+        "word",
+        "solve(scene, steps=1, tolerance=1e-10)",
+        "TypeError: solve has no 'tolerance' of its own: give method=Method(",
+    ),
     ("tool", "rigid_plane((0, 0, 1), normal=(0, 0, 0))", "SceneError: plane: normal must not be the zero vector"),
 ]
 
@@ -70,6 +82,42 @@ def test_a_wrong_statement_shows_its_line_and_message_alone(tmp_path, what, line
     first, place, shown, last = text.strip().splitlines()
     assert code == 1 and first.startswith("Traceback") and "scene.py" in place
     assert shown.strip() == line and last.startswith(message)
+
+
+def test_of_a_word_that_a_call_has_not_it_is_said_where_it_lives_or_what_it_resembles():
+    """Of the package's functions, called by a script: not of one of the script's own, nor where the package errs itself."""
+
+    def told(call):
+        with pytest.raises(TypeError) as error:
+            call()
+        return unknown_word(error.value)
+
+    scene = Scene(Body(read_gmsh(box.build, cells=(1, 1, 1)), "box", neo_hooke(1.0, 5.0)))
+    where = {"method=Method": "tolerance smallest_step stabilise damping linear", "steps=ArcSteps": "until back stations",
+             "out=Output": "checkpoint resume overwrite progress folder"}  # fmt: skip
+    for place, words in where.items():
+        for word in words.split():
+            said = told(lambda word=word: solve(scene, **{word: 1}))
+            assert said == f"solve has no '{word}' of its own: give {place}({word}=...)"
+    said = told(lambda: scene.contact("zmax", "zmin", factor=1.0))
+    assert said == "Scene.contact has no 'factor' of its own: give penalty=Penalty(factor=...)"
+    assert told(lambda: Stage("in", tolerance=1.0)).startswith("Stage has no 'tolerance'; it has name, ")  # the whole run's
+    for call, words in (
+        (lambda: solve(scene, tolerence=1.0), "solve has no 'tolerence'; did you mean method=Method(tolerance=...)?"),
+        (lambda: solve(scene, step=1), "solve has no 'step'; did you mean steps=...?"),
+        (lambda: scene.contact("zmax", "zmin", fricton=1.0), "did you mean friction=...?"),
+        (lambda: Body(scene.mesh, "box", materials=1), "Body has no 'materials'; did you mean material=...?"),
+        (lambda: Scene(bodies=[]), "Scene has no 'bodies'; it has "),
+        (lambda: Study("a", dict, [], output=["F"]), "Study has no 'output'; did you mean outputs=...?"),
+    ):
+        assert words in told(call)
+
+    exec(
+        "def solve(scene, **options): scene.quite_other(**options)\nclass Scene:\n    def quite_other(self): pass",
+        mine := {},
+    )
+    assert told(lambda: mine["solve"](mine["Scene"](), tolerance=1.0)) is None
+    assert told(lambda: [].sort(by=1)) is None
 
 
 def test_on_several_ranks_it_is_said_once(tmp_path):
