@@ -26,8 +26,8 @@ class Method:
 
     name: what ends a load step: "newton", "incremental" (one solve per step, the paper's) or "snes" (PETSc's); linear:
     "auto", "direct" or "iterative"; tolerance: out-of-balance share at which a step counts as converged (1e-8), as it does
-    wherever rounding is all that is left; smallest_step: share of the load below which a step is not cut (1e-4 of the
-    schedule's shortest step).
+    wherever rounding is all that is left; smallest_step: share of the load below which a load step is not cut (1e-4 of
+    the schedule's shortest step); of ArcSteps it is their `smallest`.
 
     stabilise: hold bodies and pushed tools that nothing holds yet by soft springs, which let go before a step is accepted.
 
@@ -99,7 +99,7 @@ def stated_stages(
     without stages are the run's own."""
     move, push = drives
     if stages is None:
-        return [_decided(Only(move=move or {}, push=push or {}), steps, method)]
+        return _all_decided([Only(move=move or {}, push=push or {})], steps, method)
     if any(one is not None for one in drives):
         raise SceneError("stages= beside move or push: each stage states its own, Stage(..., move=...)")
     if not isinstance(stages, list | tuple) or not stages or not all(isinstance(stage, Stage) for stage in stages):
@@ -112,7 +112,14 @@ def stated_stages(
     given = [*loads_stated(scene), *supports, *pairs]
     if idle := [stage for stage in ([] if given else [first]) + later if stage.idle]:
         raise SceneError(f"{idle[0]} has nothing to do: state what is moved, pushed or loaded in it, or leave it out")
-    return [_decided(stage, steps, method) for stage in stages]
+    return _all_decided(stages, steps, method)
+
+
+def _all_decided(stages: Sequence[Stage], steps: Steps, method: Method) -> list[Stage]:
+    decided = [_decided(stage, steps, method) for stage in stages]
+    if method.smallest_step is not None and all(stage.method == ARC_LENGTH for stage in decided):
+        raise SceneError("smallest_step= is of load steps, and here all go by arc length: give ArcSteps(smallest=...)")
+    return decided
 
 
 def _decided(stage: Stage, steps: Steps, method: Method) -> Stage:

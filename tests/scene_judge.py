@@ -256,8 +256,8 @@ def with_options(s, **options):
 
 
 def by_arc_length(s):
-    """By arc length, which knows neither springs nor damping."""
-    return replace(with_options(s, stabilise=False, damping=False), arcs=True)
+    """By arc length, which knows neither springs nor damping, nor steps of the load."""
+    return replace(with_options(s, stabilise=False, damping=False, smallest_step=None), arcs=True)
 
 
 def moved(s):

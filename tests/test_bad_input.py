@@ -433,6 +433,9 @@ WRONG_VALUES = {
     "record number": (lambda s: driven(s.mesh, s.out, record={1: float}), "record: name = 1", "as text"),
     "smallest text": (lambda s: driven(s.mesh, s.out, method=Method(smallest_step="1e-4")), "smallest_step", "positive"),
     "ArcSteps with snes": (lambda s: s.followed(until=fc.Load(1.0), method="snes"), "go by arc length", "'snes'"),
+    "ArcSteps with smallest_step": (
+        lambda s: s.followed(until=fc.Load(1.0), method=Method(smallest_step=0.1)), "smallest_step", "ArcSteps(smallest=",
+    ),
     "ArcSteps in a stage": (lambda s: s.stage(steps=ArcSteps(until=fc.Load(1.0)), method="newton"), "'in'", "by arc length"),
     "method arc length": (lambda s: driven(s.mesh, s.out, method="arc_length"), "give steps=ArcSteps(until=...)"),
     "arc length in a stage": (lambda s: s.stage(method="arc_length"), "'in'", "give steps=ArcSteps(until=...)"),
