@@ -93,7 +93,13 @@ def plans_of(
             if isinstance(plain, ArcLength) and arcs:
                 legs = [distances(end, scene, system) for end in (arcs.until, arcs.back) if end is not None]
                 path = Path(
-                    system, plain, stepper, arcs, legs, distances(list(arcs.stations), scene, system), _fork(arcs, scene)
+                    system,
+                    plain,
+                    stepper,
+                    arcs,
+                    legs,
+                    distances(list(arcs.stations), scene, system),
+                    _fork(arcs, scene, system),
                 )
         plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built)))
     system.set_loads(0.0)
@@ -102,14 +108,14 @@ def plans_of(
     return plans
 
 
-def _fork(arcs: ArcSteps, scene: Scene) -> Fork | None:
+def _fork(arcs: ArcSteps, scene: Scene, system: System) -> Fork | None:
     """Where a continuation is to leave its path, if anywhere."""
     branch = arcs.branch
     if branch is None:
         return None
     if not isinstance(branch, Branch):
         raise SceneError(f'ArcSteps: branch = {shown(branch)}: give Branch("group", "x")')
-    return Fork(branch.dofs(scene), branch.towards, branch.number)
+    return Fork(branch.dofs(scene, system), branch.towards, branch.number)
 
 
 def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict, smallest: float | None) -> None:

@@ -15,6 +15,7 @@ from test_steppers import on_ranks
 from fenics_contact import (
     ArcSteps,
     Body,
+    Branch,
     Displacement,
     Load,
     Method,
@@ -411,6 +412,34 @@ def test_wrong_statements_are_refused():
     refused(lambda: solve(scene, **way, steps=[0.5, 1.0], method="arc_length"), "ArcSteps")
     refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0), first=0.0)), "first")
     refused(lambda: solve(scene, **way, steps=ArcSteps(until=Load(1.0), most=0)), "most")
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane", [False, True])
+def test_a_surface_that_cannot_go_there_is_no_target(plane):
+    """Along an axis that supports hold, or across a plane mesh. One that supports lead there is a target."""
+    if plane:
+        mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0, 0), (1, 1), (1, 2))})
+        scene = Scene(Body(mesh, "pad", neo_hooke(1.0, 5.0)), plane="strain")
+    else:
+        mesh = read_gmsh(box.build, size=(1, 1, 1), cells=(1, 2, 1))
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+    low, high, side = ("pad_ymin", "pad_ymax", "pad_xmin") if plane else ("ymin", "ymax", "xmin")
+    scene.fix(low)
+    scene.fix(side, "x")
+    scene.prescribe(high, "y", 0.3)
+
+    def run(until, **more):
+        return solve(scene, steps=ArcSteps(until=until, first=0.5, **more))
+
+    held = [(low, "y"), (low, "x"), (side, "x"), *([(high, "z")] if plane else [])]
+    for group, axis in held:
+        refused(lambda: run(Displacement(group, axis, 0.1)), f"'{group}' along {axis}", "neither free nor led")  # noqa: B023
+        refused(lambda: run(Load(1.0), branch=Branch(group, axis)), f"'{group}' cannot move along {axis}")  # noqa: B023
+    refused(lambda: run(Load(1.0), stations=[Displacement(low, "y", 0.1)]), "neither free nor led")
+    reached = run(Displacement(high, "y", 0.15))
+    assert reached.converged and reached.history[-1]["t"] == pytest.approx(0.5, abs=1e-6)
+    assert run(Displacement(side, "y", 0.05)).converged
 
 
 @pytest.mark.parallel

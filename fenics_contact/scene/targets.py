@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of_means
@@ -14,8 +15,10 @@ from fenics_contact.scene.checks import AXES
 from fenics_contact.scene.functions import number_of
 from fenics_contact.scene.motion import COMPONENTS
 from fenics_contact.scene.scene import Scene
-from fenics_contact.types import Ints
+from fenics_contact.types import Floats, Ints
 from fenics_contact.values import SceneError, axis_letters, count, finite, function, group_names, is_number, shown
+
+WEIGHTLESS = 1e-12  # share of a mean, or component of a unit direction, that round-off leaves
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,15 @@ class Displacement:
         compat.sum_to_owners(shares)
         owned = shares.x.array[: 3 * scene.space.dofmap.index_map.size_local].copy()
         owned /= system.comm.allreduce(float(skin.area.sum()))
-        return lambda: system.comm.allreduce(float(owned @ system.state.u.x.array[: len(owned)])) - self.value
+
+        def mean(u: Floats) -> float:
+            return system.comm.allreduce(float(owned @ u[: len(owned)]))
+
+        if not _is_free(system, np.flatnonzero(np.abs(owned) > WEIGHTLESS)):
+            now, *later = (mean(_led(system, system.stages.time(share))) for share in (0.0, 0.5, 1.0))
+            if all(then == now for then in later):
+                raise SceneError(f"{self}: along it that surface is neither free nor led anywhere; choose another target")
+        return lambda: mean(system.state.u.x.array) - self.value
 
 
 @dataclass(frozen=True)
@@ -94,8 +105,8 @@ class Branch:
     towards: float = 1.0
     number: int = 1
 
-    def dofs(self, scene: Scene) -> Ints:
-        """Owned dofs of the surface along the axis."""
+    def dofs(self, scene: Scene, system: System) -> Ints:
+        """Owned dofs of the surface along the axis. SceneError where none is free."""
         axis_letters(self.axis, f"Branch along a motion of '{self.group}'", most=1)
         if not (is_number(self.towards) and self.towards in (-1.0, 1.0)):
             raise SceneError(f"Branch: towards = {shown(self.towards)} must be 1 or -1")
@@ -105,7 +116,25 @@ class Branch:
         except ValueError as error:
             raise SceneError(f"Branch: {error}") from None
         blocks = compat.locate_blocks(scene.space, facets)
-        return 3 * blocks[blocks < scene.space.dofmap.index_map.size_local] + AXES[self.axis]
+        dofs = 3 * blocks[blocks < scene.space.dofmap.index_map.size_local] + AXES[self.axis]
+        if not _is_free(system, dofs):
+            raise SceneError(f"Branch: '{self.group}' cannot move along {self.axis}; choose another axis or surface")
+        return dofs
+
+
+def _is_free(system: System, dofs: Ints) -> bool:
+    """Whether any rank has, of these owned dofs, one that no support holds; a hub's may be free too. Collective."""
+    nodes, axes = np.divmod(dofs, 3)
+    ways = system.supports.free(nodes)[np.arange(len(nodes)), :, axes]
+    here = bool(np.abs(ways).max(initial=0.0) > WEIGHTLESS) or bool(np.isin(dofs, system.supports.ties.dofs).any())
+    return system.comm.allreduce(here, op=MPI.LOR)
+
+
+def _led(system: System, t: float) -> Floats:
+    """Displacement of what supports lead, at t, as a local array that is zero elsewhere. Collective."""
+    u = np.zeros_like(system.state.u.x.array)
+    system.supports.put(u, system.supports.values(t))
+    return u
 
 
 def distances(until: object, scene: Scene, system: System) -> dict[str, Callable[[], float]]:
