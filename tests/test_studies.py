@@ -151,6 +151,25 @@ def test_a_parameter_that_a_table_lacks_is_refused_and_one_that_it_has_alone_tel
     assert len(swept(grid(depth_mm=[1.0]))) == 2
 
 
+def test_parameters_are_known_again_as_the_table_has_them(folder):
+    """None, text that reads as a number and numbers of NumPy; what no run can take is refused before the first one."""
+
+    def case_of(size, count=1):
+        return {"force_N": 1.0}
+
+    def swept(runs):
+        return read(Study("again", case_of, runs).run(folder, progress=False, isolated=False))
+
+    runs = [*grid(size=[None, "1.50", "1e5", "", True]), *grid(size=[1.0], count=np.arange(2))]
+    rows = swept(runs)
+    assert [row["size"] for row in rows] == ["None", 1.5, 1e5, "", True, 1.0, 1.0] and rows == swept(runs)
+    assert expand(runs[-1], {}) == runs[-1:]
+    with pytest.raises(StudyError, match="cannot be run with {'sizes': 1.0}: .* 'si"):
+        Study("again", case_of, grid(sizes=[1.0]))
+    with pytest.raises(StudyError, match="study 'again': its case cannot be run with {'size': <class 'object'>}"):
+        Study("again", case_of, grid(size=[object]))
+
+
 def test_all_figures_of_a_case_are_columns_of_its_table(folder):
     """Also those that its first run did not give, or that `outputs` does not name; none may take a parameter's place."""
 
@@ -170,7 +189,7 @@ def test_all_figures_of_a_case_are_columns_of_its_table(folder):
     assert [(row["force_N"], row["late_mm"], row["converged"]) for row in rows] == [(2.0, "", True), (3.0, 7.0, True)]
     assert curves(folder / "figures.png", rows, "depth_mm", ["late_mm", "odd"]) == []
     with pytest.raises(StudyError, match="its case gives 'depth_mm'"):
-        Study("taken", dict, [{"depth_mm": 1.0}]).run(folder, progress=False, isolated=False)
+        Study("taken", lambda depth_mm: {"depth_mm": 2.0}, [{"depth_mm": 1.0}]).run(folder, progress=False, isolated=False)
 
 
 def test_figures_of_metrics_stand_beside_columns_of_the_history():

@@ -59,7 +59,12 @@ def expand(base: Run, panels: Panels) -> list[Run]:
     panels: {title: {label of a curve: {parameter: values}}}; several parameters of a curve make a grid.
     """
     varied = [base | run for curves in panels.values() for values in curves.values() for run in grid(**values)]
-    return list({json.dumps(run): run for run in [base, *varied]}.values())
+    return list({_json(run): run for run in [base, *varied]}.values())
+
+
+def _json(value: Any) -> str:
+    """As another process reads it. TypeError for what is no number, text, truth or list of these."""
+    return json.dumps(value, default=np.generic.item)
 
 
 def of_curve(rows: list[Row], base: Run, values: Values) -> list[Row]:
@@ -155,6 +160,16 @@ class Study:
             raise StudyError(f"study '{self.name}': parameter or output '{clash.pop()}' has the name of a metric; rename it")
         if clash := set(self.parameters) & set(self.outputs):
             raise StudyError(f"study '{self.name}': '{clash.pop()}' is a parameter and an output; rename one")
+        for run in self.runs:
+            self._refuse_unfit(run)
+
+    def _refuse_unfit(self, run: Run) -> None:
+        """Every run would fail so, and stay in the table as failed."""
+        try:
+            inspect.signature(self.case).bind(**_arguments(run))
+            _json(run)
+        except TypeError as error:
+            raise StudyError(f"study '{self.name}': its case cannot be run with {run}: {error}") from None
 
     def run(self, folder: str | Path, progress: bool = True, isolated: bool = True) -> Path:
         """Run what the CSV file in `folder` does not hold yet; returns its path. Not for use under mpirun.
@@ -192,7 +207,7 @@ class Study:
             raise StudyError(f"study '{self.name}': its case gives '{clash[0]}', which names a column of its own; rename it")
         place = columns.index(METRICS[0])
         columns[place:place] = [name for name in given if name not in columns]
-        parameters = {key: run.get(key, "") for key in self.parameters}
+        parameters = {key: "None" if (value := run.get(key, "")) is None else value for key in self.parameters}
         new = [parameters | row | {"repeat": number} | _here() for row, number in zip(rows, numbers, strict=False)]
         if columns == held:
             _append(path, columns, new)
@@ -210,14 +225,14 @@ class Study:
     def _key(self, row: Row, with_repeat: bool = True) -> frozenset[tuple[str, str]]:
         """What tells a run from others, of the run or of a row: all that was stated, also by an earlier study alone."""
         stated = [*itertools.takewhile(lambda name: name != "repeat", row), *self.parameters, *["repeat"] * with_repeat]
-        return frozenset((name, text) for name in stated if (text := str(row.get(name, ""))))
+        return frozenset((name, str(_value(text))) for name in stated if (text := str(row.get(name, ""))))
 
     def _measure(self, run: Run, repeats: int) -> list[Row]:
         """Metrics of a run's repeats in another process; one that dies or takes too long is a row with its reason."""
         processes = int(run.get("processes", 1))
         with tempfile.TemporaryDirectory() as scratch:
             answer, limit = Path(scratch) / "metrics.json", repeats * self.limit
-            task = json.dumps(
+            task = _json(
                 [inspect.getfile(self.case), self.case.__name__, _arguments(run), list(self.outputs), repeats, str(answer)]
             )
             if processes > 1:
