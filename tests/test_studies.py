@@ -155,14 +155,16 @@ def test_parameters_are_known_again_as_the_table_has_them(folder):
     """None, text that reads as a number and numbers of NumPy; what no run can take is refused before the first one."""
 
     def case_of(size, count=1):
-        return {"force_N": 1.0}
+        return {"force_N": 1.0, "processes": 1}
 
     def swept(runs):
         return read(Study("again", case_of, runs).run(folder, progress=False, isolated=False))
 
-    runs = [*grid(size=[None, "1.50", "1e5", "", True]), *grid(size=[1.0], count=np.arange(2))]
+    runs = [{"size": 2.0, "processes": 1}, {"size": 2.0}]
+    runs += [*grid(size=[None, "1.50", "1e5", "", True]), *grid(size=[1.0], count=np.arange(2))]
     rows = swept(runs)
-    assert [row["size"] for row in rows] == ["None", 1.5, 1e5, "", True, 1.0, 1.0] and rows == swept(runs)
+    assert [row["size"] for row in rows] == [2.0, 2.0, "None", 1.5, 1e5, "", True, 1.0, 1.0]
+    assert [row["processes"] for row in rows[:2]] == [1, ""] and rows == swept(runs)
     assert expand(runs[-1], {}) == runs[-1:]
     with pytest.raises(StudyError, match="cannot be run with {'sizes': 1.0}: .* 'si"):
         Study("again", case_of, grid(sizes=[1.0]))

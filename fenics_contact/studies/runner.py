@@ -208,7 +208,7 @@ class Study:
         place = columns.index(METRICS[0])
         columns[place:place] = [name for name in given if name not in columns]
         parameters = {key: "None" if (value := run.get(key, "")) is None else value for key in self.parameters}
-        new = [parameters | row | {"repeat": number} | _here() for row, number in zip(rows, numbers, strict=False)]
+        new = [row | parameters | {"repeat": number} | _here() for row, number in zip(rows, numbers, strict=False)]
         if columns == held:
             _append(path, columns, new)
             return
