@@ -126,7 +126,8 @@ class Keeper:
         Collective."""
         # of the residuals, a list per step that stays as it is, only the list of lists is copied
         self._verdict = asdict(replace(self.verdict, residuals=[])) | {"residuals": list(self.verdict.residuals)}
-        ends = bool(self.rows) and self._stages.share(self.rows[-1]["t"]) >= 1.0 - 1e-9  # its stage, by load steps
+        path = self._path  # which may end at any t
+        ends = path.ended if path else bool(self.rows) and self._stages.share(self.rows[-1]["t"]) >= 1.0 - 1e-9
         if len(self.rows) % self.every == 0 or ends:
             self._write()
 

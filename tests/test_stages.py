@@ -36,6 +36,7 @@ from fenics_contact import (
 )
 from fenics_contact.assembly.pose import rotation
 from fenics_contact.meshes import box, rectangles
+from fenics_contact.restart import last_state
 from fenics_contact.scene.start import drives_left
 
 COMM = MPI.COMM_WORLD
@@ -488,6 +489,7 @@ def cube_in_stages():
 @pytest.mark.parallel
 def test_arc_length_goes_on_where_load_steps_end_and_they_where_it_ends(folder):
     result = solve(cube(), stages=cube_in_stages(), out=folder / "whole", **TIGHT).require()
+    assert result.verdict.reason == "converged"  # and not the target that the arcs have reached
     t, stage = result.column("t"), result.column("stage")
     dead = lambda t: 1.5 + 0.5 * (t - 1)  # noqa: E731 - from 1.5 to 2.5 over a duration of 2
     points = result.summary["limit_points"]
@@ -591,6 +593,19 @@ def test_a_folder_has_the_last_state_however_rarely_it_is_written(every, folder)
         assert goes_on(solve(scene, stages=[drag], start=folder, **TIGHT).require(), whole)
     resumed = solve(scene, stages=[press, drag], out=replace(kept, overwrite=False, resume=True), **TIGHT).require()
     same(resumed, whole, 1e-8)
+
+
+@pytest.mark.parallel
+def test_a_folder_has_the_end_of_arcs_whose_next_stage_fails_at_once(folder):
+    """Arcs end at any t, before or behind the full length of their stage."""
+    scene, ball = pressed()
+    follow = Stage("follow", move={ball: (0, 0, -1.0)}, steps=ArcSteps(until=Travel(ball, "z", -0.5), first=0.3))
+    through = Stage("through", move={ball: (0, 0, -1e3)}, steps=1)  # the block
+    before = solve(
+        scene, stages=[follow, through], out=Output(folder, checkpoint=20), method=replace(CLOSE, smallest_step=0.5)
+    )
+    assert not before.converged and len(before.history) > 1
+    np.testing.assert_allclose(last_state(folder, COMM).tools["ball"].q[2], -0.5, rtol=1e-5)
 
 
 @pytest.mark.parallel

@@ -124,7 +124,7 @@ class Path:
         """
         self.verdict, verdict.converged = verdict, False
         try:
-            while len(self.reached) < len(self.legs):
+            while not self.ended:
                 self._follow_leg(on_step)
         except StepFailed as failure:
             found, t = diagnose(self.system, failure), self.system.state.t
@@ -199,6 +199,11 @@ class Path:
         if not all(known) or len(self.reached) + self.begun > len(self.legs):
             raise ValueError(f"it has gone beyond {', then '.join(self.reached)}, which until and back do not name so")
         self.system.assemble_tangent()  # a term may predict from the last one
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last leg has reached a target."""
+        return len(self.reached) == len(self.legs)
 
     @property
     def _load(self) -> float:

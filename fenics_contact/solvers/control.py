@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from fenics_contact.assembly.finding import CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
@@ -87,6 +87,7 @@ def run(
             verdict.accept(report, system)
             verdict.remark(undecided(system, verdict.remarked), system)
             on_step(report, time.perf_counter() - start, goal == target)
+    verdict.reason = CONVERGED  # in the place of the targets that arcs have reached before
     return verdict
 
 
