@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from tqdm import tqdm
 
-from fenics_contact.contact.overlap import Overlaps
+from fenics_contact.contact.overlap import OVERLAPS, Overlaps
 from fenics_contact.output.columns import ARCS, Columns, HistoryRow, damping_column
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import clear_results, writing
@@ -49,7 +49,7 @@ class Recorder:
         self.scene, self.system, self.keeper = scene, built.system, keeper
         self.columns, self.extra = named
         system = self.system
-        self.overlaps = Overlaps(system)
+        self._overlaps = Overlaps(system)
         self._films = [value for value in self.extra.values() if isinstance(value, Film)]
         for film in self._films:
             film.begin()
@@ -82,7 +82,7 @@ class Recorder:
             self.keeper.keep()
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
-        self._look_into_bodies()
+        self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds))
@@ -103,17 +103,6 @@ class Recorder:
         if not self.arcs:
             self.bar.n = min(t, self.bar.total)  # steps may go past t = 1, if only by rounding; tqdm would warn of it
             self.bar.update(0)
-
-    def _look_into_bodies(self) -> None:
-        """Note that a body has come into another one, or itself, where no contact holds it out, when it does so first."""
-        new = {key: ": ".join(note) for key, note in self.overlaps.deepest().items() if key not in self.verdict.remarked}
-        self.verdict.remark(new, self.system)
-
-    def remark_overlaps(self) -> None:
-        """How deep a body lies in one at the end, if that is not what its first note says."""
-        told = self.verdict.remarked
-        now = [text for key, (text, why) in self.overlaps.deepest().items() if told.get(key) != [f"{text}: {why}"]]
-        self.remark([f"at the end {text}" for text in now])
 
     def _words(self, report: StepReport) -> str:
         name = self.system.stages.name

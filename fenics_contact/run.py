@@ -129,12 +129,11 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     """What summary.json says of a run that has ended, but for its seconds, remarked too. Collective."""
     system, verdict, noise = built.system, kept.verdict, built.system.scales.noise
     loads = greatest_loads(kept.history, [c.name for c in system.contacts], scene.units)
-    kept.remark(verdict.cut_notes())
+    kept.remark(verdict.last_notes())
     if verdict.converged:
         unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
         kept.remark([note for note in unmet if note])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
-        kept.remark_overlaps()
         loaded = [c for c in system.contacts if loads[c.name] > noise]
         at_nodes = [c for c in loaded if c.surface.gradients is None or c.surface.corners]
         areas = {c.name: system.comm.allreduce(float(c.surface.area.sum())) for c in at_nodes}

@@ -395,13 +395,14 @@ def test_what_cannot_be_augmented_is_refused():
         confined("bodies").contact("upper_bottom", "lower_top", points="corners", penetration=1e-6)
 
 
-def test_deep_penetration_is_said_once():
+def test_deep_penetration_is_said_once_and_where_it_is_worst():
     scene, move = sphere(penalty=1.0)
     result = solve(scene, **move, steps=4).require()
     depth = result.history[-1]["c_penetration_mm"]
     assert depth > 0.05 * 1.25  # DEEP of the cells, 1.25 mm high
-    said = [note for note in result.verdict.notes if "penetration= keeps it out" in note]
-    assert len(said) == 1 and "contact 'c' at (" in said[0]
+    first, worst = (note for note in result.verdict.notes if "penetration= keeps it out" in note)
+    assert first.startswith("step 1 to t = 0.25: contact 'c' at (")
+    assert worst.startswith("step 4 to t = 1, where this is worst: contact 'c' at (") and f"lies {depth:.3g} inside" in worst
     scene, move = sphere()
     assert not [note for note in solve(scene, **move, steps=4).verdict.notes if "keeps it out" in note]
 
@@ -459,3 +460,14 @@ def test_a_side_that_sinks_in_without_being_a_slave_is_said(slave, said):
     assert bool(notes) == said
     if said:
         assert "lies 0.1 inside 'wall'" in notes[0] and "among the slaves" in notes[0]
+
+
+def test_where_a_side_sinks_in_most_is_said_at_the_end():
+    """Led in by 0.1 and on to 0.25, and out again: what the first note says is not all."""
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", RUBBER))
+    scene.prescribe("zmin", "x", lambda X, t: 0.0 * X[:, 0] + np.interp(t, np.arange(4) / 3, [0.0, 0.4, 0.55, 0.0]))
+    scene.fix("zmin", "yz")
+    scene.contact("zmax", rigid_plane((2.3, 0, 0), (-1.0, 0, 0), name="wall"), 0.3, name="c")
+    first, worst = (note for note in solve(scene, steps=3).require().verdict.notes if "a node that is no slave" in note)
+    assert first.startswith("step 1 to") and "lies 0.1 inside 'wall'" in first
+    assert worst.startswith("step 2 to t = 0.666667, where this is worst: ") and "lies 0.25 inside 'wall'" in worst

@@ -41,6 +41,13 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
+class Remark(NamedTuple):
+    """size: of what is to be said, to tell where it is worst; text: in words."""
+
+    size: float
+    text: str
+
+
 class Foremost(NamedTuple):
     """value; place (3,): where it is; rank: that has it; item: its number there."""
 

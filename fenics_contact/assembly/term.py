@@ -1,7 +1,7 @@
 """What a System sums: terms of the virtual power, and the state they depend on."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -11,7 +11,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm, LinearForm
-from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.finding import Finding, Remark
 from fenics_contact.assembly.pose import Pose, Poses
 from fenics_contact.types import Array, Constant, Floats, Form, Function, Ints64
 
@@ -65,8 +65,8 @@ class Findings(Protocol):
     def trouble(self, state: State) -> Finding | None:
         """None, or the Finding that keeps the step after this accepted state from converging."""
 
-    def remarks(self, state: State, said: Collection[str], noise: float) -> dict[str, str]:
-        """{kind: what is to be said of an accepted state}, of the kinds that have not been said."""
+    def remarks(self, state: State, noise: float) -> dict[str, Remark]:
+        """{kind: what is to be said of an accepted state}."""
         ...
 
 
@@ -137,7 +137,7 @@ class Silent:
     def trouble(self, state: State) -> Finding | None:
         """None."""
 
-    def remarks(self, state: State, said: Collection[str], noise: float) -> dict[str, str]:
+    def remarks(self, state: State, noise: float) -> dict[str, Remark]:
         """Nothing."""
         return {}
 

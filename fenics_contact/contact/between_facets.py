@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.finding import LOST, Finding
+from fenics_contact.assembly.finding import LOST, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.coming_in import LITTLE, MOST, pressing_forces
 from fenics_contact.contact.foremost import worst
@@ -106,17 +106,17 @@ def _in_words(contact: Contact, state: State, found: Sunk, values: Floats) -> tu
     return place, f"a slave node lies {sag:.3g} inside '{master}'", remedy
 
 
-def hidden_note(contact: Contact, state: State) -> str | None:
+def hidden_note(contact: Contact, state: State) -> Remark | None:
     """None, or that one surface lies in the other, deeper than the points that carry the load know. Collective."""
     return None if pierced_facet_note(contact, state) else _note(contact, state, HIDDEN, LITTLE)
 
 
-def pierced_facet_note(contact: Contact, state: State) -> str | None:
+def pierced_facet_note(contact: Contact, state: State) -> Remark | None:
     """None, or that one lies in the other so deep that most of the contact's force is not what it should be. Collective."""
     return _note(contact, state, PIERCED, MOST)
 
 
-def _note(contact: Contact, state: State, above: float, least: float) -> str | None:
+def _note(contact: Contact, state: State, above: float, least: float) -> Remark | None:
     """None, or what lies deeper than `above` of a facet's size where more of the load than `least` acts. Collective."""
     if (found := _sunk(contact, state)) is None:
         return None
@@ -129,10 +129,10 @@ def _note(contact: Contact, state: State, above: float, least: float) -> str | N
     place, text, remedy = _in_words(contact, state, found, share)
     off = "a third or more" if above == PIERCED else "2 ... 20 %"
     there = f"{part:.0%} of the force acts there, and may be off by {off}" if np.isfinite(part) else "nothing presses yet"
-    return f"{place}: {text}, {most:.0%} of the side of the slave's facet; {there}: {remedy}"
+    return Remark(most, f"{place}: {text}, {most:.0%} of the side of the slave's facet; {there}: {remedy}")
 
 
-def led_in_note(contact: Contact, state: State) -> str | None:
+def led_in_note(contact: Contact, state: State) -> Remark | None:
     """None, or that supports have led nodes of the slave into a body; of a tool `_led_note` says so. Collective."""
     if contact.partner.grounded or (found := _sunk(contact, state)) is None:
         return None
@@ -146,10 +146,11 @@ def led_in_note(contact: Contact, state: State) -> str | None:
     if not led.sum() > LED * total:
         return None
     place, text, _ = _in_words(contact, state, found, np.where(some, found.share, 0.0))
-    return (
+    return Remark(
+        led.sum() / total,
         f"{led.sum() / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
         f"{place}: {text}, and what acts there is no body's; leave these nodes free, or take what they lie on out of the "
-        "slave"
+        "slave",
     )
 
 

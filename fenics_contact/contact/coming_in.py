@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
-from fenics_contact.assembly.finding import LOST, Finding
+from fenics_contact.assembly.finding import LOST, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.foremost import worst
@@ -88,21 +88,22 @@ def _part_there(contact: Contact, state: State, hung: tuple[Floats, Ints64], abo
     return float(here / total) if total > 0.0 else np.inf
 
 
-def between_note(contact: Contact, state: State) -> str | None:
+def between_note(contact: Contact, state: State) -> Remark | None:
     """None, or that a tool comes in between slave nodes that carry much of the load. Collective."""
     share, text, place = _between(contact, state, hung := _hung(contact, state), BETWEEN)
     if share <= BETWEEN or (part := _part_there(contact, state, hung, BETWEEN)) <= LITTLE:
         return None
     there = f"{part:.0%} of the force acts there, and is too small" if np.isfinite(part) else "nothing presses on it yet"
-    return f"{place}: {text}; {there}: mesh it more finely, {_cells(_size(contact, state, hung))}"
+    return Remark(share, f"{place}: {text}; {there}: mesh it more finely, {_cells(_size(contact, state, hung))}")
 
 
-def pierced_note(contact: Contact, state: State) -> str | None:
+def pierced_note(contact: Contact, state: State) -> Remark | None:
     """None, or that it has come in so far that nodes which carry most of the load hardly hold it. Collective."""
     share, text, place = _between(contact, state, hung := _hung(contact, state), PIERCED)
     if share <= PIERCED or _part_there(contact, state, hung, PIERCED) <= MOST:
         return None
-    return f"{place}: {text}; a third of the force or more is missing: {held_better(contact, _size(contact, state, hung))}"
+    better = held_better(contact, _size(contact, state, hung))
+    return Remark(share, f"{place}: {text}; a third of the force or more is missing: {better}")
 
 
 def pierced(contact: Contact, state: State) -> Finding | None:

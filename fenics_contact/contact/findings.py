@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
@@ -68,7 +68,7 @@ def deepest_point(contact: Contact, state: State, above: float = -np.inf) -> tup
     return worst(contact, state.comm, contact.led.depths(state).ravel(), above=above)
 
 
-def _led_note(contact: Contact, state: State, noise: float) -> str | None:
+def _led_note(contact: Contact, state: State, noise: float) -> Remark | None:
     """None, or that supports press slave points into the tool: what holds these is no body. Collective."""
     comm = state.comm
     force = np.linalg.norm(contact.response(state).traction, axis=2) * contact.surface.area
@@ -77,10 +77,11 @@ def _led_note(contact: Contact, state: State, noise: float) -> str | None:
     if not led > max(LED * total, noise):
         return None
     _, place = worst(contact, comm, on_led.ravel())
-    return (
+    return Remark(
+        led / total,
         f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
         f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out "
-        "of the slave"
+        "of the slave",
     )
 
 
@@ -97,7 +98,7 @@ def _degrees(lean: float) -> str:
     return f"{np.degrees(2.0 * np.arcsin(min(0.5 * lean, 1.0))):.2g} degrees"
 
 
-def _lean_note(contact: Contact, state: State) -> str | None:
+def _lean_note(contact: Contact, state: State) -> Remark | None:
     """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
     (at_ends, all_over), comm = _lean(contact, state), state.comm
     if max(at_ends, all_over) <= ASIDE:
@@ -107,20 +108,22 @@ def _lean_note(contact: Contact, state: State) -> str | None:
     slides = contact.rough and slips >= SEVERAL and not sticks
     text = f"contact '{contact.name}': its pressure acts along normals of the slave that lean by"
     if at_ends > (ASIDE if slides else LEANS):
-        return (
+        return Remark(
+            at_ends,
             f"{text} {_degrees(at_ends)} from those of '{contact.master_name}': an edge of the slave is what touches, and "
             f"{at_ends:.1%} of the load acts aside; by so much, or up to twice that, its tangential force is off; {SMOOTH}, "
-            f"{ROUND}, or let it meet an analytic tool"
+            f"{ROUND}, or let it meet an analytic tool",
         )
     if slides and all_over > LEANS:
-        return (
+        return Remark(
+            all_over,
             f"{text} {_degrees(all_over)} from those of '{contact.master_name}', an edge of which digs in: its tangential "
-            f"force may be off by up to {all_over:.1%} of the load, changing as the edge passes the slave's nodes; {ROUND}"
+            f"force may be off by up to {all_over:.1%} of the load, changing as the edge passes the slave's nodes; {ROUND}",
         )
     return None
 
 
-def _edge_note(contact: Contact, state: State) -> str | None:
+def _edge_note(contact: Contact, state: State) -> Remark | None:
     """None, or that nodes on edges of the slave, whose areas are those of all faces there, carry load under a law that asks
     for pressures. Collective."""
     facets, comm = contact.surface.between, state.comm
@@ -133,42 +136,45 @@ def _edge_note(contact: Contact, state: State) -> str | None:
     if not carried > LED * total:
         return None
     _, place = worst(contact, comm, on_edges)
-    return (
+    return Remark(
+        carried / total,
         f"{carried / total:.2g} of the contact's force is on nodes at edges between faces of the slave, most at {place}: "
         "their areas are those of all these faces, their pressures too small, and the law of friction takes them; "
-        "name the face that touches alone, or take points=3 (Gauss points)"
+        "name the face that touches alone, or take points=3 (Gauss points)",
     )
 
 
-def _cell_note(contact: Contact, state: State) -> str | None:
+def _cell_note(contact: Contact, state: State) -> Remark | None:
     """None, or that a slave beside a pair of faces has left the master, which goes on beyond them. Collective."""
     lost, text, place = _slid_off(contact, state)
     if lost <= OUT_OF_CELL:
         return None
-    return (
+    return Remark(
+        lost,
         f"{text}, most at {place}: a body that slides out of the cell of a pair does not come in again at its other end: "
-        "the contact's force is too small by about as much; state several cells as one: the share falls with their number"
+        "the contact's force is too small by about as much; state several cells as one: the share falls with their number",
     )
 
 
-def _depth_note(contact: Contact, state: State) -> str | None:
+def _depth_note(contact: Contact, state: State) -> Remark | None:
     """None, or that points or nodes lie deep in the master. Collective."""
     height = contact.surface.cell_height
     deep = DEEP * height
-    depth, place = deepest_point(contact, state, deep)
-    remedy = "penetration= keeps it out, or raise penalty="
-    if depth <= deep:
-        depth, place = node_depth(contact, state, deep)
-        place, remedy = f"a node between points, {place},", 'more points= per facet keep it out, or points="nodes"'
-    if depth <= deep:
-        depth, place, inner = _depth_beside(contact, state, deep)
-        what, remedy = "a node that is no slave", "name the surface it lies on among the slaves"
-        if inner:
-            what, remedy = "an inner node of the body", held_better(contact)
-        place = f"{what}, {place},"
+    point, between = deepest_point(contact, state, deep), node_depth(contact, state, deep)
+    depth, place, inner = _depth_beside(contact, state, deep)
+    node, better = "a node that is no slave", "name the surface it lies on among the slaves"
+    if inner:
+        node, better = "an inner node of the body", held_better(contact)
+    found = (
+        (*point, "penetration= keeps it out, or raise penalty="),
+        (between[0], f"a node between points, {between[1]},", 'more points= per facet keep it out, or points="nodes"'),
+        (depth, f"{node}, {place},", better),
+    )
+    depth, place, remedy = max(found, key=lambda one: one[0])
     if depth <= deep:
         return None
-    return f"{place} lies {depth:.3g} inside '{contact.master_name}', where a cell is {height:.3g} high: {remedy}"
+    where = f"'{contact.master_name}', where a cell is {height:.3g} high"
+    return Remark(depth, f"{place} lies {depth:.3g} inside {where}: {remedy}")
 
 
 def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
@@ -313,13 +319,10 @@ class Findings:
         remedy = "start it outside and bring it in along its path, in steps, or let a body swell into its place, swell()"
         return Finding(UNKNOWN, text, place, remedy)
 
-    def remarks(self, state: State, said: Collection[str], noise: float) -> dict[str, str]:
-        """{kind: what is to be said of an accepted state}, of the kinds that have not been said.
-
-        noise: see Scales [force].
-        """
+    def remarks(self, state: State, noise: float) -> dict[str, Remark]:
+        """{kind: what is to be said of an accepted state}; noise: see Scales [force]."""
         contact = self._contact
-        kinds: dict[str, Callable[[Contact, State], str | None]] = {
+        kinds: dict[str, Callable[[Contact, State], Remark | None]] = {
             "led": partial(_led_note, noise=noise),
             "deep": _depth_note,
             "between": between_note,
@@ -332,7 +335,7 @@ class Findings:
         }
         if contact.paired:
             kinds["out of its cell"] = _cell_note
-        return {kind: note for kind, say in kinds.items() if kind not in said and (note := say(contact, state))}
+        return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
     def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""

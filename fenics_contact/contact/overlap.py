@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.finding import spot, tidied
+from fenics_contact.assembly.finding import Remark, spot, tidied
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
 from fenics_contact.kernels.broad_phase import candidates
@@ -17,6 +17,7 @@ DEEP = 0.05  # of a cell's size: what lies less deep may be what straight cells 
 ROUNDED = 1e-9  # of a simplex: a point so near to its border is in it
 BESIDE = 0.5  # of a cell's extents: a node of its own body that was so near to it at rest is its own, or a neighbour's
 ON_THE_WAY = (0.1, 0.3, 0.5, 0.7, 0.9)  # out of a body: shares where it is asked whether that is still there
+OVERLAPS = "bodies in bodies"  # by which a run remembers what it has said of these
 SOME = 200  # nodes at most whose depth is looked for
 ITSELF = (
     "it is on no surface of a contact of the body with itself, so nothing keeps it out; state one of the surfaces that meet "
@@ -46,8 +47,8 @@ class Overlaps:
         parts = system.comm.allgather((self._X[self._outer], self._body[self._outer], self._held()))
         self._nodes, self._own, self._barred = (np.concatenate(part) for part in zip(*parts, strict=True))
 
-    def deepest(self) -> dict[str, tuple[str, str]]:
-        """{which bodies: which node lies deepest in one, and why with a remedy}; {} if none does. Collective."""
+    def remarks(self) -> dict[str, Remark]:
+        """{which bodies: what is to be said of the node that lies deepest in one}; {} if none does. Collective."""
         system = self._system
         places = self._X + system.state.u.x.array.reshape(-1, 3)
         x = np.concatenate(system.comm.allgather(places[self._outer]))
@@ -66,7 +67,8 @@ class Overlaps:
         where = spot(tidied(self._nodes, np.abs(self._nodes).max())[n])
         what = "another part of itself" if one == two else f"body '{two}'"
         text = f"a node of body '{one}', {where}, lies {depths[worst]:.3g} inside {what}, where a cell is {h:.3g} wide"
-        return {f"in one another: {sorted([one, two])}": (text, ITSELF if one == two else OTHER)}
+        why = ITSELF if one == two else OTHER
+        return {str(sorted([one, two])): Remark(float(depths[worst]), f"{text}: {why}")}
 
     def _held(self) -> Bools:
         """Which bodies (n, bodies) this process's nodes have a contact with that keeps them out. Collective."""

@@ -160,20 +160,7 @@ class Path:
         """(fields, numbers) of the way so far: last increment, the path's rate, lengths, the place among the legs."""
         kept = ("last", self.last), ("rate", self.rate), ("gone", self.gone)
         parts = {name: part for name, part in kept if part is not None}
-        names = (
-            "reached",
-            "begun",
-            "highest",
-            "furthest",
-            "taken",
-            "slope",
-            "first",
-            "length",
-            "spans",
-            "negative",
-            "side",
-            "bifurcations",
-        )
+        names = "reached begun highest furthest taken slope first length spans negative side bifurcations".split()
         numbers = {name: getattr(self, name) for name in names} | {"per_load": self.arc.per_load}
         numbers |= {name: [part.dq.tolist(), part.dt] for name, part in parts.items()}
         return {name: part.du.array_r for name, part in parts.items()}, numbers

@@ -85,7 +85,7 @@ def run(
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.longest *= 2.0
             verdict.accept(report, system)
-            verdict.remark(undecided(system, verdict.remarked), system)
+            verdict.remark(undecided(system, verdict.remarked))
             on_step(report, time.perf_counter() - start, goal == target)
     verdict.reason = CONVERGED  # in the place of the targets that arcs have reached before
     return verdict

@@ -39,7 +39,7 @@ class StatusWatch:
                 return
             self.blame()
             self._finding = self._cycle(period)
-            shortened = "" if self.system.foresight.settles else SHORTENED
+            shortened = "" if self.system.foresight.settles else f": {SHORTENED}"
             self.notes.append(f"{self._finding.reason} ({self._finding.place}){shortened}")
             self._seen.clear()
 

@@ -5,7 +5,7 @@ from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import LOOSEST
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.verdict import PIVOTS, Verdict
+from fenics_contact.solvers.verdict import Verdict
 
 
 class PivotWatch:
@@ -20,8 +20,7 @@ class PivotWatch:
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         now, counted = self._seen()
-        # The last tangent is that of an iterate: with K/mu = 2000 it may have 16 negative pivots where the state has none
-        if now is not None and now != self.negative:
+        if now is not None and now != self.negative:  # of the iterate that the last tangent was made in
             now, counted = self._seen_in_the_end()
         if now is not None:
             self._look(now, counted)
@@ -55,22 +54,23 @@ class PivotWatch:
 
     def _look(self, now: int, counted: bool = True) -> None:
         if self.negative is not None and now > self.negative and (self._counted or not self.negative):
-            if self.system.symmetric:
-                found = f"the tangent has {now} negative pivots, {self.negative or 'none'} in the step before"
-                if not counted:
-                    found = "the tangent no longer resists every motion, as it did in the step before"
-                found += ": a bifurcation has been passed, and this path may be unstable"
-            else:  # with friction a determinant below zero is no proof of another path
-                found = (
-                    "the determinant of the tangent has become negative: a bifurcation may have been passed, or a body has "
+            why = "a bifurcation has been passed, and this path may be unstable"
+            if not self.system.symmetric:  # with friction a determinant below zero is no proof of another path
+                found = "the determinant of the tangent has become negative"
+                why = (
+                    "a bifurcation may have been passed, or a body has let go and moved far within this step; look at this "
                 )
-                found += "let go and moved far within this step; look at this step's motion"
+                why += "step's motion"
+            elif counted:
+                found = f"the tangent has {now} negative pivots, {self.negative or 'none'} in the step before"
+            else:
+                found = "the tangent no longer resists every motion, as it did in the step before"
             remedy = (
                 "follow the path by steps=ArcSteps(until=...), and a branch by its branch=Branch(...)"
                 if self.arcs
                 else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise= and "
                 'where="open")'
             )
-            self.verdict.remark_again(PIVOTS, f"{found}; {remedy}", found, self.system)
+            self.verdict.note(f"{found}: {why}; {remedy}", found)
         self._counted = counted or (self._counted and now == self.negative)
         self.negative = now

@@ -5,14 +5,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
+from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that springs, multipliers or another way to the solution do not mend
-PIVOTS = "pivots of the tangent"  # by which the steps are remembered in which they have changed their signs
-SHORTENED = ": increments shortened"  # how the notes on such steps end
-MANY = 12  # steps that a note names
+SHORTENED = "increments shortened"  # how the notes on such steps end
+GREW = 1.2  # times what was said of a term first: what is worse later is worth a note at the end
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
 
@@ -36,9 +35,10 @@ class Verdict:
     0 if none did; cuts, iterations, corrections, augmentations: cut-backs, tangents, solves with an old one's
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
-    not had yet; remarked: kinds of what has been said of terms and bodies, by name or place; resumed: numbers of the last
-    steps before the run was killed and gone on with; shortened: steps in which increments were, as the first one notes;
-    smallest: step [t] below which none is tried; longest: largest step [t] to try next, endless while no step failed.
+    not had yet; remarked: by name or place of terms and bodies and by kind what has been said of them: its size, the
+    greatest one since, and the note on that; repeated: by kind of notes that steps have in common, how many and the last of
+    them; resumed: numbers of the last steps before the run was killed and gone on with; smallest: step [t] below which none
+    is tried; longest: largest step [t] to try next, endless while no step failed.
     """
 
     converged: bool = True
@@ -56,9 +56,9 @@ class Verdict:
     notes: list[str] = field(default_factory=list)
     causes: dict[str, int] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
-    remarked: dict[str, list[str]] = field(default_factory=dict)
+    remarked: dict[str, dict[str, tuple[float, float, str]]] = field(default_factory=dict)
+    repeated: dict[str, tuple[int, str]] = field(default_factory=dict)
     resumed: list[int] = field(default_factory=list)
-    shortened: int = 0
     smallest: float = 0.0
     longest: float = math.inf
 
@@ -74,16 +74,14 @@ class Verdict:
         else:
             self.said.append(line)
 
-    def cut_notes(self) -> list[str]:
-        """Notes on why steps were cut back, on how many had increments shortened, and where pivots have changed their signs
-        more than once, if any were."""
-        more = self.shortened - 1
-        notes = [f"increments were shortened so in {more} later step{'s' * (more > 1)}"] if more > 0 else []
-        if again := self.remarked.get(PIVOTS, [])[1:]:
-            notes.append(
-                f"the {PIVOTS} have changed their signs so in {len(again)} later step{'s' * (len(again) > 1)}, too: "
-            )
-            notes[-1] += ", ".join(again[:MANY]) + ", ..." * (len(again) > MANY)
+    def last_notes(self) -> list[str]:
+        """Notes at a run's end: on where it was worse than a note had said, on how many steps were like one that a note is
+        on, and on why steps were cut back."""
+        remarks = [one for kinds in self.remarked.values() for one in kinds.values()]
+        notes = [worse for first, most, worse in remarks if most > GREW * first]
+        for kind, (count, step) in self.repeated.items():
+            if more := count - 1:
+                notes.append(f"{more} more step{'s' * (more > 1)}, the last one {step}: {kind}")
         if not self.causes:
             return notes
         most = sorted(self.causes.items(), key=lambda cause: -cause[1])
@@ -98,34 +96,41 @@ class Verdict:
         self.corrections += report.corrections
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
-        notes = report.said
+        for note in report.said:
+            self.note(note, SHORTENED if note.endswith(SHORTENED) else "")
         for term in system.terms:
-            said = self.remarked.setdefault(term.name, [])
-            remarks = term.findings.remarks(system.state, said, system.scales.noise)
-            notes += remarks.values()
-            said += remarks
-        for note in notes:
-            line = f"step {len(self.residuals)} to t = {self.t:.6g}: {note}"
-            again = note.endswith(SHORTENED) and self.shortened
-            self.shortened += note.endswith(SHORTENED)
-            (self.said if again else self.notes).append(line)
+            self.remark_on(term.name, term.findings.remarks(system.state, system.scales.noise))
 
-    def remark(self, words: Mapping[str, str], system: System) -> None:
+    def remark_on(self, name: str, remarks: Mapping[str, Remark]) -> None:
+        """Note what is to be said of a term, or of all bodies, by kind, in the step accepted last: of each kind the first
+        time; where it is worst is noted at the end."""
+        said = self.remarked.setdefault(name, {})
+        for kind, (size, text) in remarks.items():
+            first, most, worse = said.get(kind, (0.0, 0.0, ""))
+            if kind not in said:
+                self.note(text)
+                first = most = float(size)
+            elif size > most:
+                most, worse = float(size), f"{self._step}, where this is worst: {text}"
+            said[kind] = first, most, worse
+
+    @property
+    def _step(self) -> str:
+        """The step accepted last, in words."""
+        return f"step {len(self.residuals)} to t = {self.t:.6g}"
+
+    def note(self, words: str, kind: str = "") -> None:
+        """Note what was found in the step accepted last; of a kind once: what is more of it is counted, and in the log."""
+        count, _ = self.repeated.get(kind, (0, ""))
+        if kind:
+            self.repeated[kind] = count + 1, self._step
+        (self.said if count else self.notes).append(f"{self._step}: {words}")
+
+    def remark(self, words: Mapping[str, str]) -> None:
         """Note what is found at places, {place: note}, in the step accepted last."""
         for place, note in words.items():
-            self.remarked[place] = [note]
-            self.notes.append(f"step {len(self.residuals)} to t = {system.state.t:.6g}: {note}")
-
-    def remark_again(self, key: str, note: str, short: str, system: System) -> None:
-        """Note what is found in the step accepted last, the first time with the note; later ones are counted, and the log
-        has them in short."""
-        steps = self.remarked.setdefault(key, [])
-        steps.append(str(len(self.residuals)))
-        line = f"step {steps[-1]} to t = {system.state.t:.6g}: "
-        if len(steps) == 1:
-            self.notes.append(line + note)
-        else:
-            self.said.append(line + short)
+            self.remarked[place] = {}
+            self.note(note)
 
     def stop(self, finding: Finding, t: float, step: int | None = None) -> None:
         """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
