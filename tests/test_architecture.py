@@ -84,6 +84,7 @@ ONLY = {
         "entries",
         "exchange",
         "facet_points",
+        "finding",
         "numbering",
         "pose",
         "section",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fenics_contact.assembly.finding import spot, tidied
 from fenics_contact.output.late import figures
 from fenics_contact.output.pictures import LETTERS, WIDTH
 from fenics_contact.output.units import Units
@@ -98,8 +99,9 @@ def line_figure(table: Mapping[str, Array], ends: Floats, units: Units, whole: b
     if len(ends) and not whole:
         near = AROUND * float(ends.max() - ends.min())
         axes.set_xlim(max(ends.min() - near, place.min()) - 0.1 * near, min(ends.max() + near, place.max()) + 0.1 * near)
-    start = ", ".join(f"{table[f'{axis}_reference_{L}'][0]:.3g}" for axis in "xyz")
-    axes.set_xlabel(labelled(f"way along the line from what was at ({start})", L), fontsize=LETTERS)
+    reference = np.column_stack([table[f"{axis}_reference_{L}"] for axis in "xyz"])
+    start = spot(tidied(reference, np.abs(reference).max())[0])
+    axes.set_xlabel(labelled(f"way along the line from what was at {start}", L), fontsize=LETTERS)
     axes.set_ylabel(f"[{p}]" if rubs else labelled("pressure", p), fontsize=LETTERS)
     axes.tick_params(labelsize=LETTERS)
     return figure

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial
+from fenics_contact.assembly.finding import foremost
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
-from fenics_contact.types import Floats
 
 # Of the peak pressure: a greater change is no small one, and the peak (at a corner, an edge) is the penalty's as much as the
 # bodies'. With springs in series a third of the present value is half of it in truth.
@@ -40,14 +40,15 @@ def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
     out, least = {}, least_load(system)
     for term in system.contacts:
         change = found.contacts[term.name]
-        peak, place = max(system.comm.allgather(_highest(change.pressure, term.spots())))
+        highest = foremost(system.comm, change.pressure, term.spots())
+        peak = highest.value if highest else 0.0
         after = max(system.comm.allgather((change.pressure + change.to_pressure).max(initial=0.0)))
         grown = after - peak if abs(after - peak) <= UNSETTLED * peak else None
         pressed = {"load": change.load, "load_change": change.to_load, "peak": peak, "peak_change": grown}
         if not change.load > least:  # nothing presses there
             pressed = dict.fromkeys(pressed, 0.0)
         force = change.to_force if change.load > least else np.zeros(3)
-        out[term.name] = {"force_change": force, "peak_at": list(place)} | pressed
+        out[term.name] = {"force_change": force, "peak_at": highest.place.tolist() if highest else []} | pressed
     dq = np.where(np.abs(found.tools) > ALLOWED * system.extent, found.tools, 0.0)
     return {"contacts": out, "travel_change": dq[:, :3], "angle_change": dq[:, 3:] / system.state.poses.lever}
 
@@ -55,9 +56,3 @@ def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
 def least_load(system: System) -> float:
     """Load [force] of a contact that is none: what a balance leaves, and round-off."""
     return max(ALLOWED * system.scales.largest, system.scales.noise)
-
-
-def _highest(pressure: Floats, spots: Floats) -> tuple[float, tuple[float, ...]]:
-    """(peak, its place) of this rank's points."""
-    point = int(pressure.argmax()) if len(pressure) else -1
-    return (float(pressure[point]), tuple(spots[point])) if point >= 0 else (0.0, ())
