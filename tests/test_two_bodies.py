@@ -352,3 +352,47 @@ def test_what_has_opened_wide_has_not_slid_off(points):
     assert lifted.contacts[0].findings.trouble(lifted.state) is None
     beside = solve(scene, stages=stages).require().system
     assert "has no partner on 'lower_top' any more" in beside.contacts[0].findings.trouble(beside.state).reason
+
+
+@pytest.mark.parametrize("points", ["averages", "nodes", 3])
+@pytest.mark.parametrize(
+    ("low", "high", "slave", "depth"),
+    [(0.6, 1.2, "lower_bottom", None), (-0.3, 0.7, "upper_bottom", 0.7), (-0.3, 0.7, "lower_top", 0.7)],
+    ids=["above", "through the slab", "the slab within"],
+)
+def test_a_body_behind_the_slave_s_own_is_not_inside_it(points, low, high, slave, depth):
+    """Normals of a slab's lower side meet the upper side of a block that lies above it, as those of a block's lower side do
+    that goes through the slab."""
+    sizes = {
+        "lower": (4.0, 2.0, 0.4),
+        "lower_origin": (0.0, 0.0, 0.0),
+        "upper": (2.0, 2.0, high - low),
+        "upper_origin": (1.0, 0.0, low),
+    }
+    _, scene = blocks(**sizes, lower_cells=(8, 4, 1), upper_cells=(4, 4, 2))
+    scene.fix("lower_bottom" if slave == "upper_bottom" else "lower_top")
+    scene.fix("upper_top", "xy")
+    other = "lower" if slave == "upper_bottom" else "upper"
+    scene.contact(slave, (f"{other}_bottom", f"{other}_top"), points=points)
+    if depth is None:
+        scene.system()
+    else:
+        with pytest.raises(SceneError, match=f"starts {depth} inside the body"):
+            scene.system()
+
+
+@pytest.mark.parametrize("points", ["averages", 3])
+def test_a_far_side_that_thin_bodies_would_meet_through_themselves_is_refused(points):
+    """The lower side of a slab a tenth thick, under a plate two tenths thick whose upper side is among the master."""
+    sizes = {
+        "lower": (4.0, 2.0, 0.1),
+        "lower_origin": (0.0, 0.0, 0.0),
+        "upper": (2.0, 2.0, 0.2),
+        "upper_origin": (1.0, 0.0, 0.15),
+    }
+    _, scene = blocks(**sizes, lower_cells=(8, 4, 1), upper_cells=(4, 4, 1))
+    scene.fix("lower_top")
+    scene.fix("upper_top")
+    scene.contact("lower_bottom", ("upper_bottom", "upper_top"), points=points)
+    with pytest.raises(SceneError, match="lead back through its body to facets of 'upper_bottom.upper_top', 0.35 behind it"):
+        scene.system()

@@ -119,10 +119,11 @@ class Overlaps:
         return np.asarray(np.min([out, *self._system.comm.allgather(out)], axis=0))
 
 
-def deepest_start(system: System, contact: ContactTerm, least: float) -> float | None:
+def deepest_start(system: System, contact: ContactTerm, least: float) -> tuple[float, float] | None:
     """Depth [length] of the deepest slave point deeper than `least` in the master before anything has moved, zero if there
     is none: all the way out it has to lie in one body. A ray that leaves the slave's own body before it meets a surface
-    from behind has found another one. None where that is not asked. Collective.
+    from behind has found another one; how far behind, of those that a step would find, too. None where that is not asked.
+    Collective.
     """
     if contact.partner.grounded or not isinstance(contact.places, PlacesOnFacets):
         return None
@@ -135,7 +136,9 @@ def deepest_start(system: System, contact: ContactTerm, least: float) -> float |
     here = np.zeros((len(x), len(system.bodies)), dtype=bool)
     here[point, body[cells[cell, 0]]] = True
     there = np.any(system.comm.allgather(here), axis=0).reshape(len(ON_THE_WAY), len(depth), -1)
-    return float(depth[there.all(axis=0).any(axis=1)].max(initial=0.0))
+    inside = there.all(axis=0).any(axis=1)
+    met = ~inside & (depth <= contact.places.search)
+    return float(depth[inside].max(initial=0.0)), float(depth[met].max(initial=0.0))
 
 
 def _body_of(system: System) -> Ints64:

@@ -354,8 +354,9 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
         at_surface, behind = contact.places.overlap(system.state, X, slave)
         height = contact.surface.cell_height
-        if at_surface > DEEPEST * height and (depth := deepest_start(system, contact, DEEPEST * height)) is not None:
-            at_surface = depth
+        across = 0.0
+        if at_surface > DEEPEST * height and (deepest := deepest_start(system, contact, DEEPEST * height)) is not None:
+            at_surface, across = deepest
         depth = max(at_surface, behind)
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
         where += f", where a cell is {height:.3g} high"
@@ -366,6 +367,12 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
             if isinstance(tool, RigidTool) and tool.flat and behind > at_surface:
                 more = ", or turn its normal round: it points out of the tool, towards the body"
             raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves{more}")
+        if across:
+            raise SceneError(
+                f"contact '{contact.name}': the slave's normals lead back through its body to facets of "
+                f"'{contact.master_name}', {across:.3g} behind it, as if these had come in there: leave what does not meet "
+                "them out of the slave and the master, or let the other side be the slave"
+            )
         if at_surface > REMARKABLE * height:
             remarks.append(f"{where}: the first step presses it out, and friction misses the way; start it outside")
         if at_surface > OVERLAP * height:

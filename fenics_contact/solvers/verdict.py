@@ -11,7 +11,7 @@ from fenics_contact.solvers.report import StepReport
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that springs, multipliers or another way to the solution do not mend
 SHORTENED = "increments shortened"  # how the notes on such steps end
-GREW = 1.2  # times what was said of a term first: what is worse later is worth a note at the end
+GREW = 1.5  # times what was said of a term first: what is worse later is worth a note at the end
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
 
