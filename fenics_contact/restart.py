@@ -95,6 +95,13 @@ class Keeper:
 
     def _restore(self, arrays: dict[str, Any] | None, content: dict[str, Any]) -> None:
         try:
+            verdict = Verdict(**content["verdict"])
+        except TypeError as error:
+            raise SceneError(
+                f"the checkpoint in '{self._folder}' was written by another version of this package ({error}); start anew with "
+                "overwrite=True in the place of resume"
+            ) from None
+        try:
             fields = self._memory.restore(arrays)
             if path := self._path:
                 path.recall(fields, content["stepper"])
@@ -105,7 +112,7 @@ class Keeper:
             ) from None
         if self._softened:
             self._softened.helps = content["softened"]
-        self.verdict, self.rows, self.resumed = Verdict(**content["verdict"]), content["rows"], True
+        self.verdict, self.rows, self.resumed = verdict, content["rows"], True
         self.verdict.resumed.append(len(self.rows))
 
     @property

@@ -425,6 +425,17 @@ def small(folder, resume, steps):
     return solve(scene, move={tool: (1.0, 0, -1.0)}, steps=steps, out=Output(folder, checkpoint=True, resume=resume))
 
 
+@pytest.mark.serial
+def test_a_checkpoint_of_another_version_is_refused(tmp_path):
+    small(tmp_path, resume=False, steps=2)
+    files = CheckpointFiles(tmp_path)
+    arrays, content = files.read()
+    content["verdict"]["formerly"] = 0
+    files.write(content.pop("step") + 1, arrays, content)
+    with pytest.raises(SceneError, match="written by another version .*'formerly'.*overwrite=True"):
+        small(tmp_path, resume=True, steps=3)
+
+
 def accepted(folder):
     """Number of rows in the history a killed run left: steps it had said to be accepted."""
     path = folder / "history.csv"
