@@ -98,8 +98,8 @@ class Keeper:
             verdict = Verdict(**content["verdict"])
         except TypeError as error:
             raise SceneError(
-                f"the checkpoint in '{self._folder}' was written by another version of this package ({error}); start anew with "
-                "overwrite=True in the place of resume"
+                f"the checkpoint in '{self._folder}' was written by another version of this package ({error}); start anew "
+                "with overwrite=True in the place of resume"
             ) from None
         try:
             fields = self._memory.restore(arrays)
