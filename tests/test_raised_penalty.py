@@ -25,7 +25,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.contact import penalties
-from fenics_contact.meshes import box, tool_surfaces, two_blocks
+from fenics_contact.meshes import box, rectangles, tool_surfaces, two_blocks
 from fenics_contact.solvers.augmented import Adapted
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -62,16 +62,33 @@ def test_a_confined_block_is_held_where_it_should_be(tmp_path):
     depth = result.history[-1]["c_penetration_mm"]
     assert 0.0 < depth <= penalties.DEEPEST * 1.0  # cells of 1 mm
     notes = [note for note in result.verdict.notes if "penalties raised to" in note]
-    assert notes and "contact 'c' at (" in notes[0]
+    assert notes and "contact 'c': its penalties hold 17% of the bodies' energy" in notes[0]
     COMM.Barrier()
     said = json.loads((folder / "summary.json").read_text())["scene"]["contacts"][0]
     raised, young = said["penalty_raised"], 9 * BULK * SHEAR / (3 * BULK + SHEAR)
-    assert 1.0 < raised <= penalties.LARGEST
+    assert penalties.LARGEST < raised <= penalties.STIFFEST
     np.testing.assert_allclose(said["penalty_MPa_per_mm"], 100.0 * young * raised, rtol=1e-9)
     # the penalty is a spring in series: what it does not give way the block must, in closed form
     force = -result.history[-1]["c_force_z_N"]
     np.testing.assert_allclose(force, confined_force(0.2 - depth), rtol=1e-7)
     np.testing.assert_allclose(depth, force / 4.0 / (100.0 * young * raised), rtol=1e-7)
+    np.testing.assert_allclose(force, confined_force(0.2), rtol=5e-3)  # it takes KEPT of the way
+    assert not [note for note in result.verdict.notes if "change the force" in note]
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_rubber_that_cannot_escape_raises_penalties_and_that_which_can_does_not(free):
+    """K/mu = 1000 in a box, or on its floor alone."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (2.0, 2.0), (4, 4))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(1.0, 1e3)), plane="strain", element="mixed")
+    for side in ("ymin", "xmin", *(() if free else ("xmax",))):
+        scene.fix(f"pad_{side}", side[0])
+    lid = rigid_plane((0, 2, 0), (0, -1, 0), name="lid")
+    scene.contact("pad_ymax", lid, name="c")
+    result = solve(scene, move={lid: (0, -0.02, 0)}, steps=2).require()
+    assert any("penalties hold" in note for note in result.verdict.notes) != free
+    if not free:
+        assert result.column("c_force_y_N")[-1] == pytest.approx(-(1e3 + 4 / 3) * 0.02, rel=5e-3)
 
 
 @pytest.mark.parametrize("typed", [{"penalty": 119.5}, {"penalty": Penalty(factor=100.0)}])
@@ -212,7 +229,7 @@ def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
     first = raise_factor(final([0.4])[3])
     # those of the step before; on several ranks MUMPS adds in the order of arrival, so two runs differ in their last bits
     np.testing.assert_allclose(raise_factor(system), first, rtol=SAME)
-    assert contact.penalties.raised(system.state) is None  # and nothing tries again
+    assert contact.penalties.raised(system.state, system.strain_energy(), 0.0) is None  # and nothing tries again
     monkeypatch.setattr(penalties, "DEEPEST", 1.0)
     spared = final([0.4, 0.7])  # never raised: same law but for the first step
     assert raise_factor(spared[3]) == 1.0

@@ -30,6 +30,9 @@ SLIPS = 3.0
 # twice Young's modulus (degree 2: four times): strains of order one, a corner, or rubber that cannot escape.
 DEEPEST = 0.02
 AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under the same pressure
+# Of the bodies' energy what a contact's default penalties may hold: more raises them, until they hold KEPT of it. That is
+# rubber that cannot escape, K/E times as stiff as the default knows
+YIELDS, KEPT = 0.05, 0.004
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
 # Under multipliers, for rubber that cannot escape is K/E stiffer than the default knows: times the default at most, and at
 # once. With K/E of 1e5 a thousand times it is still no stiffer than the body.
@@ -83,23 +86,42 @@ class Penalties:
         law = Law(self._first.eps_n * factor, eps_t, trial.law.friction, trial.law.touch)
         return trial.under(law)
 
-    def raised(self, state: State) -> tuple[Trial, str] | None:
-        """None; or, where a point lies deeper than DEEPEST allows, a trial with greater penalties, and words. Multipliers
-        hold points out of there. Collective."""
+    def raised(self, state: State, strain: float, noise: float) -> tuple[Trial, str] | None:
+        """None; or, where a point lies deeper than DEEPEST allows, or the penalties hold more energy than YIELDS allows, a
+        trial with greater penalties, and words. Multipliers hold points out of there.
+
+        strain, noise: energy in the bodies, and what of it is rounding [force length]. Collective.
+        """
         if self._contact.penetration is not None or not self._adapts[0]:
             return None
         contact, trial = self._contact, self._contact.trial
-        comm = state.comm
-        depth, place = self._depth(contact.led.depths(state), comm)
-        raised, room = trial.history.raised, self.room(state)
-        if depth <= DEEPEST or room == 1.0:
+        raised, depths = trial.history.raised, contact.led.depths(state)
+        depth, place = self._depth(depths, state.comm)
+        factor, room = 1.0, self.room(state)
+        if depth > DEEPEST:
+            factor, why = min(depth / (AIM * DEEPEST), room), f"{place} lies {depth:.1%} of a cell deep"
+        if factor == 1.0 and (stored := self._stored(depths, state.comm)) > max(YIELDS * strain, noise):
+            factor = min(stored / max(KEPT * strain, noise), self._stiffest(state))
+            why = f"contact '{contact.name}': its penalties hold {stored / max(strain, noise):.0%} of the bodies' energy"
+        if factor == 1.0:
             return None
-        factor = min(depth / (AIM * DEEPEST), room)
         if self._adapts[1]:
             trial = self.friction_kept(trial, factor)
         trial = self.with_raised(trial.remembering(raised=raised * [factor, 1.0]))
-        most = max(comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
-        return trial, f"{place} lies {depth:.1%} of a cell deep: penalties raised to {most:.3g} times the default"
+        most = max(state.comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
+        return trial, f"{why}: penalties raised to {most:.3g} times the default"
+
+    def _stored(self, depths: Floats, comm: MPI.Comm) -> float:
+        """Energy in the penalties at penetrations (ne, nq) [force x length]. Collective."""
+        eps = self._contact.trial.law.eps_n[:, None]
+        return comm.allreduce(float((0.5 * eps * depths**2 * self._contact.surface.area).sum()))
+
+    def _stiffest(self, state: State) -> float:
+        """By how much penalties that yield may still be raised, 1 where raising has been in vain before. Collective."""
+        now, bound = self._contact.trial.history.raised.T
+        held_back = bool((bound < LARGEST).any())
+        room = min(state.comm.allgather(1.0 if held_back else (STIFFEST / now).min(initial=np.inf)))
+        return max(room, 1.0)
 
     def room(self, state: State) -> float:
         """By how much the penalties may still be raised, 1 where not at all. Collective."""

@@ -278,9 +278,9 @@ def raise_penalties(system: System, report: StepReport, forgone: tuple[ContactTe
     forgone it do not. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
-    found = {}
+    found, energies = {}, (system.strain_energy(), system.scales.noise_energy)
     for contact in system.contacts:
-        if contact not in forgone and (raised := contact.penalties.raised(system.state)):
+        if contact not in forgone and (raised := contact.penalties.raised(system.state, *energies)):
             trial, found[contact] = raised
             contact.take(trial)
     report.notes += found.values()
