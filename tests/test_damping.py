@@ -23,6 +23,7 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_cylinder,
     rigid_plane,
     rigid_surface,
     run,
@@ -421,3 +422,17 @@ def test_a_jump_of_more_than_a_cell_is_not_taken_unasked(monkeypatch):
 def jump_by(jump, share, system, goal, stepper, farthest):
     """A jump of no more than a share of what is allowed."""
     return jump(system, goal, stepper, share * farthest)
+
+
+def test_damped_motion_that_finds_no_rest_leaves_no_friction_work():
+    """A tool drawn over a rough strip until a point finds no state: friction takes no more than what has been done."""
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (12.0, 3.0), (24, 4))})
+    scene = Scene(Body(mesh, "strip", neo_hooke(1.0, 5.0)), plane="strain")
+    scene.fix("strip_ymin")
+    tool = rigid_cylinder(1.5, (4, 4.5, 0), (0, 0, 1), name="tool")
+    scene.contact("strip_ymax", tool, 0.75, name="c")
+    stages = [Stage("press", move={tool: (0, -0.8, 0)}, steps=2), Stage("drag", move={tool: (4, 0, 0)}, steps=20)]
+    result = solve(scene, stages=stages)
+    work, strain, friction = (result.column(f"{name}_Nmm") for name in ("external_work", "strain_energy", "c_friction_work"))
+    assert not result.converged  # in vain
+    assert np.all(friction <= 1.02 * (work - strain) + 1e-3 * work[-1])

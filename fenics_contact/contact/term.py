@@ -186,7 +186,7 @@ class Contact:
         h, points = self.accepted.history, self.surface.area.shape
         packed = self.partner.anchors.packed
         out = packed(h.anchors, h.feet, "anchor") | packed(h.rests, h.feet, "rest") | self.partner.sites(h.feet)
-        out |= {"slip_path": h.slip_path, "met": h.met, "raised": h.raised}
+        out |= {"slip_path": h.slip_path, "rubbed": h.rubbed, "met": h.met, "raised": h.raised}
         if self.partner.foresees:
             out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
         return out if self.penetration is None else out | {"shift": h.shift}
@@ -200,7 +200,9 @@ class Contact:
         anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
         gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps
         h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
-        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet)
+        h = replace(
+            h, rubbed=values["rubbed"], raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet
+        )
         h = replace(h, faced=self._facing(state, feet, h.met))
         self.trial = self.accepted = self.penalties.with_raised(Trial(self.accepted.law, h, self.surface.area))
 
