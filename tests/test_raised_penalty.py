@@ -229,7 +229,7 @@ def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
     first = raise_factor(final([0.4])[3])
     # those of the step before; on several ranks MUMPS adds in the order of arrival, so two runs differ in their last bits
     np.testing.assert_allclose(raise_factor(system), first, rtol=SAME)
-    assert contact.penalties.raised(system.state, system.strain_energy(), 0.0) is None  # and nothing tries again
+    assert contact.penalties.raised(system.state, system.strain_energy, 0.0) is None  # and nothing tries again
     monkeypatch.setattr(penalties, "DEEPEST", 1.0)
     spared = final([0.4, 0.7])  # never raised: same law but for the first step
     assert raise_factor(spared[3]) == 1.0

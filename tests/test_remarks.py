@@ -96,6 +96,11 @@ def test_with_curved_cells_of_degree_2():
     assert not pressed(mesh, axis, 0.3, degree=2, contact=True)
 
 
+# two legs, and three parts of the back between them: corner and size
+CLIP = [((0.0, 0.0), (4.0, 1.0)), ((0.0, 1.5), (4.0, 1.0)), ((-1.0, 0.0), (1.0, 1.0)), ((-1.0, 1.0), (1.0, 0.5))]
+CLIP += [((-1.0, 1.5), (1.0, 1.0))]
+
+
 def clip(solid):
     """Two legs on a back, one body: quadrilaterals, or hexahedra as deep as they are wide."""
     occ, mesh = gmsh.model.occ, gmsh.model.mesh
@@ -112,10 +117,6 @@ def clip(solid):
     mesh.generate(dim)
     sides = {"below": (1, 0.0), "above": (1, 2.5), "inner_below": (1, 1.0), "inner_above": (1, 1.5)}
     occ_groups(dim, sides | ({"front": (2, 0.0)} if solid else {}))
-
-
-CLIP = [((0.0, 0.0), (4.0, 1.0)), ((0.0, 1.5), (4.0, 1.0)), ((-1.0, 0.0), (1.0, 1.0)), ((-1.0, 1.0), (1.0, 0.5))]
-CLIP += [((-1.0, 1.5), (1.0, 1.0))]
 
 
 def occ_groups(dim, places):

@@ -1,6 +1,6 @@
 """What solvers and the output ask of a contact; of what is its own they know that it can be handed back: `Any`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
@@ -138,7 +138,7 @@ class ContactPlaces(Protocol):
 class ContactPenalties(Protocol):
     """Trials with other penalties."""
 
-    def raised(self, state: State, strain: float, noise: float) -> tuple[ContactTrial, str] | None: ...
+    def raised(self, state: State, strain: Callable[[], float], noise: float) -> tuple[ContactTrial, str] | None: ...
 
     def room(self, state: State) -> float: ...
 

@@ -158,7 +158,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         """Shares (ns,) of the nodes' areas that do not lie over the master; far: however far away it is."""
         s, met = feet.samples, feet.met
         if far:
-            met = self._covered(feet.points, feet.coords, self.far(feet, self.farthest(feet)))
+            found = self.sights.pairing.far(feet.points, -feet.projection[5], feet.coords, self.farthest(feet))
+            met = self._covered(feet.points, feet.coords, found)
         return 1.0 - (s.share * met[6][s.table]).sum(axis=1) / s.share.sum(axis=1)
 
     def features(self, feet: MortarFeet) -> Array:

@@ -1,6 +1,5 @@
 """Nodes of a body that lie inside another one, or inside itself, where no contact holds them."""
 
-from collections.abc import Callable
 from itertools import permutations
 
 import numpy as np
@@ -72,11 +71,15 @@ class Overlaps:
 
     def _held(self) -> Bools:
         """Which bodies (n, bodies) this process's nodes have a contact with that keeps them out. Collective."""
-        mine, held = self._body[self._outer], np.zeros((len(self._outer), len(self._system.bodies)), dtype=bool)
-        for contact in self._system.contacts:
-            touched, folds = _bodies_of(self._system, contact, self._body)
+        system, numbers = self._system, range(len(self._system.bodies))
+        mine, held = self._body[self._outer], np.zeros((len(self._outer), len(numbers)), dtype=bool)
+        for contact in system.contacts:
+            touched = [i for i in numbers if contact in system.holds.contacts_of(i)]
+            slaves = system.comm.allgather(np.isin(touched, self._body[contact.surface.nodes]))
+            # one whose bodies all have slaves can hold one of them out of itself
+            folds = not contact.partner.grounded and bool(np.any(slaves, axis=0).all())
             here = np.isin(self._outer, contact.partner.nodes)
-            for i in np.flatnonzero(touched):
+            for i in touched:
                 held[here & ((mine != i) | folds), i] = True
         return held
 
@@ -93,15 +96,12 @@ class Overlaps:
     def _inside(self, x: Floats, places: Floats) -> tuple[list[int], list[int], list[float]]:
         """Of nodes at x (n, 3) inside this process's cells, of a body that nothing keeps them out of: which, which body, and
         the cell's size [length]."""
-
-        def may_be(node: Ints64, cell: Ints64) -> Bools:
-            other = self._body[self._cells[cell, 0]]
-            free = ~self._barred[node, other]
-            own = np.flatnonzero(free & (other == self._own[node]))
-            free[own] = ~_beside(self._nodes[node[own]], self._X[self._cells[cell[own]]])
-            return free
-
-        node, cell = _within(x, places, self._cells, self._dim, may_be)
+        node, cell = _nearby(x, places, self._cells)
+        other = self._body[self._cells[cell, 0]]
+        free = ~self._barred[node, other]
+        own = np.flatnonzero(free & (other == self._own[node]))
+        free[own] = ~_beside(self._nodes[node[own]], self._X[self._cells[cell[own]]])
+        node, cell = _within(x, places, self._cells, self._dim, (node[free], cell[free]))
         size = np.ptp(places[self._cells[cell]][..., : self._dim], axis=1).min(axis=1)
         return node.tolist(), self._body[self._cells[cell, 0]].tolist(), size.tolist()
 
@@ -132,7 +132,7 @@ def deepest_start(system: System, contact: ContactTerm, least: float) -> tuple[f
     x = np.concatenate([start + share * (end - start) for share in ON_THE_WAY])
     cells, body = _cells(system), _body_of(system)
     places = system.space.tabulate_dof_coordinates() + system.state.u.x.array.reshape(-1, 3)
-    point, cell = _within(x, places, cells, system.space.mesh.topology.dim, lambda point, cell: np.full(len(point), True))
+    point, cell = _within(x, places, cells, system.space.mesh.topology.dim, _nearby(x, places, cells))
     here = np.zeros((len(x), len(system.bodies)), dtype=bool)
     here[point, body[cells[cell, 0]]] = True
     there = np.any(system.comm.allgather(here), axis=0).reshape(len(ON_THE_WAY), len(depth), -1)
@@ -156,15 +156,16 @@ def _cells(system: System) -> Ints64:
     return compat.cell_dofs(system.space)[: compat.cell_map(mesh).size_local, :corners].astype(np.int64)
 
 
-def _within(
-    x: Floats, places: Floats, cells: Ints64, dim: int, may_be: Callable[[Ints64, Ints64], Bools]
-) -> tuple[Ints64, Ints64]:
-    """Points x (n, 3) and the cells, corners (nc, k) at places (nx, 3), that they lie in, of those pairs that may be."""
+def _nearby(x: Floats, places: Floats, cells: Ints64) -> tuple[Ints64, Ints64]:
+    """Points x (n, 3) and the cells, corners (nc, k) at places (nx, 3), in whose boxes they lie."""
     starts, listed = candidates(x, places, cells, np.full(len(cells), cells.shape[1]), 0.0)
-    point = np.repeat(np.arange(len(x)), np.diff(starts))
-    asked = may_be(point, listed)
-    point, listed = point[asked], listed[asked]
-    corners, within = places[cells[listed]][..., :dim], np.zeros(len(point), dtype=bool)
+    return np.repeat(np.arange(len(x)), np.diff(starts)), listed
+
+
+def _within(x: Floats, places: Floats, cells: Ints64, dim: int, pairs: tuple[Ints64, Ints64]) -> tuple[Ints64, Ints64]:
+    """Of pairs of `_nearby` those of which the point lies in the cell."""
+    point, cell = pairs
+    corners, within = places[cells[cell]][..., :dim], np.zeros(len(point), dtype=bool)
     for simplex in _simplices(cells.shape[1], dim):
         first, *rest = (corners[:, i] for i in simplex)
         edges = np.stack([one - first for one in rest], axis=-1)
@@ -172,15 +173,7 @@ def _within(
         share = np.linalg.solve(edges[sound], (x[point[sound], :dim] - first[sound])[..., None])[..., 0]
         low = np.minimum(share.min(axis=1), 1.0 - share.sum(axis=1))
         within[sound] |= low > -ROUNDED
-    return point[within], listed[within]
-
-
-def _bodies_of(system: System, contact: ContactTerm, body_of: Ints64) -> tuple[Bools, bool]:
-    """Which bodies a contact touches, and whether it can hold one of them out of itself: all have slaves. Collective."""
-    numbers = np.arange(len(system.bodies))
-    here = np.array([np.isin(numbers, body_of[nodes]) for nodes in (contact.partner.nodes, contact.surface.nodes)])
-    touched, slave = np.any(system.comm.allgather(here), axis=0)
-    return touched, not contact.partner.grounded and bool((touched == slave).all())
+    return point[within], cell[within]
 
 
 def _simplices(corners: int, dim: int) -> Ints64:

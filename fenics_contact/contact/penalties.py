@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -86,24 +87,27 @@ class Penalties:
         law = Law(self._first.eps_n * factor, eps_t, trial.law.friction, trial.law.touch)
         return trial.under(law)
 
-    def raised(self, state: State, strain: float, noise: float) -> tuple[Trial, str] | None:
+    def raised(self, state: State, strain: Callable[[], float], noise: float) -> tuple[Trial, str] | None:
         """None; or, where a point lies deeper than DEEPEST allows, or the penalties hold more energy than YIELDS allows, a
         trial with greater penalties, and words. Multipliers hold points out of there.
 
-        strain, noise: energy in the bodies, and what of it is rounding [force length]. Collective.
+        strain(): energy in the bodies; noise: what of it is rounding [force length]. Collective.
         """
         if self._contact.penetration is not None or not self._adapts[0]:
             return None
         contact, trial = self._contact, self._contact.trial
         raised, depths = trial.history.raised, contact.led.depths(state)
         depth, place = self._depth(depths, state.comm)
-        factor, room = 1.0, self.room(state)
-        if depth > DEEPEST:
+        if depth > DEEPEST and (room := self.room(state)) > 1.0:
             factor, why = min(depth / (AIM * DEEPEST), room), f"{place} lies {depth:.1%} of a cell deep"
-        if factor == 1.0 and (stored := self._stored(depths, state.comm)) > max(YIELDS * strain, noise):
-            factor = min(stored / max(KEPT * strain, noise), self._stiffest(state))
-            why = f"contact '{contact.name}': its penalties hold {stored / max(strain, noise):.0%} of the bodies' energy"
-        if factor == 1.0:
+        elif (stored := self._stored(depths, state.comm)) > noise and stored > YIELDS * (held := strain()):
+            # what has been raised in vain before stays where it is
+            room = self.room(state, np.where(raised[:, 1] < LARGEST, raised[:, 0], STIFFEST))
+            factor = min(stored / max(KEPT * held, noise), room)
+            why = f"contact '{contact.name}': its penalties hold {stored / max(held, noise):.0%} of the bodies' energy"
+            if room == 1.0:
+                return None
+        else:
             return None
         if self._adapts[1]:
             trial = self.friction_kept(trial, factor)
@@ -112,21 +116,15 @@ class Penalties:
         return trial, f"{why}: penalties raised to {most:.3g} times the default"
 
     def _stored(self, depths: Floats, comm: MPI.Comm) -> float:
-        """Energy in the penalties at penetrations (ne, nq) [force x length]. Collective."""
+        """Energy in the normal penalties at penetrations (ne, nq) [force x length]. Collective."""
         eps = self._contact.trial.law.eps_n[:, None]
         return comm.allreduce(float((0.5 * eps * depths**2 * self._contact.surface.area).sum()))
 
-    def _stiffest(self, state: State) -> float:
-        """By how much penalties that yield may still be raised, 1 where raising has been in vain before. Collective."""
-        now, bound = self._contact.trial.history.raised.T
-        held_back = bool((bound < LARGEST).any())
-        room = min(state.comm.allgather(1.0 if held_back else (STIFFEST / now).min(initial=np.inf)))
-        return max(room, 1.0)
-
-    def room(self, state: State) -> float:
-        """By how much the penalties may still be raised, 1 where not at all. Collective."""
-        raised = self._contact.trial.history.raised
-        room = min(state.comm.allgather((raised[:, 1] / raised[:, 0]).min(initial=np.inf)))
+    def room(self, state: State, most: Floats | None = None) -> float:
+        """By how much the penalties may still be raised, 1 where not at all; most (ne,): times the default that they may
+        become, by default what the history says. Collective."""
+        raised, bound = self._contact.trial.history.raised.T
+        room = min(state.comm.allgather(((bound if most is None else most) / raised).min(initial=np.inf)))
         # round-off of a factor that has reached its bound
         return room if self._adapts[0] and room > 1.0 + 1e-9 else 1.0
 

@@ -11,7 +11,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.facet_points import ACROSS, RINGS, facet_points, geometry_degree
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
-from fenics_contact.contact.master import MasterSurface
+from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Mesh, Space
 
 # Share of the normals around a node that is of one direction, whatever its sign: two facets at 60 degrees have 0.75
@@ -199,11 +199,8 @@ def _opposite(mesh: Mesh, cell: str, cells: list[Ints]) -> Floats:
     for mine, corners in zip(cells, basix.topology(kind)[mesh.topology.dim - 1], strict=True):
         x = mesh.geometry.x[dofs[mine][:, : len(basix.geometry(kind))]]
         ring = x[:, [corners[i] for i in RINGS[cell]]]
-        sides = ring - ring[:, :1]
-        if mesh.topology.dim == 2:
-            normal = np.cross(sides[:, 1], ACROSS)
-        else:
-            normal = np.cross(sides[:, 1:-1], sides[:, 2:]).sum(axis=1)
+        plane = mesh.topology.dim == 2
+        normal = np.cross(ring[:, 1] - ring[:, 0], ACROSS) if plane else area_vectors(ring[:, [0, 1, 2, -1]])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         beyond = np.delete(x, corners, axis=1).mean(axis=1) - ring.mean(axis=1)
         out.append(np.abs(np.einsum("fc,fc->f", beyond, normal)))

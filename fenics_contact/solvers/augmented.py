@@ -1,6 +1,7 @@
 """Steps solved again with better multipliers, until no error is left that matters, or with greater penalties."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -278,9 +279,9 @@ def raise_penalties(system: System, report: StepReport, forgone: tuple[ContactTe
     forgone it do not. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
-    found, energies = {}, (system.strain_energy(), system.scales.noise_energy)
+    found, strain = {}, cache(system.strain_energy)  # which few contacts ask for
     for contact in system.contacts:
-        if contact not in forgone and (raised := contact.penalties.raised(system.state, *energies)):
+        if contact not in forgone and (raised := contact.penalties.raised(system.state, strain, system.scales.noise_energy)):
             trial, found[contact] = raised
             contact.take(trial)
     report.notes += found.values()

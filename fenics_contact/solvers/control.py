@@ -70,7 +70,7 @@ def run(
                     within = max(sooner, 2.0 * size) if report else sooner
                 if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
                     found = _astray(system, verdict, failure) or diagnose(system, failure, goal)
-                    verdict.stop(found._replace(reason=f"{found.reason}; {why}") if restless and why else found, goal)
+                    verdict.stop(found._replace(reason=f"{found.reason}; {why}") if why else found, goal)
                     return verdict
                 if report is None:
                     system.trail.rollback()

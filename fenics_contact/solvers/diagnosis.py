@@ -67,7 +67,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
     if found is None and known.kind == COMES_IN:
-        return known._replace(remedy=" or ".join([*damping(system, goal is None), known.remedy]))
+        return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):
         return inverted
     if found is None and known.kind == UNKNOWN:
@@ -75,9 +75,9 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return found or _unexplained(system, known._replace(place=known.place or unbalanced), inverted, goal)
     if found is None and known.kind in (CYCLING, LOST):
         if goal is None or goal - system.trail.last.t > LONG:
-            return known._replace(remedy=" or ".join([known.remedy, *damping(system, goal is None)]))
+            return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
         # more steps would not be shorter ones; a force near the most that contacts can take may have no balance ahead
-        ways = [*damping(system, goal is None), *_moved_instead(system), known.remedy]
+        ways = [*damping(system), *_moved_instead(system), known.remedy]
         return known._replace(remedy=" or ".join(ways))
     if found is None and known.kind == RIGID_MOTION:  # one word for both: whether a step finds balance there is round-off
         found = _letting_go(system)
@@ -107,7 +107,7 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
     if not ways and goal is not None and goal - system.trail.last.t > LONG:
         ways = ["take more steps, or allow shorter ones (Method(smallest_step=...))"]
     elif not ways:
-        ways = [*damping(system, goal is None), "take finer cells there, and round edges that press or slide there"]
+        ways = [*damping(system), "take finer cells there, and round edges that press or slide there"]
     # springs tell what friction cannot hold from the first step on, which no tangent of the start does
     if len(system.trail.accepted) < 2 and system.grounding and not system.stabilised:
         ways = ["see what holds before the contacts do: solve(..., method=Method(stabilise=True))", *ways]

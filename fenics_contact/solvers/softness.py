@@ -164,12 +164,12 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     text = f"its softest motion keeps {now / unloaded:.2g} of the stiffness it has unloaded: {text}"
     going = np.linalg.norm(mode.dq, axis=1)
     tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
-    ways = ["follow the path by arc length"] if goal is not None else []
+    ways = ["follow the path by arc length"]
     if tools:
         ways.append(f"move {' and '.join(tools)} instead of pushing")
     elif _loaded(system):
         ways.append("prescribe a displacement in place of the load")
-    ways += damping(system, goal is None)
+    ways += damping(system)
     return Finding(LIMIT_POINT, text, ", ".join([*tools, f"body '{name}' at {place}"]), " or ".join(ways))
 
 
@@ -201,13 +201,9 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
     return found
 
 
-def damping(system: System, arcs: bool = False) -> list[str]:
-    """The advice to let damping carry the bodies on, in a list, where that has not been asked for; arcs: in the place of
-    them."""
-    if system.damped:
-        return ["take load steps in place of arcs, which damping carries on"] if arcs else []
-    steps = "take load steps in place of arcs, and " if arcs else ""
-    return [f"{steps}let damping carry it on: solve(..., method=Method(damping=True))"]
+def damping(system: System) -> list[str]:
+    """The advice to let damping carry the bodies on, in a list, where that has not been asked for."""
+    return [] if system.damped else ["let damping carry it on: solve(..., method=Method(damping=True))"]
 
 
 def _loaded(system: System) -> bool:
