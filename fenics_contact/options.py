@@ -76,8 +76,8 @@ def stated_method(method: str | Method) -> Method:
     return stated
 
 
-def stated_output(out: str | PathLike[str] | Output | None) -> tuple[Output, int]:
-    """Where a run's results go, checked, and after how many accepted steps a checkpoint is due, 0 for never."""
+def stated_output(out: str | PathLike[str] | Output | None) -> Output:
+    """Where a run's results go, checked; checkpoint: after how many accepted steps one is due, 0 for never."""
     stated = out if isinstance(out, Output) else Output(out)
     if stated.folder is not None and not isinstance(stated.folder, str | PathLike):
         raise SceneError(f"out = {shown(stated.folder)} must be the path of a folder, or an Output")
@@ -88,7 +88,7 @@ def stated_output(out: str | PathLike[str] | Output | None) -> tuple[Output, int
     every = count(every, "checkpoint", 0, "; give True, or the number of accepted steps from one to the next")
     if every and stated.folder is None:
         raise SceneError('checkpoint and resume need a folder: out=Output("folder", ...)')
-    return stated, every
+    return replace(stated, checkpoint=every)
 
 
 def stated_stages(

@@ -15,7 +15,7 @@ from fenics_contact.scene.stage import ARC_LENGTH, Stage
 from fenics_contact.scene.targets import Branch, distances
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.augmented import Adapted, Augmented
-from fenics_contact.solvers.continuation import ArcSteps, Fork, Path
+from fenics_contact.solvers.continuation import ArcSteps, Course, Fork, Path
 from fenics_contact.solvers.control import OnStep, judge_balance, run
 from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.held import Following, Held
@@ -92,15 +92,8 @@ def plans_of(
             path = None
             if isinstance(plain, ArcLength) and arcs:
                 legs = [distances(end, scene, system) for end in (arcs.until, arcs.back) if end is not None]
-                path = Path(
-                    system,
-                    plain,
-                    stepper,
-                    arcs,
-                    legs,
-                    distances(list(arcs.stations), scene, system),
-                    _fork(arcs, scene, system),
-                )
+                stations = distances(list(arcs.stations), scene, system)
+                path = Path(system, plain, stepper, arcs, Course(legs, stations, _fork(arcs, scene, system)))
         plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built)))
     system.set_loads(0.0)
     if system.damped and not any(isinstance(steppers[str(stage.method)][0], Newton | Snes) for stage in stated):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from tqdm import tqdm
 
 from fenics_contact.contact.overlap import OVERLAPS, Overlaps
+from fenics_contact.options import Output
 from fenics_contact.output.columns import ARCS, Columns, HistoryRow, damping_column
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import clear_results, writing
@@ -39,15 +40,15 @@ class Recorder:
         self,
         scene: Scene,
         built: Built,
-        folder: pathlib.Path | None,
+        output: Output,
         keeper: Keeper | None,
         named: tuple[Columns, Recorded],
         arcs: bool,
-        progress: bool,
     ) -> None:
         """named: the history's columns, and what the user adds; arcs: whether a stage is a continuation."""
         self.scene, self.system, self.keeper = scene, built.system, keeper
         self.columns, self.extra = named
+        folder = None if output.folder is None else pathlib.Path(output.folder)
         system = self.system
         self._overlaps = Overlaps(system)
         self._films = [value for value in self.extra.values() if isinstance(value, Film)]
@@ -70,7 +71,7 @@ class Recorder:
                 fields = Fields(scene, system, self.results.surfaces)
                 self.writer = Writer(folder, scene, fields, clock, list(self.history))
         layout = "{elapsed} {postfix}" if arcs else "{l_bar}{bar}| {elapsed} {postfix}"  # t's end is not known
-        self.silent = not progress or system.comm.rank != 0
+        self.silent = not output.progress or system.comm.rank != 0
         self.bar = tqdm(total=sum(system.stages.durations), disable=self.silent, bar_format=layout)
 
     def _start_anew(self, folder: pathlib.Path) -> None:

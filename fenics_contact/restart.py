@@ -14,6 +14,7 @@ from fenics_contact.agreement import agreed
 from fenics_contact.assembly.memory import Memory
 from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.system import System
+from fenics_contact.options import Output
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
@@ -35,17 +36,17 @@ class Keeper:
 
     def __init__(
         self,
-        folder: Path,
+        output: Output,
         system: System,
         steppers: Sequence[tuple[Continuation | None, Softened | None]],
         stated: Callable[[tuple[float, ...]], Statement],
         left: Callable[[], Drives],
-        every: int,
-        resume: bool,
     ) -> None:
-        """stated: function of the largest share reached of each stage begun -> `statement` of the run, the same where it is
-        resumed; left: what holds the last state, see `drives_left`; every: steps from one checkpoint to the next."""
-        self.comm, self.every, self._folder = system.comm, every, folder
+        """output: with a folder, and the number of steps from one checkpoint to the next; stated: function of the largest
+        share reached of each stage begun -> `statement` of the run, the same where it is resumed; left: what holds the last
+        state, see `drives_left`."""
+        folder = self._folder = Path(output.folder or "")
+        self.comm, self.every = system.comm, int(output.checkpoint)
         self._paths = [path for path, _ in steppers]
         self._softened = next((softened for _, softened in steppers if softened), None)
         self._stages, self._left = system.stages, left
@@ -54,7 +55,7 @@ class Keeper:
         self._verdict: dict[str, Any] = {}  # as it was when the last step was accepted, before a run's end is judged
         self.rows: list[HistoryRow] = []
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
-        if resume:
+        if output.resume:
             self._take_up()
 
     def _take_up(self) -> None:

@@ -13,6 +13,7 @@ from fenics_contact.assembly.memory import Memory
 from fenics_contact.assembly.system import System
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.curves import history_figure, line_figure
+from fenics_contact.output.fields import Fields
 from fenics_contact.output.history import Summary
 from fenics_contact.output.late import figures
 from fenics_contact.output.lines import Along, Table, line, zones
@@ -131,7 +132,9 @@ class Result:
     ) -> Drawing | None:
         """What `plot` draws, for axes of one's own: `drawing.draw(axes)`. On rank 0; None on the others. Collective."""
         refuse_backend(backend, self.system.comm)
-        found = drawing(self.scene, self.system, field, mirror, view)
+        fields = Fields(self.scene, self.system)
+        fields.update()
+        found = drawing(fields, field, mirror, view)
         if found is None:
             return None
         return replace(found if self.converged else found.stopped_early(), backend=backend)

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from typing import Any
@@ -91,26 +92,24 @@ def solve(
     cannot go on returns with result.converged False and the reason in result.verdict.reason.
     """
     timers = Timers()
-    numerics, (output, every) = stated_method(method), stated_output(out)
+    numerics, output = stated_method(method), stated_output(out)
     stated = stated_stages(scene, stages, (move, push), steps, numerics)
     refuse_unlike(scene.mesh.comm, stages_told(stated))  # all that follows goes through them on all ranks together
     schedules = [schedule(stage) for stage in stated]
     begun = _started(start, scene)
     extra = {} if record is None else record
     columns = columns_of(extra, scene, turning(stated, begun.tools if begun else {}))
-    folder = (
-        results_folder(output.folder, scene.mesh.comm, output.overwrite, output.resume)
-        if output.folder is not None
-        else None
-    )
+    if output.folder is not None:
+        folder = results_folder(output.folder, scene.mesh.comm, output.overwrite, output.resume)
+        output = replace(output, folder=folder)
     built = build(scene, stated, timers, numerics.stabilise, numerics.damping, begun)
     system = built.system
     plans = plans_of(scene, built, stated, schedules, numerics)
     told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven, scene)
     refuse_unlike(system.comm, told([1.0] * len(stated)))
     steppers = [(plan.path, plan.softened) for plan in plans]
-    keeper = Keeper(folder, system, steppers, told, left, every, output.resume) if every and folder else None
-    kept = Recorder(scene, built, folder, keeper, (columns, extra), any(plan.path for plan in plans), output.progress)
+    keeper = Keeper(output, system, steppers, told, left) if output.checkpoint else None
+    kept = Recorder(scene, built, output, keeper, (columns, extra), any(plan.path for plan in plans))
     setup = timers.table()["total"]
     kept.remark([*scene.notes, *built.notes])
     _carried(scene, system, plans, kept, numerics.smallest_step)

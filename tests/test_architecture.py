@@ -18,14 +18,24 @@ STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "compileal
             "re", "resource", "runpy", "shutil", "statistics", "subprocess", "sys", "sysconfig", "tempfile", "textwrap",
             "time", "traceback", "types", "typing", "warnings", "weakref", "xml", "zipfile", "zlib"}  # fmt: skip
 LONGEST_MODULE = 400
-MOST_ARGUMENTS = 8
+MOST_ARGUMENTS = 6
+ROOMS_WITH_MORE = {"contact": 8, "kernels": 8}
 # What takes more today, and how many: the table may only shrink.
 MORE_ARGUMENTS = {
-    "run.py: solve": 9,  # the user's own call: the scene, and eight words
-    "studies/cylinder.py: cylinder": 14,  # the parameters of a study, a column each
+    # the user's own calls, whose words are named
+    "result.py: plot": 7,
+    "run.py: solve": 9,
+    "scene/scene.py: __init__": 7,
+    "scene/scene.py: contact": 7,
+    "studies/charts.py: work_precision": 7,
+    "studies/stability.py: stability_map": 9,
+    "studies/sweep.py: curves": 7,
+    # the parameters of a study, a column each
+    "studies/cylinder.py: cylinder": 14,
+    "studies/economy.py: plate": 8,
     "studies/hertz.py: hertz": 9,
     "studies/punch.py: punch": 12,
-    "studies/stability.py: stability_map": 9,
+    "studies/sphere.py: sphere": 7,
     "studies/tubes.py: tubes": 9,
 }
 
@@ -61,8 +71,8 @@ TABLE = {
                 "mesh_io", "contact", "packages", "output", "result", "solvers", "scene", "options", "plans", "run",
                 "timing"},
     "options": {"numpy", "contact", "scene", "solvers", "values"},
-    "restart": {"numpy", "mpi4py", "agreement", "assembly", "solvers", "output", "scene", "values"},
-    "recording": {"contact", "tqdm", "output", "scene", "solvers", "restart", "values"},
+    "restart": {"numpy", "mpi4py", "agreement", "assembly", "solvers", "options", "output", "scene", "values"},
+    "recording": {"contact", "tqdm", "options", "output", "scene", "solvers", "restart", "values"},
     "result": {"numpy", "matplotlib", "agreement", "assembly", "output", "scene", "solvers", "values"},
     "plans": {"numpy", "assembly", "solvers", "scene", "options", "values"},
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
@@ -227,7 +237,8 @@ def test_module(path):
 
 def test_functions_take_few_arguments():
     found = [(path, f.name, len(arguments(f))) for path in MODULES for f in functions(path.read_text())]
-    more = [(f"{path.relative_to(PACKAGE)}: {name}", count) for path, name, count in found if count > MOST_ARGUMENTS]
+    most = {path: ROOMS_WITH_MORE.get(room_of(path), MOST_ARGUMENTS) for path in MODULES}
+    more = [(f"{path.relative_to(PACKAGE)}: {name}", count) for path, name, count in found if count > most[path]]
     assert sorted(more) == sorted(MORE_ARGUMENTS.items())
 
 

@@ -15,7 +15,7 @@ RUBBER = mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)
 
 
 def sharp(factor, points="nodes", fillet=0.0):
-    scene, tool = punched_plate(6, 0.3, points, factor, 0.1, fillet)
+    scene, tool = punched_plate(6, 0.3, fillet, points=points, penalty=Penalty(factor=factor, share=0.1))
     return scene, {"move": {tool: (0, 0, -2.0)}, "steps": 4}
 
 
@@ -134,7 +134,7 @@ def test_peaks_at_a_sharp_edge_belong_to_the_mesh():
     """So the place of the peak is said: the pressure in Gauss points under an edge grows as the cells shrink."""
     peaks = []
     for cells in (4, 8):
-        scene, tool = punched_plate(cells, 0.0, 3, None, 0.1)
+        scene, tool = punched_plate(cells, 0.0, points=3, penalty=Penalty(share=0.1))
         result = solve(scene, move={tool: (0, 0, -1.0)}, steps=3).require()
         said = result.summary["penalty_error"]["contacts"]["top"]
         assert max(said["peak_pressure_at_mm"][:2]) > 20.0 * (1 - 1 / cells)  # in the row of cells at the edge

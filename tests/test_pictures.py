@@ -478,9 +478,9 @@ def test_values_off_the_slave_surfaces_are_not_drawn(punched, off):
     z = fields.contact_pressure.function_space.tabulate_dof_coordinates()[:, 2]
     inside = (z > 1e-9) & (z < 10.0 - 1e-9)
     fields.contact_pressure.x.array[inside] = off
-    drawn, plain = drawing(punched.scene, punched.system, fields=fields), punched.drawing()
+    drawn, plain = drawing(fields), punched.drawing()
     fields.contact_pressure.x.array[:] = np.nan
-    empty = drawing(punched.scene, punched.system, fields=fields)
+    empty = drawing(fields)
     if ROOT:
         np.testing.assert_array_equal(drawn.body.values, plain.body.values)
         assert drawn.colours == plain.colours

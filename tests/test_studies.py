@@ -292,7 +292,7 @@ def test_charts(folder):
     with pytest.raises(StudyError, match="order 2.00"):
         hold_slope("error", sizes, sizes**2, 1, 0.3)
     assert pareto([(3.0, 1.0), (1.0, 2.0), (2.0, 2.5), (4.0, 0.5)]) == [1, 0, 3]
-    front = work_precision(folder / "work.png", rows, base, panels, "a title", ["h", "way"])
+    front = work_precision(folder / "work.png", rows, base, panels, title="a title", parameters=["h", "way"])
     assert {row["way"] for row in front} == {"a"}
     apart = [row | {"error": float("nan"), "value": row["h"]} for row in rows]
     assert work_precision(folder / "values.png", apart, base, panels, parameters=["h", "way"]) == []

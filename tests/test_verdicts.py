@@ -343,7 +343,7 @@ def pushed_through(drive="push", smallest=5e-3):
 def snapping():
     """Nodes of a coarse mesh snap over a punch's fillet: a kink that no step is short enough for. It is no fold, although
     the softest motion there has little stiffness, and less than none."""
-    scene, tool = punched_plate(4, 0.0, points=3, fillet=1.0)
+    scene, tool = punched_plate(4, 0.0, 1.0, points=3)
     return scene, {"move": {tool: (0, 0, -2.0)}, "method": Method(smallest_step=2e-3)}
 
 

@@ -60,25 +60,23 @@ class CondensedPressure(FormTerm):
     does not. The line search looks at the residual of the same pressure. At the first tangent after a commit or a rollback
     it is the committed state's, so that a step cut back equals a small step.
 
-    forms: compiled `volume` int q J, `law` int q E_theta, `stiffness` int q E_theta,theta q, `mass` M, `coupling` B and,
-    unless it is zero, `cross` C; fields: Functions pressure, predicted, dilatation in q's space, written here; residual
-    holds `pressure`, tangent `predicted`.
+    power: residual, which holds `pressure`, and tangent, which holds `predicted`; forms: compiled `volume` int q J, `law`
+    int q E_theta, `stiffness` int q E_theta,theta q, `mass` M, `coupling` B and, unless it is zero, `cross` C; fields:
+    Functions pressure, predicted, dilatation in q's space, written here.
     """
 
     condensed = True
 
     def __init__(
         self,
-        name: str,
-        residual: Form,
-        tangent: Form,
+        power: tuple[Form, Form],
         forms: dict[str, Form],
         u: Function,
         fields: tuple[Function, Function, Function],
         laws: Sequence[Any] = (),
         energy: Energy | None = None,
     ) -> None:
-        super().__init__(name, residual, tangent, laws=laws, energy=energy)
+        super().__init__("solid", *power, laws=laws, energy=energy)
         self.pressure, self._predicted, self._dilatation = fields
         self._forms, q, v = forms, self.pressure.function_space, u.function_space
         self._coupling = CellBlocks(forms["coupling"], q, v)

@@ -11,6 +11,9 @@ from fenics_contact.assembly.petsc_memory import HANDLE, called
 from fenics_contact.kernels.block_products import BlockRows, sweep_down, sweep_up
 from fenics_contact.types import Floats, Ints64
 
+# over the lower or upper half, that half, and what the other one gives since the last sweep and this one
+Sweep = tuple[Callable[..., None], BlockRows, Floats, Floats]
+
 
 class GaussSeidel:
     """y = M^-1 x by sweeps in 3x3 blocks, each down and back up, from zero, as a PC of type shell; must live as long.
@@ -39,28 +42,27 @@ class GaussSeidel:
         blocks.forget()
         called("VecSet", HANDLE(y), ctypes.c_double(0.0))
         for _ in range(self._sweeps):
-            self._sweep(*down, order.inner, x, y)
+            self._sweep(down, order.inner, x, y)
             for turn in range(order.turns):
                 if turn:
                     blocks.exchange(y)
                 if turn == order.turn:
-                    self._sweep(*down, order.border, x, y)
+                    self._sweep(down, order.border, x, y)
             for turn in reversed(range(order.turns)):
                 if turn + 1 < order.turns:
                     blocks.exchange(y)
                 if turn == order.turn:
-                    self._sweep(*up, order.border, x, y)
-            self._sweep(*up, order.inner, x, y)
+                    self._sweep(up, order.border, x, y)
+            self._sweep(up, order.inner, x, y)
 
-    def _sweep(
-        self, sweep: Callable[..., None], half: BlockRows, known: Floats, found: Floats, rows: Ints64, x: int, y: int
-    ) -> None:
-        """One way over some rows; known, found: what the other half gives since the last sweep, and this one."""
+    def _sweep(self, sweep: Sweep, rows: Ints64, x: int, y: int) -> None:
+        """One sweep over some rows."""
         if not len(rows):
             return
+        kernel, half, known, found = sweep
         size = len(self._right)
         with entries(x, size) as b, entries(y, size, written=True) as out:
             if rows is self._blocks.order.border:
                 self._blocks.less_others(b, self._right)
                 b = self._right
-            sweep(half, self._inverses, rows, b, known, out, found)
+            kernel(half, self._inverses, rows, b, known, out, found)

@@ -38,8 +38,9 @@ class System:
     the state there, `trail` commits it, and rolls back otherwise. `scales` say what is balance, `foresight` by what contacts
     judge their points on the way.
 
-    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs; holds: Holds, whose supports
-    and contacts are the System's; tools: ToolMotion; set_loads(t): puts the loads of parameter t into the forms;
+    space: vector space of u; terms: the first one is the solid, whose cells couple its dofs and whose laws are the bodies'
+    materials; holds: Holds, whose supports and contacts are the System's; driven: ToolMotion of the tools, and set_loads(t),
+    which puts the loads of parameter t into the forms;
     check(least=0.0): None, or the Finding that names the place where J is no more than `least`; grounding, damping: those of
     the terms that are, or None; bulk_over_shear: the largest of the bodies, what slows an iterative solver.
     """
@@ -49,15 +50,15 @@ class System:
         state: State,
         terms: Terms,
         holds: Holds,
-        tools: ToolMotion,
-        set_loads: Callable[[float], None],
+        driven: tuple[ToolMotion, Callable[[float], None]],
         check: Callable[..., Finding | None],
-        bulk_over_shear: float,
         timers: Timers,
     ) -> None:
+        tools, set_loads = driven
         self.state, self.terms, self.tools, self.stages = state, terms, tools, tools.stages
         self.holds, self.supports, self.contacts = holds, holds.supports, holds.contacts
-        self.set_loads, self.check, self.bulk_over_shear, self.timers = set_loads, check, bulk_over_shear, timers
+        self.set_loads, self.check, self.timers = set_loads, check, timers
+        self.bulk_over_shear: float = max(law.bulk_modulus / law.shear_modulus for law in terms[0].laws)
         self.bodies = holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
         self.augmented = [contact for contact in self.contacts if contact.penetration is not None]  # those with multipliers

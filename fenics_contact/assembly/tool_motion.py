@@ -14,19 +14,24 @@ Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (6,)
 class ToolMotion:
     """Rigid tools' motion: prescribed components follow a path, free ones balance a load.
 
-    stages: of the run; paths, loads: in the stage that is on, of each tool a function t -> (6,), travel and, times the
-    lever, rotation vector [length]; force and, over the lever, moment [force]. points (tools, 3): where the reference points
-    start [length]; free_by_stage: (tools, 6) bool of each stage; names; lever [length]: by which rotations are made lengths,
-    and moments forces; reach: the largest length of which gaps with tools are differences [length].
+    stages: of the run; ways: paths and loads, in the stage that is on of each tool a function t -> (6,), travel and, times
+    the lever, rotation vector [length]; force and, over the lever, moment [force]. points (tools, 3): where the reference
+    points start [length]; free_by_stage: (tools, 6) bool of each stage; names; sizes: lever [length], by which rotations are
+    made lengths, and moments forces, and reach, the largest length of which gaps with tools are differences [length].
     """
 
     def __init__(
-        self, stages: Stages, paths: Paths, loads: Paths, points: Sequence[Floats], free_by_stage: Sequence[Bools],
-        names: Sequence[str], lever: float, reach: float,
-    ) -> None:  # fmt: skip
-        self.stages, self.names, self.lever, self.reach = stages, tuple(names), lever, reach
-        self._paths, self._loads, self._free_by_stage = paths, loads, free_by_stage
-        self.points = np.asarray(points, dtype=float).reshape(len(paths), 3)
+        self,
+        stages: Stages,
+        ways: tuple[Paths, Paths],
+        points: Sequence[Floats],
+        free_by_stage: Sequence[Bools],
+        names: Sequence[str],
+        sizes: tuple[float, float],
+    ) -> None:
+        self.stages, self.names, (self.lever, self.reach) = stages, tuple(names), sizes
+        (self._paths, self._loads), self._free_by_stage = ways, free_by_stage
+        self.points = np.asarray(points, dtype=float).reshape(len(self.names), 3)
 
     def __len__(self) -> int:
         return len(self._paths)

@@ -68,7 +68,7 @@ class Film:
             self._fields, self._comm = Fields(scene, system), system.comm
         self._fields.update()
         box = self.drawings[-1].box if self.drawings else None
-        found = drawing(scene, system, self.field, self.mirror, self.view, self._fields, box)
+        found = drawing(self._fields, self.field, self.mirror, self.view, box)
         self._taken += 1
         if found is not None:
             self.drawings.append(replace(found, backend=self.backend))

@@ -31,25 +31,21 @@ def default_field(scene: Solved) -> str:
 
 
 def drawing(
-    scene: Solved,
-    system: System,
+    fields: Fields,
     field: str | None = None,
     mirror: str = "",
     view: str | Angles | None = None,
-    fields: Fields | None = None,
     box: Neighbourhood | None = None,
 ) -> Drawing | None:
-    """The model at the system's state, on rank 0; None on the others. Collective.
+    """The model at the state of its fields, up to date, on rank 0; None on the others. Collective.
 
-    field, mirror, view as for `Result.plot`; fields: those of the scene, up to date, where there are some; box: in which
-    tools are drawn at least, on rank 0: that of the drawing before, in a film, whose tools then stay. SceneError, on all
-    ranks, for an unknown field, one that the scene does not have, and a mirror where no symmetry is.
+    field, mirror, view as for `Result.plot`; box: in which tools are drawn at least, on rank 0: that of the drawing before,
+    in a film, whose tools then stay. SceneError, on all ranks, for an unknown field, one that the scene does not have, and
+    a mirror where no symmetry is.
     """
+    scene, system = fields.scene, fields.system
     planes = symmetry_planes(scene)
     _refuse(mirror, view, planes)
-    if fields is None:
-        fields = Fields(scene, system)
-        fields.update()
     seen = look(fields, field or default_field(scene))
     body, least = skin(fields, seen), fields.least_pressure()
     touches = _anywhere(system, fields.of(seen.contact).pressure.x.array > least)

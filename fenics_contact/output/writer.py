@@ -59,7 +59,7 @@ class Writer:
         """summary.json and body.png. Collective."""
         self.close(summary)
         self.fields.update()
-        drawn = drawing(self.scene, self.system, fields=self.fields)
+        drawn = drawing(self.fields)
         if drawn is not None and not summary["verdict"]["converged"]:
             drawn = drawn.stopped_early()
         with writing(self.comm, self.folder, "body.png"):

@@ -16,7 +16,6 @@ from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
-from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Supports
@@ -102,8 +101,7 @@ def build(
     collect_together(comm)
     refuse_doubled(scene)
     stages = Stages([stage.name for stage in stated], [float(stage.duration) for stage in stated], len(scene.tools))
-    left = start.tools if start else {}
-    motion = motion_of(comm, scene.tools, stated, stages, bodies_size(scene.space), scene.section, left)
+    motion = motion_of(scene, stated, stages, start.tools if start else {})
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     followed = loads_of(scene, stated, stages)
@@ -137,8 +135,7 @@ def build(
 
     held = _held(scene, u, motion, (stabilise, damping), bool(holds.reliant and contacts))
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
-    bulk_over_shear = max(body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies)
-    system = System(state, (solid, *others), holds, motion, set_loads, check, bulk_over_shear, timers)
+    system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
     notes, overlaps = _start(scene, system, stated, driven, start)
     refuse_hindered(state)
@@ -192,10 +189,10 @@ def _loads_power(scene: "Scene", loads: Loads, v: Expr) -> Form:
 
 def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports) -> FormTerm:
     """Follower pressure as one term; symmetric where the edges of its surface stay in planes, as in closed shells."""
-    domain, v, du = scene.mesh.domain, ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
+    v, du = ufl.TestFunction(scene.space), ufl.TrialFunction(scene.space)
     on = [(-p, scene.groups.ds(load.group or ())) for p, load in pressures]
-    power = sum(vp.follower_pressure_power(p, u, v, domain, ds, scene.section) for p, ds in on)
-    rate = sum(vp.follower_pressure_power_rate(p, u, du, v, domain, ds, scene.section) for p, ds in on)
+    power = sum(vp.follower_pressure_power(p, u, v, ds, scene.section) for p, ds in on)
+    rate = sum(vp.follower_pressure_power_rate(p, u, du, v, ds, scene.section) for p, ds in on)
     for p, load in pressures:
         _coefficient_of(p, load)[...] = 1.0
     return FormTerm("pressure", power, rate, is_symmetric(compat.compile_form(rate), u, supports))

@@ -11,6 +11,7 @@ from fenics_contact.assembly.entries import Entries, Entry, Hindered
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import ON_AXIS, Section
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
@@ -19,7 +20,7 @@ from fenics_contact.contact.tools import Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.courses import Part, SupportCourse
 from fenics_contact.scene.directions import Unit, normals, unit
-from fenics_contact.scene.functions import AtPoints, Path, Ramp, ramp
+from fenics_contact.scene.functions import AtPoints, Path, Places, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_free
 from fenics_contact.scene.pairs import CourseAt, Pairing
 from fenics_contact.scene.stage import ARC_LENGTH, Along, Group, Stage, Way
@@ -68,10 +69,10 @@ def supports_of(
     for k, (name, nodes, direction, course) in enumerate(stated_of):
         tied = np.isin(nodes, ties.nodes)
         if mesh.comm.allreduce(int(tied.any())):  # what holds these wholly is their body
-            value = course(keys[nodes], X[nodes], keys[nodes[tied]])
+            value = course((keys[nodes], X[nodes]), keys[nodes[tied]])
             hindered.append(Hindered(name, nodes[tied], direction, value))
         mine = nodes[~tied & ~np.isin(keys[nodes], paired.led)] if paired else nodes[~tied]
-        entries.append(Entry(mine.astype(np.int32), direction, course(keys[nodes], X[nodes], keys[mine])))
+        entries.append(Entry(mine.astype(np.int32), direction, course((keys[nodes], X[nodes]), keys[mine])))
         names.append(name)
         of_leaders = paired.of_leaders(k, nodes, direction, course) if paired else []
         carried += [(entry, f"{name}, of paired faces") for entry in of_leaders]
@@ -113,11 +114,10 @@ def _course(
     stages: Stages,
     one: Support,
     said: dict[int, tuple[Stage, Way, float]],
-    keys: Ints64,
-    X: Floats,
+    places: Places,
     wanted: Ints64,
 ) -> SupportCourse:
-    """What a statement, and stages by their numbers, prescribe of the wanted ones of its nodes. Collective."""
+    """What a statement, and stages by their numbers, prescribe of the wanted ones of its nodes, at places. Collective."""
     what = f"prescribed displacement of {one.name}"
 
     def way(value: Way, sign: float, what: str) -> Path:
@@ -125,13 +125,13 @@ def _course(
             return Ramp(sign * finite(value, what))
         values = function(value, what, "value(X, s)")
         signed = values if sign > 0.0 else lambda X, s: -np.asarray(values(X, s))
-        return AtPoints(scene.mesh.comm, what, signed, keys, X, wanted=wanted)
+        return AtPoints(scene.mesh.comm, what, signed, places, wanted=wanted)
 
     parts = {i: Part(way(value, sign, stage.says(what)), by=True) for i, (stage, value, sign) in said.items()}
     return SupportCourse(stages, way(one.value, 1.0, what), parts, np.zeros(len(wanted)))
 
 
-def _still(stages: Stages, keys: Ints64, X: Floats, wanted: Ints64) -> SupportCourse:
+def _still(stages: Stages, places: Places, wanted: Ints64) -> SupportCourse:
     """Of nodes that never move."""
     return SupportCourse(stages, Ramp(np.zeros(())), {}, np.zeros(len(wanted)))
 
@@ -177,13 +177,11 @@ def _nodes(mesh: NamedMesh, space: Space, group: tuple[str, ...]) -> Ints64:
 
 
 # -- tools ------------------------------------------------------------------------------------------------------------
-def motion_of(
-    comm: MPI.Comm, tools: Sequence[Tool], stated: Sequence[Stage], stages: Stages, lever: float, section: Section | None,
-    left: Mapping[str, LeftTool],
-) -> ToolMotion:  # fmt: skip
-    """ToolMotion of tools, each at rest or as another run has left it, moved by {tool: way or Motion} or pushed by {tool:
-    force} in the stages; lever: ToolMotion's; of a Section within its plane, or along its axis; left: another run's tools by
-    name. Collective."""
+def motion_of(scene: "Scene", stated: Sequence[Stage], stages: Stages, left: Mapping[str, LeftTool]) -> ToolMotion:
+    """ToolMotion of a scene's tools, each at rest or as another run has left it, moved by {tool: way or Motion} or pushed by
+    {tool: force} in the stages; of a plane mesh within it, or along its axis; left: another run's tools by name. Collective.
+    """
+    comm, tools, section, lever = scene.mesh.comm, scene.tools, scene.section, bodies_size(scene.space)
     driven_by, frees, scale = list[dict[int, Driven]](), list[Bools](), np.repeat([1.0, lever], 3)
     free, forces = _left_free(tools, left)
     reached = np.where(free, scale * forces, np.nan)  # by what tools are pushed where the stages so far end; NaN: unknown
@@ -221,7 +219,7 @@ def motion_of(
     paths, loads = ([partial(way, k) for k in range(len(tools))] for way in (path, pushed))
     points = [_point(tool, [now.get(k) for now in driven_by], left.get(tool.name)) for k, tool in enumerate(tools)]
     reach = max((tool.reach for tool in tools), default=0.0)
-    return ToolMotion(stages, paths, loads, points, frees, [tool.name for tool in tools], lever, reach)
+    return ToolMotion(stages, (paths, loads), points, frees, [tool.name for tool in tools], (lever, reach))
 
 
 def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:

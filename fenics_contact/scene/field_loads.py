@@ -96,7 +96,7 @@ def swelling_path(scene: "Scene", body: str, ratio: Drive | Place, what: str) ->
         return Ramp(np.array(float(positive(ratio, what, more=more)))), None
     mesh = scene.mesh
     cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag(body)]
-    path, nodes = load_path(mesh, scene.space, cells, ratio, what, (), mesh.domain.topology.dim)
+    path, nodes = load_path(scene.space, cells, ratio, what, (), mesh.domain.topology.dim)
 
     def checked(value: Floats, t: float) -> Floats:
         positive(float(np.min(value)), f"{what} at t = {t:g}", more=more)

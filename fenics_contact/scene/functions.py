@@ -13,7 +13,6 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.agreement import alike
 from fenics_contact.assembly.numbering import node_keys
-from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.types import Floats, Ints, Ints64, Space
 from fenics_contact.values import SceneError, finite, function
 
@@ -23,6 +22,7 @@ FEW = 8  # nodes at which a function of points is sampled
 Drive = float | Sequence[float] | Floats | Callable[[float], Any]
 Path = Callable[[float], Floats]
 Place = Callable[[Floats, float], Any]  # a function value(X, t) of places (n, 3)
+Places = tuple[Ints64, Floats]  # of nodes: keys (n,), numbers that no partition changes, and X (n, 3) [length]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,6 @@ def ramp(comm: MPI.Comm, value: Drive, what: str, shape: tuple[int, ...] = (3,))
 
 
 def load_path(
-    mesh: NamedMesh,
     space: Space,
     parts: Ints | None,
     value: Drive | Place,
@@ -83,13 +82,13 @@ def load_path(
     """path(t) of a load, and where its value is a function value(X, t) the local nodes (n,) that the path gives values at:
     all that the parts of any rank have, facets or what has the dimension `dim`, or without parts all. Collective."""
     if not callable(value) or not takes_place(value):
-        return ramp(mesh.comm, cast(Drive, value), what, shape), None
+        return ramp(space.mesh.comm, cast(Drive, value), what, shape), None
     marks, X = compat.Function(space), space.tabulate_dof_coordinates()
     marks.x.array.reshape(-1, 3)[... if parts is None else compat.locate_blocks(space, parts, dim)] = 1.0
     compat.sum_to_owners(marks)
     compat.copy_to_ghosts(marks)
     nodes = np.flatnonzero(marks.x.array[::3]).astype(np.int32)
-    return AtPoints(mesh.comm, what, cast(Place, value), node_keys(space)[nodes], X[nodes], shape), nodes
+    return AtPoints(space.mesh.comm, what, cast(Place, value), (node_keys(space)[nodes], X[nodes]), shape), nodes
 
 
 def takes_place(value: Callable[..., Any]) -> bool:
@@ -141,8 +140,8 @@ class AtPoints(Spread):
     """A user's function value(X, t) at nodes: every rank calls it with all of them, in one order.
 
     So a rank that has none asks nothing impossible, and what the function makes of its points together, e.g. X.max(), is the
-    same on any number of ranks. keys (n,): numbers of this rank's nodes that no partition changes; X (n, 3) [length]; wanted
-    (m,): keys of the nodes, of any rank, whose values this one takes; by default its own.
+    same on any number of ranks. places: of this rank's nodes; wanted (m,): keys of the nodes, of any rank, whose values this
+    one takes; by default its own.
     """
 
     def __init__(
@@ -150,18 +149,17 @@ class AtPoints(Spread):
         comm: MPI.Comm,
         what: str,
         value: Callable[[Floats, float], Any],
-        keys: Ints64,
-        X: Floats,
+        places: Places,
         shape: tuple[int, ...] = (),
         wanted: Ints64 | None = None,
     ) -> None:
         self._comm, self._what, self._value, self._shape = comm, what, value, shape
         self._checked: Callable[[Floats, float], Floats] | None = None
-        parts = comm.allgather((keys, X))
+        parts = comm.allgather(places)
         known, first = np.unique(np.concatenate([part[0] for part in parts]), return_index=True)
         self._X = np.concatenate([part[1] for part in parts])[first]
         self.count = len(known)
-        self.mine = np.searchsorted(known, keys if wanted is None else wanted)  # which of all places are this rank's
+        self.mine = np.searchsorted(known, places[0] if wanted is None else wanted)  # which of all places are this rank's
 
     def under(self, checked: Callable[[Floats, float], Floats]) -> Self:
         """The same function whose values at t go through checked(values, t), which may refuse them."""

@@ -71,7 +71,7 @@ def place_path(
     scene: "Scene", facets: Ints | None, value: Drive | Place, what: str, shape: tuple[int, ...]
 ) -> tuple[Path, Ints | None]:
     """path(t) of a load and the nodes that it gives values at, as of `load_path`. Collective."""
-    path, nodes = load_path(scene.mesh, scene.space, facets, value, what, shape)
+    path, nodes = load_path(scene.space, facets, value, what, shape)
     if shape:
         _refuse_out_of_plane(scene, path, what)
     return path, nodes

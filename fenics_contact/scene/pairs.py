@@ -17,7 +17,7 @@ from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.directions import Group, unit
-from fenics_contact.scene.functions import Drive, Path, Ramp, ramp
+from fenics_contact.scene.functions import Drive, Path, Places, Ramp, ramp
 from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.statements import Pair
 from fenics_contact.types import Floats, Ints64
@@ -33,7 +33,7 @@ SOME = 4_000_000  # distances looked at in one go
 
 # of a statement's nodes on this rank, keys (n,) and X (n, 3): the prescribed displacement of those, of any rank, of which
 # keys (m,) are given. Collective.
-CourseAt = Callable[[Ints64, Floats, Ints64], Prescribed]
+CourseAt = Callable[[Places, Ints64], Prescribed]
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Pairing:
             leads = local[np.searchsorted(keys[local], self.leads[here])].astype(np.int32)
             follower = self.follower.of(here)
             ahead = np.einsum("c,ncpd->npd", direction, follower.ahead)
-            value = _Shifted(course(keys[nodes], X[nodes], self.led[here]), ahead, self.ways)
+            value = _Shifted(course((keys[nodes], X[nodes]), self.led[here]), ahead, self.ways)
             along = turn.T @ direction
             along = np.where(np.abs(along) < 1e-12, 0.0, along)
             along = along / np.linalg.norm(along)

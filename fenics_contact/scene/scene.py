@@ -213,7 +213,7 @@ class Scene:
             raise SceneError(f'{what}: where = {shown(where)} must be "all" or "open", where no contact presses')
         if where == "all" and from_ is not None:
             raise SceneError(f'{what}: from_= says where a fluid comes in; it belongs to where="open"')
-        path, nodes = load_path(self.mesh, self.space, facets, value, what, ())
+        path, nodes = load_path(self.space, facets, value, what, ())
         if where == "all":
             self.pressures.append(Load("pressures", group_names(group), path, nodes))
             return

@@ -110,10 +110,9 @@ def solid_term(
     parts: [(material, dx)] of the bodies, dx(quadrature degree) their measure; loads_power(v): the loads' virtual power.
     Its laws are, per body, the material whose cauchy_stress is the element's.
     """
-    space = u.function_space
-    v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
     if element == "mixed":
-        return _mixed(u, v, du, parts, loads_power, degree, section)
+        return _mixed(u, parts, loads_power, degree, section)
+    v, du = ufl.TestFunction(u.function_space), ufl.TrialFunction(u.function_space)
     measured = [(material, dx(quadrature_degree(degree))) for material, dx in parts]
     power = sum(vp.stress_power(material, u, v, dx, section) for material, dx in measured)
     rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in measured)
@@ -122,15 +121,9 @@ def solid_term(
 
 
 def _mixed(
-    u: Function,
-    v: Expr,
-    du: Expr,
-    parts: Parts,
-    loads_power: Callable[[Expr], Form],
-    degree: int,
-    section: Section | None,
+    u: Function, parts: Parts, loads_power: Callable[[Expr], Form], degree: int, section: Section | None
 ) -> CondensedPressure:
-    mesh = u.function_space.mesh
+    v, du, mesh = ufl.TestFunction(u.function_space), ufl.TrialFunction(u.function_space), u.function_space.mesh
     space, value = pressure_space(mesh, degree)
     q, dq = ufl.TestFunction(space), ufl.TrialFunction(space)
     fields = pressure, predicted, dilatation = (compat.Function(space), compat.Function(space), compat.Function(space))
@@ -161,7 +154,7 @@ def _mixed(
     rate = sum(vp.stress_power_rate(material, u, du, v, dx, section) for material, dx in stressed(predicted))
     laws = [material for material, _ in stressed(pressure)]
     energy = _energy([(material, density(material), dx) for material, dx in measured])
-    return CondensedPressure("solid", power - loads_power(v), rate, forms, u, fields, laws, energy)
+    return CondensedPressure((power - loads_power(v), rate), forms, u, fields, laws, energy)
 
 
 def _energy(parts: Sequence[tuple[Material, Expr, Measure]]) -> Energy:

@@ -133,26 +133,24 @@ def dead_traction_power(traction: Expr, v: Expr, ds: Measure) -> Form:
     return ufl.inner(traction, v) * ds
 
 
-def _area_vector(F: Expr, mesh: Mesh) -> Expr:
+def _area_vector(F: Expr, u: Function) -> Expr:
     """Current area vector over reference area, cof F N, by Nanson's formula."""
-    N = ufl.FacetNormal(mesh)
+    N = ufl.FacetNormal(u.function_space.mesh)
     N = N if len(N) == 3 else ufl.as_vector((N[0], N[1], 0))
     return ufl.det(F) * ufl.dot(ufl.inv(F).T, N)
 
 
-def follower_pressure_power(
-    pressure: Expr, u: Function, v: Expr, mesh: Mesh, ds: Measure, section: Section | None = None
-) -> Form:
+def follower_pressure_power(pressure: Expr, u: Function, v: Expr, ds: Measure, section: Section | None = None) -> Form:
     """Power of a pressure [per current area] that pushes against the outward normal of the deformed surface, (19)."""
-    return -pressure * ufl.inner(_area_vector(deformation_gradient(u, section), mesh), v) * ds
+    return -pressure * ufl.inner(_area_vector(deformation_gradient(u, section), u), v) * ds
 
 
 def follower_pressure_power_rate(
-    pressure: Expr, u: Function, du: Expr, v: Expr, mesh: Mesh, ds: Measure, section: Section | None = None
+    pressure: Expr, u: Function, du: Expr, v: Expr, ds: Measure, section: Section | None = None
 ) -> Form:
     """Its rate at constant pressure: the load tangent of (25), with d(n da)/dt = (tr h I - h^T) n da."""
     F = deformation_gradient(u, section)
-    area = _area_vector(F, mesh)
+    area = _area_vector(F, u)
     h = ufl.dot(gradient(du, section), ufl.inv(F))
     return -pressure * ufl.inner(ufl.tr(h) * area - ufl.dot(h.T, area), v) * ds
 

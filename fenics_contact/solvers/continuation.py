@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -82,12 +82,20 @@ class Arrival:
     fork: Increment | None = None  # where it is a bifurcation, along what the path is to go on
 
 
+class Course(NamedTuple):
+    """Where a path goes: legs {words: function () -> distance of the state from a target, which changes its sign there},
+    after each of which but the last it is followed back; stations, alike, where steps land on the way; at which bifurcation
+    it takes a branch."""
+
+    legs: list[Leg]
+    stations: Leg = {}
+    fork: Fork | None = None
+
+
 class Path:
     """Continuation of a system: accepted steps, limit points located, each leg's end on one of its targets.
 
-    arc: ArcLength; stepper: it, with what corrects its states; steps: ArcSteps; legs: list of {words: function () ->
-    distance of the state from a target, which changes its sign there}. After each leg but the last it is followed back;
-    stations: alike, of where steps land on the way.
+    arc: ArcLength; stepper: it, with what corrects its states; steps: ArcSteps; course: where to.
     """
 
     def __init__(
@@ -96,12 +104,10 @@ class Path:
         arc: ArcLength,
         stepper: StepperTo[Arc, ArcReport],
         steps: ArcSteps,
-        legs: list[Leg],
-        stations: Leg | None = None,
-        fork: Fork | None = None,
+        course: Course,
     ) -> None:
-        self.system, self.arc, self.stepper, self.steps, self.legs = system, arc, stepper, steps, legs
-        self.stations, self.fork = stations or {}, fork
+        self.system, self.arc, self.stepper, self.steps = system, arc, stepper, steps
+        self.legs, self.stations, self.fork = course
         # negative pivots at the last accepted state that is no limit point, and the sign of the load's change there
         self.negative, self.side = np.nan, 0.0
         self.bifurcations = 0  # passed so far

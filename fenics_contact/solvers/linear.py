@@ -39,6 +39,10 @@ Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, tools' one (tools,
 Solution = tuple[Vec, Floats]  # du and dq (tools, 6) [length]
 
 
+# of the tools: Schur complement, rows of the border, and the bodies' responses to unit motions of its columns
+_Border = tuple["_Held", list[Vec], list[Vec]]
+
+
 class LinearFailure(StepFailed):
     """The linear solver could not solve the tangent system."""
 
@@ -72,13 +76,12 @@ class LinearSolver:
         self._softest: Softest | None = None
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
-        # of the last tangent: Schur complement, rows of the border, and the bodies' responses to unit motions of its columns
-        self._border: tuple[_Held, list[Vec], list[Vec]] | None = None
+        self._border: _Border | None = None  # of the last tangent
         modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
-        trials = None if afresh or size <= REUSE_ABOVE else choice
+        trials = choice if choice and not afresh and size > REUSE_ABOVE else method
         rows = Rows(system.comm, size, system.supports.owned)
-        self._solver = ReusingSolver(rows, system.symmetric, method, modes, system.timers, afresh, trials)
+        self._solver = ReusingSolver(rows, system.symmetric, trials, modes, system.timers, afresh)
 
     @property
     def method(self) -> str:
@@ -144,17 +147,14 @@ class LinearSolver:
             rows = [system.border_vector(border.rows[c]) for c in free]
             held = _Held(border.corner[np.ix_(free, free)], rows, columns, system.scales.stiffness, self._loose)
             self._border = held, rows, columns
-        held, rows, columns = self._border
-        self._of_border = held.negative(system.symmetric)
+        self._of_border = self._border[0].negative(system.symmetric)
         if self._of_border is None:
             self.negative = None
         elif self.negative is not None:
             self.negative += self._of_border
             self.negative = self.negative if system.symmetric else self.negative % 2
         return [
-            self._with_free_tools(
-                du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), free, held, rows, columns
-            )
+            self._with_free_tools(du, dq, -tool_residual.ravel()[free] - border.corner[free] @ dq.ravel(), self._border)
             for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
         ]
 
@@ -191,10 +191,9 @@ class LinearSolver:
             motion.scale(1.0 / size)
         return along < 0.0 and 1.0 - (along / size) ** 2 < TURNED**2
 
-    def _with_free_tools(
-        self, du: Vec, dq: Floats, right: Floats, free: Array, held: "_Held", rows: list[Vec], columns: list[Vec]
-    ) -> Solution:
+    def _with_free_tools(self, du: Vec, dq: Floats, right: Floats, border: _Border) -> Solution:
         """The pushed tools' share of an increment. What nothing resists and nothing loads stays where it is."""
+        (held, rows, columns), free = border, np.flatnonzero(self.system.tools.free.ravel())
         right = right - [row.dot(du) for row in rows]
         moved, unheld = held.solve(right)
         borne = max(TOLERANCE * self.system.scales.balance, self.system.scales.noise)

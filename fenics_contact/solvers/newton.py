@@ -1,6 +1,7 @@
 """Steppers from one load parameter to the next: full Newton, and the paper's incremental scheme."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,15 @@ AT_ONCE, EARLY, HOPE = 5, 8, 0.5
 SETTLING = 3  # first solves after which samples of averages follow the surfaces
 
 
+class Patience(NamedTuple):
+    """Solves of a step: after the first `follow` samples of averages follow the surfaces, as they do in the end; `proof`:
+    within which less than HOPE has to be left once; `limit`: the most."""
+
+    follow: int
+    limit: int
+    proof: int
+
+
 class Newton:
     """Newton's method within a load step.
 
@@ -61,17 +71,18 @@ class Newton:
         if _extrapolate(system, du):
             system.foresight.resample(system.state)
             try:
-                return self._iterate(system, np.zeros_like(du), dq, report, SETTLING, min(QUICK, self.limit), AT_ONCE)
+                patience = Patience(SETTLING, min(QUICK, self.limit), AT_ONCE)
+                return self._iterate(system, np.zeros_like(du), dq, report, patience)
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
         early = bool(system.contacts) and not _cut_back(system, t)
-        return self._iterate(system, du, dq, report, SETTLING, self.limit, EARLY if early else self.limit)
+        return self._iterate(system, du, dq, report, Patience(SETTLING, self.limit, EARLY if early else self.limit))
 
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after what has changed in it."""
         du, dq = system.begin_step(t)
-        return self._iterate(system, du, dq, StepReport(), 0, self.limit, self.limit)
+        return self._iterate(system, du, dq, StepReport(), Patience(0, self.limit, self.limit))
 
     def settle_augmented(self, system: System, t: float) -> StepReport:
         """The same from balance, after its multipliers alone have changed: by corrections as far as these lead. What the
@@ -85,19 +96,16 @@ class Newton:
             if balanced(system, size, self.tolerance):
                 report.residuals.append(size)
                 return report
-        return self._iterate(system, du, dq, report, 0, self.limit, self.limit)
+        return self._iterate(system, du, dq, report, Patience(0, self.limit, self.limit))
 
-    def _iterate(
-        self, system: System, du: Floats, dq: Floats, report: StepReport, follow: int, limit: int, proof: int
-    ) -> StepReport:
-        # the first solve may carry supports and tools, and is taken whole; samples follow the surfaces after SETTLING ones,
-        # and in the end
+    def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, patience: Patience) -> StepReport:
+        # the first solve may carry supports and tools, and is taken whole
         foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
         worth, gain = CORRECTED[self.linear.substitutes and foresight.settles]
         watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
         owed = du.copy(), dq.copy()
         system.assemble_residual()
-        for solve in range(1, limit + 1):
+        for solve in range(1, patience.limit + 1):
             advance = first_solve if solve == 1 else solve_once
             du, dq = advance(system, self.linear, du, dq, _forcing(before, self.tolerance))
             report.iterations += 1
@@ -129,12 +137,12 @@ class Newton:
             if left == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
-            if solve == proof and min(report.residuals[-solve:]) > HOPE:
+            if solve == patience.proof and min(report.residuals[-solve:]) > HOPE:
                 break
             foreseen = size > HELD and not shorten
             if foreseen:
                 foresight.foresee(system.state)
-            anew = resample and solve <= follow and foresight.resample(system.state)
+            anew = resample and solve <= patience.follow and foresight.resample(system.state)
             if foreseen or anew:
                 system.assemble_residual()
             owed = left * owed[0], left * owed[1]

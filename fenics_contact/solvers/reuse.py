@@ -87,25 +87,25 @@ class Reuse:
 class ReusingSolver:
     """Solves with a matrix that changes little from one solve to the next.
 
-    method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation);
+    method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation), or
+    the Choice that is asked for the method of each new preconditioner;
     near_null_space: function of the matrix, and of itself as one that multiplies faster, to PETSc's NullSpace, for the
     latter. The matrix is one of blocks; what is factorised or coarsened is a copy by scalars, made when it is due;
     multigrid's finest level smooths with the matrix itself, which may have changed since. builds,
-    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing; choice: the
-    Choice that is asked for the method of each new preconditioner, None: it stays.
+    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing.
     """
 
     def __init__(
         self,
         rows: Rows,
         symmetric: bool,
-        method: str,
+        method: str | Choice,
         near_null_space: Callable[[Mat, Mat], Any] | None,
         timers: Timers,
         afresh: bool = False,
-        choice: Choice | None = None,
     ) -> None:
-        self.comm, self.symmetric, self.timers, self.choice = rows.comm, symmetric, timers, choice
+        self.comm, self.symmetric, self.timers = rows.comm, symmetric, timers
+        self.choice = method if isinstance(method, Choice) else None
         self._all, self._near_null_space, size = rows, near_null_space, rows.size
         self.builds = self.iterations = self._cause = self._space = 0
         self.anew = size <= REUSE_ABOVE or afresh  # for each tangent
@@ -117,7 +117,7 @@ class ReusingSolver:
         self._pattern: int | None = None
         self._reuse: Reuse | None = None
         self._objects: tuple[Any, ...] = ()
-        self.use(method)
+        self.use(method.first if isinstance(method, Choice) else method)
 
     def use(self, method: str) -> None:
         """Change to a method; drops what is kept."""
@@ -207,14 +207,14 @@ class ReusingSolver:
         reason = -1
         change = self.choice is not None and (self.choice.lost(self.method) or self.choice.due(self.method))
         if not self.anew and self._reuse is not None and not change and self._worth_trying(matrix, self._reuse):
-            reason = self._run(self._krylov, matrix, pattern, rhs, out, tolerance, self._reuse.limit(tolerance))
+            reason = self._run(self._krylov, matrix, pattern, rhs, out, (tolerance, self._reuse.limit(tolerance)))
         if reason < 0:
             # PETSc counts the changes of each matrix by itself: another one may have as many behind it
             kept = self._reuse is not None and pattern == self._pattern and self._state == matrix.stateGet()
             if not kept and (error := self._build(matrix, pattern)):
                 return error
             longest = self.choice.longest(self.method) if self.choice else None
-            reason = self._run(self._fresh, matrix, pattern, rhs, out, tolerance, longest or self._longest)
+            reason = self._run(self._fresh, matrix, pattern, rhs, out, (tolerance, longest or self._longest))
         return reason
 
     def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
@@ -278,14 +278,16 @@ class ReusingSolver:
             self.choice.spent(now - self._mark, digits)
             self._mark = now
 
-    def _run(self, ksp: Solver, matrix: Mat, pattern: int, rhs: Vec, out: Vec, tolerance: float, limit: int) -> int:
+    def _run(self, ksp: Solver, matrix: Mat, pattern: int, rhs: Vec, out: Vec, until: tuple[float, int]) -> int:
+        """until: the relative residual, and after how many iterations it is given up."""
+        tolerance, most = until
         with self.timers("solve"):
             if self._blocks is not None:
                 self._blocks.use(matrix, pattern)
             if self._relaxation is not None:
                 self._relaxation.renew()  # an old one of a row that has become stiff would have the smoother diverge
             ksp.setOperators(self._blocks.mat if self._blocks else matrix, self._copy)
-            ksp.setTolerances(rtol=tolerance, max_it=limit)
+            ksp.setTolerances(rtol=tolerance, max_it=most)
             if error := _code(lambda: ksp.solve(rhs, out)):
                 return error
         iterations, reason = ksp.getIterationNumber(), ksp.getConvergedReason()

@@ -125,6 +125,7 @@ def work_precision(
     rows: list[Row],
     base: Run,
     panels: Panels,
+    *,
     title: str = "",
     parameters: Sequence[str] = (),
     quantity: str = "relative error",

@@ -105,5 +105,5 @@ def studies(quick: bool) -> list[Study]:
 def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
     mine, keys, (base, panels) = rows["cylinder"], list(BASE), PLANS[quick]
-    work_precision(charts / "cylinder.png", mine, base, panels, TITLE, keys, "error of the force")
+    work_precision(charts / "cylinder.png", mine, base, panels, title=TITLE, parameters=keys, quantity="error of the force")
     return [answer(mine, base, panels, keys)]

@@ -4,8 +4,9 @@ The half-space is a block whose far faces are led along the displacement under t
 (point load) or Flamant's (line load) folded with it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,8 @@ QUICK: Panels = {"all": {"mesh": {"cells": [4, 6, 12]}, "method": {"steps": [1, 
 PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
 TITLE = "Hertz; baseline: cylinder, 12 cells of degree 1, nodes, penalty 100 E/h, 2 Newton steps"
 
+DIRECT = stepping("newton", 2, "direct")
+
 Problem = tuple[RigidTool, float, Field, float, NamedMesh]  # what `sphere` and `cylinder` return
 
 
@@ -80,9 +83,9 @@ def hertz(
 ) -> Row:
     """Relative error of the force of the tool; mesh: of cells in "space", or "plane", under a cylinder."""
     if mesh == "plane":
-        result, exact = indented_plane(cells, degree, points, factor, method, steps, linear)
+        result, exact = indented_plane(cells, degree, points, factor, stepping(method, steps, linear))
     else:
-        result, exact = indented(tool, cells, degree, points, factor, method, steps, linear)
+        result, exact = indented(tool, cells, degree, points, factor, stepping(method, steps, linear))
     force = -result.history[-1][f"top_force_{'y' if mesh == 'plane' else 'z'}_N"] if result.history else float("nan")
     return metrics(result, error=abs(force / exact - 1), value=force)
 
@@ -93,11 +96,10 @@ def indented(
     degree: int = 1,
     points: int | str = "nodes",
     factor: float = 100.0,
-    method: str = "newton",
-    steps: int = 2,
-    linear: str = "direct",
+    way: Mapping[str, Any] = DIRECT,
 ) -> tuple[Result, float]:
-    """Result of pressing a tool, "sphere", "cone" or "cylinder", into the block, and the exact force [N]."""
+    """Result of pressing a tool, "sphere", "cone" or "cylinder", into the block, and the exact force [N]; way: words of
+    solve for how, see `stepping`."""
     shape, depth, field, exact, mesh = {"sphere": sphere, "cone": cone, "cylinder": cylinder}[tool](cells)
     scene = Scene(Body(mesh, "block", from_elastic(E, NU)), degree=degree)
     scene.fix("xmin", "x")
@@ -109,11 +111,11 @@ def indented(
     if tool == "cylinder":
         scene.fix("ymax", "y")
     scene.contact("zmax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    return solve(scene, move={shape: (0, 0, -depth)}, out=Output(progress=False), **stepping(method, steps, linear)), exact
+    return solve(scene, move={shape: (0, 0, -depth)}, out=Output(progress=False), **way), exact
 
 
 def indented_plane(
-    cells: int, degree: int, points: int | str, factor: float, method: str, steps: int, linear: str
+    cells: int, degree: int, points: int | str, factor: float, way: Mapping[str, Any]
 ) -> tuple[Result, float]:
     """The same of the cylinder in plane strain on a mesh of the plane z = 0, whose cells are a cut through the slice's."""
     P, depth, field = _line_contact()
@@ -126,7 +128,7 @@ def indented_plane(
             scene.prescribe(side, letter, lambda X, t, axis=axis: t * field(X[:, [0, 2, 1]])[:, axis])
     shape = rigid_cylinder(R, (0, R, 0), axis=(0, 0, 1))
     scene.contact("block_ymax", shape, points=points, penalty=Penalty(factor=factor), name="top")
-    result = solve(scene, move={shape: (0, -depth, 0)}, out=Output(progress=False), **stepping(method, steps, linear))
+    result = solve(scene, move={shape: (0, -depth, 0)}, out=Output(progress=False), **way)
     return result, DEPTH * P / 2
 
 
@@ -177,7 +179,7 @@ def studies(quick: bool) -> list[Study]:
 def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
     mine, keys, (base, panels) = rows["hertz"], list(BASE), PLANS[quick]
-    work_precision(charts / "hertz.png", mine, base, panels, TITLE, keys, "error of the force")
+    work_precision(charts / "hertz.png", mine, base, panels, title=TITLE, parameters=keys, quantity="error of the force")
     bases = {"cylinder": base} | ({} if quick else {"sphere": base | {"tool": "sphere", "cells": 8}})
     return [
         f"{tool}: {answer([row for row in mine if row['tool'] == tool], star, panels, keys)}" for tool, star in bases.items()

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import rigid_plane
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import disc, sphere_shell, two_blocks
@@ -36,14 +37,15 @@ LOADS = ("load, plain Newton", "load, line search", "load, step control", "arc l
 
 def press(penalty_factor: float, steps: int, friction: float, control: str, cells: int = 6) -> Row:
     """Sharp punch pressed into a rubber plate by 40 % of its thickness."""
-    allowed = 1e-3 if control == MULTIPLIERS else 0.0  # mm
-    scene, tool = punched_plate(cells, friction, factor=penalty_factor, penetration=allowed)
+    allowed = 1e-3 if control == MULTIPLIERS else None  # mm
+    penalty = Penalty(factor=penalty_factor, share=0.1)
+    scene, tool = punched_plate(cells, friction, penalty=penalty, penetration=allowed)
     return metrics(solve(scene, move={tool: (0, 0, -4.0)}, steps=steps, out=Output(progress=False), **CONTROLS[control]))
 
 
 def fillets(fillet: float, cell: float, points: int | str) -> Row:
     """Filleted punch at 2 mm in 20 steps; error: largest jump of the force's increments over the last force."""
-    scene, tool = punched_plate(round(20.0 / cell), 0.0, points=points, fillet=fillet)
+    scene, tool = punched_plate(round(20.0 / cell), 0.0, fillet, points=points)
     result = solve(scene, move={tool: (0, 0, -2.0)}, steps=20, out=Output(progress=False))
     forces = -result.column("top_force_z_N") if result.history else np.zeros(1)
     jump = np.abs(np.diff(forces, n=2, prepend=0.0)).max(initial=0.0) / forces[-1]
@@ -184,7 +186,7 @@ def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
         return f"{iterations(row)}\n{row['error']:.2g}"
 
     def draw(name: str, x: str, y: str, panel: str | None = None, **how: Any) -> None:
-        stability_map(charts / f"{name}.png", rows[name], x, y, panel, names=axis, **how)
+        stability_map(charts / f"{name}.png", rows[name], x, y, panel=panel, names=axis, **how)
 
     rows["map_compressibility"] = _against_finest(rows["map_compressibility"])
     draw("map_penalty", "penalty_factor", "steps", "control", title="Sharp punch, 4 of 10 mm, friction 0.3")

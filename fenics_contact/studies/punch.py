@@ -1,5 +1,6 @@
 """Sharp square punch on a rubber plate with friction: force at 2 mm against the finest run of the same sweep."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ PANELS: Panels = {
 }
 QUICK: Panels = {"all": {"mesh": {"cells": [4, 6]}, "penalty": {"factor": [1.0, 10.0, 100.0], "cells": [4]}}}
 PLANS: dict[bool, tuple[Run, Panels]] = {False: (BASE, PANELS), True: (BASE | {"cells": 6}, QUICK)}  # by quick
+STATED = Penalty(factor=100.0, share=0.1)
 TITLE = "Sharp punch, friction 0.3; baseline: 10 cells of degree 1 under the punch, nodes, penalty 100 E/h, 5 Newton steps"
 
 
@@ -67,7 +69,8 @@ def punch(
 
     penetration: largest one [mm] left by multipliers, 0 for the plain penalty.
     """
-    scene, tool = punched_plate(cells, friction, points, factor, share, fillet, penetration, degree=degree, element=element)
+    numbers = {"points": points, "penalty": Penalty(factor=factor, share=share), "penetration": penetration or None}
+    scene, tool = punched_plate(cells, friction, fillet, {"degree": degree, "element": element}, **numbers)
     result = solve(scene, move={tool: (0, 0, -2.0)}, out=Output(progress=False), **stepping(method, steps, linear))
     return metrics(result, value=-result.history[-1]["top_force_z_N"] if result.history else float("nan"))
 
@@ -75,14 +78,12 @@ def punch(
 def punched_plate(
     cells: int,
     friction: float,
-    points: int | str = "nodes",
-    factor: float = 100.0,
-    share: float = 0.1,
     fillet: float = 0.0,
-    penetration: float = 0.0,
-    **options: Any,
+    options: Mapping[str, Any] | None = None,
+    **numbers: Any,
 ) -> tuple[Scene, RigidTool]:
-    """Scene of the plate, 40 x 40 x 10 mm on a frictionless floor it cannot leave, and the punch above it."""
+    """Scene of the plate, 40 x 40 x 10 mm on a frictionless floor it cannot leave, and the punch above it. options: of the
+    Scene; numbers: words of its contact, by default slave nodes and penalties of 100 E/h and a tenth of that."""
     sizes: dict[str, Any] = {
         "inside": cells,
         "outside": max(2, round(0.8 * cells)),
@@ -90,13 +91,12 @@ def punched_plate(
         "ratio": 1.1,
     }
     mesh = read_gmsh(punch_plate.build, **sizes)
-    scene = Scene(Body(mesh, "plate", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), **options)
+    scene = Scene(Body(mesh, "plate", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), **(options or {}))
     scene.fix("symmetry_x", "x")
     scene.fix("symmetry_y", "y")
     scene.fix("bottom", "z")
     tool = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10), fillet=fillet)
-    scene.contact("top", tool, friction, points=points, penalty=Penalty(factor=factor, share=share),
-                  penetration=penetration or None, name="top")  # fmt: skip
+    scene.contact("top", tool, friction, name="top", **{"points": "nodes", "penalty": STATED, **numbers})
     return scene, tool
 
 
@@ -112,7 +112,7 @@ def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     coarser, finest = sorted(rows["punch_finest"], key=lambda row: row["cells"])
     keys, (base, panels) = list(BASE), PLANS[quick]
     mine = [row | {"error": abs(row["value"] / finest["value"] - 1)} for row in rows["punch"]]
-    work_precision(charts / "punch.png", mine, base, panels, TITLE, keys, "error of the force")
+    work_precision(charts / "punch.png", mine, base, panels, title=TITLE, parameters=keys, quantity="error of the force")
     apart = abs(coarser["value"] / finest["value"] - 1)
     known = (
         f"reference: {finest['value']:.3f} N with {finest['unknowns']} unknowns; {coarser['unknowns']} give {apart:.2%} else"

@@ -78,7 +78,9 @@ def studies(quick: bool) -> list[Study]:
 def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
     mine, keys, (base, panels) = rows["sphere"], list(BASE), PLANS[quick]
-    work_precision(charts / "sphere.png", mine, base, panels, TITLE, keys, "error of the displacement")
+    work_precision(
+        charts / "sphere.png", mine, base, panels, title=TITLE, parameters=keys, quantity="error of the displacement"
+    )
     meshes = medians(of_curve(mine, base, {"cells": [3, 6, 12]}), keys)
     exact = of_curve(mine, base, {})[0]["value"]
     paths = medians(of_curve(mine, base, {"steps": [16, 32, 64], "method": ["incremental"]}), keys)

@@ -54,6 +54,7 @@ def stability_map(
     rows: list[Row],
     x: str,
     y: str,
+    *,
     panel: str | None = None,
     title: str = "",
     text: Callable[[Row], str] = iterations,
@@ -80,7 +81,7 @@ def stability_map(
         for row in mine:
             i, j = lines.index(row[y]), columns.index(row[x])
             values[i, j] = row["iterations"] if row["converged"] is True else np.nan
-            _field(axes, i, j, row, norm, text, wrong)
+            _field(axes, (i, j), row, norm, text, wrong)
         picture = axes.imshow(values, norm=norm, cmap="cividis_r", origin="lower", aspect="auto")
         axes.set_xticks(range(len(columns)), [short(c) for c in columns])
         axes.set_yticks(range(len(lines)), [short(line) for line in lines])
@@ -100,8 +101,14 @@ def stability_map(
 
 
 def _field(
-    axes: "Axes", i: int, j: int, row: Row, norm: "LogNorm", text: Callable[[Row], str], wrong: Callable[[Row], bool]
+    axes: "Axes",
+    place: tuple[int, int],
+    row: Row,
+    norm: "LogNorm",
+    text: Callable[[Row], str],
+    wrong: Callable[[Row], bool],
 ) -> None:
+    i, j = place
     if row["converged"] is True:
         words, colour = text(row), "white" if norm(row["iterations"]) > 0.5 else "black"
         if wrong(row):

@@ -26,6 +26,7 @@ def curves(
     rows: list[Row],
     x: str,
     outputs: Sequence[str],
+    *,
     by: str | None = None,
     title: str = "",
     units: Units | None = None,

@@ -115,7 +115,15 @@ def studies(quick: bool) -> list[Study]:
 def report(rows: dict[str, list[Row]], charts: Path, quick: bool) -> list[str]:
     """Charts of the rows {study: rows}, and what they say; StudyError where theory is contradicted."""
     mine, keys, (base, panels) = rows["tubes"], list(BASE), PLANS[quick]
-    work_precision(charts / "tubes.png", mine, base, panels, TITLE, keys, "error of contact pressure or displacement")
+    work_precision(
+        charts / "tubes.png",
+        mine,
+        base,
+        panels,
+        title=TITLE,
+        parameters=keys,
+        quantity="error of contact pressure or displacement",
+    )
     hard = of_curve(mine, base | {"factor": HARD}, {})[0]["value"]
     softer = [of_curve(mine, base | {"factor": f}, {})[0] for f in (10.0, 100.0, 1000.0)]
     slope = hold_slope(
