@@ -144,7 +144,10 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     astray = [term.name for term, error in misfits(system).items() if error > ASTRAY] if verdict.converged else []
-    kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
+    if not any(
+        contact.findings.misstated(system.state) for contact in system.contacts
+    ):  # of which first order tells nothing
+        kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]

@@ -27,6 +27,10 @@ THROUGH = 0.1  # of a cell's height: an inner node that deep has been led in by 
 DEEP = 0.05  # of a cell's height: a penetration that the result should not be trusted with unasked
 RESOLVED = 1e-12  # of the coordinates: the pressure of a penetration that small is known to 2e-4 at best
 CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body beneath by, to matter
+# Stated penalties over E/h: what is beyond them is no choice any more, the default being 100. Up to 1e7 forces are right to
+# 1e-3 in as many solves; from 1e8 on steps are cut hundreds of times, the penalty's own error is lost in rounding
+STIFF, FEEBLE = 3e7, 1e-3
+OVER_STIFFNESS = "times Young's modulus over a cell's height, the default being 100 times"
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
@@ -336,6 +340,18 @@ class Findings:
         if contact.paired:
             kinds["out of its cell"] = _cell_note
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
+
+    def misstated(self, state: State) -> Finding | None:
+        """The penalty that is stated is far from the stiffness of the bodies."""
+        contact = self._contact
+        least, most = contact.penalties.stated(state.comm)
+        if most > STIFF:
+            text = f"penalty= is {most:.0e} {OVER_STIFFNESS}: what presses is a gap next to rounding"
+            return Finding(TOO_STIFF, text, f"contact '{contact.name}'", "leave penalty= out, or state a lower one")
+        if least < FEEBLE and contact.penetration is None:
+            text = f"penalty= is {least:.0e} {OVER_STIFFNESS}: bodies sink into each other before they give way"
+            return Finding(TOO_SOFT, text, f"contact '{contact.name}'", "leave penalty= out, or state a greater one")
+        return None
 
     def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""

@@ -79,6 +79,15 @@ class Penalties:
     def __init__(self, contact: Contact, law: Law, adapts: tuple[bool, bool]) -> None:
         self._contact, self._first, self._adapts = contact, law, adapts
 
+    def stated(self, comm: MPI.Comm) -> tuple[float, float]:
+        """Least and greatest of stated normal penalties over E/h; the default's of those that are not. Collective."""
+        if self._adapts[0]:
+            return PENALTY_FACTOR, PENALTY_FACTOR
+        over = self._first.eps_n / self._contact.surface.stiffness
+        ends = comm.allgather((-over.min(initial=np.inf), over.max(initial=0.0)))
+        least, most = np.max(ends, axis=0)
+        return -float(least), float(most)
+
     # -- raised where points lie too deep -------------------------------------------------------------------------
     def with_raised(self, trial: Trial) -> Trial:
         """The penalties that its history says."""

@@ -39,16 +39,14 @@ from fenics_contact.contact.term import Contact
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.scene.checks import (
     bonded_bodies,
-    cut_notes,
-    left_out_notes,
     refuse_across,
     refuse_behind,
     refuse_deep_start,
     refuse_doubled,
     refuse_held,
     refuse_loose,
-    unmet_notes,
 )
+from fenics_contact.scene.doubts import doubts
 from fenics_contact.scene.drives import motion_of, supports_of
 from fenics_contact.scene.field_loads import field_loads
 from fenics_contact.scene.functions import Path, row_of, whole
@@ -137,7 +135,7 @@ def build(
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
     system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
-    notes, overlaps = _start(scene, system, stated, driven, start)
+    notes, overlaps = _start(scene, system, stated, driven, start, [load for load in followed if isinstance(load, Load)])
     refuse_hindered(state)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
@@ -146,14 +144,19 @@ def build(
 
 
 def _start(
-    scene: "Scene", system: System, stated: Sequence[Stage], driven: list[tuple[str, Path]], start: Start | None
+    scene: "Scene",
+    system: System,
+    stated: Sequence[Stage],
+    driven: list[tuple[str, Path]],
+    start: Start | None,
+    loads: Sequence[Load],
 ) -> tuple[list[str], list[str]]:
-    """Check how a run begins, and each of its stages; start: another run's state to take up. Returns what is to be said, and
-    the contacts that overlap. Collective."""
+    """Check how a run begins, and each of its stages; start: another run's state to take up; loads: but fluids that contact
+    keeps out. Returns what is to be said, and the contacts that overlap. Collective."""
     refuse_behind(system)
     refuse_held(scene, system)
     deep, overlaps = refuse_deep_start(scene, system)
-    notes = left_out_notes(scene) + cut_notes(scene) + unmet_notes(scene) + deep
+    notes = doubts(scene, system, stated, loads) + deep
     if start:
         notes += begin(system, driven, start, scene)
     refuse_gaps(system, stated, driven, start is not None)

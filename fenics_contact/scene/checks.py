@@ -19,8 +19,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.overlap import deepest_start
 from fenics_contact.contact.penalties import Penalty
-from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool, cut_shapes
-from fenics_contact.meetings import Meeting
+from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.statements import ContactStatement
 from fenics_contact.types import Ints, Ints64, Mesh, Space
@@ -36,14 +35,6 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing.
 REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
 OVERLAP = 1e-3  # of a cell's height: an overlap from which on it has an energy to speak of; round-off and facets stay below
-ALONG = (
-    "is not the same all along z: what it stands for is its cut by the plane, endless along z; say so by a rigid_cylinder "
-    "along z, a rigid_plane, a rigid_extrusion or a rigid_curve, or take a scene in space"
-)
-AROUND = (
-    "beside the axis y, or across it, is no body of revolution about that: what it stands for is the ring that its cut "
-    "by the plane makes all the way round; say so by a rigid_torus or a rigid_cylinder along z, or put it on the axis"
-)
 LEANING = 1e-9  # part along z of a normal that lies in the plane
 
 
@@ -253,43 +244,6 @@ def refuse_doubled(scene: "Scene") -> None:
             "gmsh.model.occ.fragment before meshing or gmsh.model.mesh.removeDuplicateNodes() after it, state a contact "
             "between their surfaces, or draw them with a gap"
         )
-
-
-def unmet_notes(scene: "Scene") -> list[str]:
-    """What is to be said of bodies that touch or overlap at the start where no contact of bodies is stated for them."""
-    stated = {name for one in scene.contacts if isinstance(one.master, tuple) for name in (*one.slave, *one.master)}
-    left: dict[tuple[str, ...], list[Meeting]] = {}
-    for found in scene.mesh.touching:
-        if not stated & set(found.surfaces[0]):
-            left.setdefault(tuple(sorted(found.volumes)), []).append(found)
-    notes = []
-    for (one, other), meetings in left.items():
-        count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
-        names = names if one != other else f"pieces of body '{one}' touch or overlap"
-        first = spot(np.array(meetings[0].place))
-        notes.append(
-            f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in the other's; they "
-            "pass through each other. State a contact between their surfaces, bond them with gmsh.model.occ.fragment before "
-            "meshing, or draw them with a gap"
-        )
-    return notes
-
-
-def left_out_notes(scene: "Scene") -> list[str]:
-    """What is to be said of tools' files: facets without an area, which are no part of the tool."""
-    tools = {one.master.name: one.master.left_out for one in scene.contacts if isinstance(one.master, MeshedTool)}
-    return [
-        f"tool '{name}': {count} facets of its file, without area, are left out" for name, count in tools.items() if count
-    ]
-
-
-def cut_notes(scene: "Scene") -> list[str]:
-    """What is to be said of tools that are no bodies of a plane scene's kind, and of which it has the cut by its plane."""
-    if scene.section is None:
-        return []
-    way = AROUND if scene.section.axisymmetric else ALONG
-    tools = [tool for tool in scene.tools if isinstance(tool, RigidTool)]
-    return [f"tool '{tool.name}': a {what} {way}" for tool in tools for what in cut_shapes(tool, scene.section)]
 
 
 def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:

@@ -50,6 +50,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     system.trail.rollback()
     if known.kind in CERTAIN:
         return known
+    if stated := next((found for contact in system.contacts if (found := contact.findings.misstated(system.state))), None):
+        return stated._replace(reason=f"{stated.reason}; {known.reason}")
     if worst := system.check(CRUSHING):  # whatever failed last
         return worst
     if inverted and (worst := system.check(SQUEEZED)):  # no iterate gone astray: the accepted state was about to

@@ -1,0 +1,147 @@
+"""What is to be said of statements that can be meant, but seldom are, and of what a scene leaves out."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fenics_contact.assembly.finding import spot
+from fenics_contact.assembly.system import System
+from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, cut_shapes
+from fenics_contact.meetings import Meeting
+from fenics_contact.scene.functions import whole
+from fenics_contact.scene.stage import ARC_LENGTH, Stage
+from fenics_contact.scene.statements import Load, called
+from fenics_contact.solid.materials import young
+
+if TYPE_CHECKING:  # which asks for them
+    from fenics_contact.scene.scene import Scene
+
+HEAVIEST = 10.0  # times Young's modulus: a load on a surface under which no rubber keeps its shape
+ROUGHEST = 5.0  # friction that rubber hardly has
+ALONG = (
+    "is not the same all along z: what it stands for is its cut by the plane, endless along z; say so by a rigid_cylinder "
+    "along z, a rigid_plane, a rigid_extrusion or a rigid_curve, or take a scene in space"
+)
+AROUND = (
+    "beside the axis y, or across it, is no body of revolution about that: what it stands for is the ring that its cut "
+    "by the plane makes all the way round; say so by a rigid_torus or a rigid_cylinder along z, or put it on the axis"
+)
+
+
+def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
+    """All of them; loads: those of the stages, too, but of fluids that contact keeps out. Collective."""
+    return [
+        *_left_out(scene),
+        *_cut(scene),
+        *_unmet(scene),
+        *_materials(scene),
+        *_frictions(scene),
+        *_penalties(system),
+        *_pressed(scene, [load for load in loads if not load.shape]),
+        *_heavy(scene, system, stated, [load for load in loads if load.group]),
+    ]
+
+
+def _materials(scene: "Scene") -> list[str]:
+    """Of bodies that grow thicker where they are drawn."""
+    ratios = {body.group: body.material.bulk_modulus / body.material.shear_modulus for body in scene.bodies}
+    return [
+        f"body '{name}': K / mu = {ratio:.3g} is a Poisson's ratio of {(3 * ratio - 2) / (6 * ratio + 2):.2f}: drawn, it "
+        "grows thicker; see that K and mu, and their units, are not mixed up"
+        for name, ratio in ratios.items()
+        if ratio < 2 / 3
+    ]
+
+
+def _frictions(scene: "Scene") -> list[str]:
+    """Of coefficients that are likely to be meant in per cent."""
+    return [
+        f"contact '{one.name}': friction = {one.friction.mu:g} is a coefficient, and not in per cent"
+        for one in scene.contacts
+        if one.friction.mu > ROUGHEST
+    ]
+
+
+def _penalties(system: System) -> list[str]:
+    """Of penalties far from the stiffness of the bodies. Collective."""
+    found = [(contact.name, contact.findings.misstated(system.state)) for contact in system.contacts]
+    return [f"contact '{name}': {one.reason}; {one.remedy}" for name, one in found if one]
+
+
+def _pressed(scene: "Scene", pressures: Sequence[Load]) -> list[str]:
+    """Of pressures that go on under a contact that has closed. Collective."""
+    notes, mesh = [], scene.mesh
+    for group in dict.fromkeys(load.group for load in pressures if load.group):
+        facets = mesh.facets(*group)
+        for one in scene.contacts:
+            sides = [side for side in (one.slave, one.master) if not isinstance(side, Tool)]
+            met = np.concatenate([mesh.facets(*side) for side in sides])
+            if mesh.comm.allreduce(len(np.intersect1d(facets, met))):
+                notes.append(
+                    f"pressure on '{'+'.join(group)}' goes on beneath contact '{one.name}' where that closes: a fluid, "
+                    'which is kept out there, is stated with where="open"'
+                )
+    return notes
+
+
+def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
+    """Of loads on surfaces, and forces on tools, that no body of such a stiffness bears. Collective."""
+    modulus, stages, found = max(young(body.material) for body in scene.bodies), system.stages, dict[str, float]()
+    area = {one.name: system.comm.allreduce(float(one.surface.area.sum())) for one in system.contacts}
+    for i, stage in enumerate(stated):
+        if stage.method == ARC_LENGTH:  # which ends at a share of a load that has no meaning of its own
+            continue
+        with stages.foreseen(i):
+            t = stages.time(1.0)
+            for load in loads:
+                name = called(load.word, load.group)
+                found[name] = max(found.get(name, 0.0), np.abs(whole(load.path, t)).max() / load.over)
+            for tool, force in zip(system.tools.names, system.tools.forces(t), strict=True):
+                over = sum(area[one.name] for one in system.contacts if one.master_name == tool)
+                if over > 0.0:
+                    name = f"the push of tool '{tool}' over all of its contacts' area"
+                    found[name] = max(found.get(name, 0.0), np.abs(force[:3]).max() / over)
+    return [
+        f"{name} comes to {value:.2g} {scene.units.pressure}, {value / modulus:.0e} times Young's modulus of all bodies: "
+        "are loads, moduli and lengths in the same units?"
+        for name, value in found.items()
+        if value > HEAVIEST * modulus
+    ]
+
+
+def _unmet(scene: "Scene") -> list[str]:
+    """What is to be said of bodies that touch or overlap at the start where no contact of bodies is stated for them."""
+    stated = {name for one in scene.contacts if isinstance(one.master, tuple) for name in (*one.slave, *one.master)}
+    left: dict[tuple[str, ...], list[Meeting]] = {}
+    for found in scene.mesh.touching:
+        if not stated & set(found.surfaces[0]):
+            left.setdefault(tuple(sorted(found.volumes)), []).append(found)
+    notes = []
+    for (one, other), meetings in left.items():
+        count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
+        names = names if one != other else f"pieces of body '{one}' touch or overlap"
+        first = spot(np.array(meetings[0].place))
+        notes.append(
+            f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in the other's; they "
+            "pass through each other. State a contact between their surfaces, bond them with gmsh.model.occ.fragment before "
+            "meshing, or draw them with a gap"
+        )
+    return notes
+
+
+def _left_out(scene: "Scene") -> list[str]:
+    """What is to be said of tools' files: facets without an area, which are no part of the tool."""
+    tools = {one.master.name: one.master.left_out for one in scene.contacts if isinstance(one.master, MeshedTool)}
+    return [
+        f"tool '{name}': {count} facets of its file, without area, are left out" for name, count in tools.items() if count
+    ]
+
+
+def _cut(scene: "Scene") -> list[str]:
+    """What is to be said of tools that are no bodies of a plane scene's kind, and of which it has the cut by its plane."""
+    if scene.section is None:
+        return []
+    way = AROUND if scene.section.axisymmetric else ALONG
+    tools = [tool for tool in scene.tools if isinstance(tool, RigidTool)]
+    return [f"tool '{tool.name}': a {what} {way}" for tool in tools for what in cut_shapes(tool, scene.section)]

@@ -1,0 +1,79 @@
+"""What a run says of statements that can be meant, but seldom are."""
+
+import pytest
+
+from fenics_contact import Body, Penalty, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import rectangles
+
+pytestmark = pytest.mark.parallel
+RUBBER = neo_hooke(mu=0.5, K=5.0)  # E = 1.45 MPa
+
+
+def pressed(material=RUBBER, friction=0.0, **options):
+    """A strip of four cells of 1 mm under a plane that touches it."""
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (4.0, 1.0), (4, 1))})
+    scene = Scene(Body(mesh, "strip", material), plane="strain")
+    scene.fix("strip_ymin")
+    lid = rigid_plane((0.0, 1.0, 0.0), normal=(0.0, -1.0, 0.0), name="lid")
+    scene.contact("strip_ymax", lid, friction, name="top", **options)
+    return scene, lid
+
+
+def notes(scene, **drive):
+    result = solve(scene, steps=1, **drive)
+    return result, "\n".join(result.verdict.notes)
+
+
+@pytest.mark.parametrize("factor, known", [(1e8, "penalty too stiff"), (1e-6, "penalty too soft")])
+def test_penalties_far_from_the_bodies_stiffness_are_named_first(factor, known):
+    """However the run ends: with neither the cause is anything else, nor is a greater penalty the remedy of a stiff one."""
+    scene, lid = pressed(friction=0.3, penalty=Penalty(factor=factor))
+    result, said = notes(scene, push={lid: (0.0, -1.0, 0.0)})
+    assert f"penalty= is {factor:.0e} times Young's modulus over a cell's height" in said
+    assert result.converged or result.verdict.kind == known
+    assert result.verdict.kind != "penalty too stiff" or "raise penalty" not in said
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e4])
+def test_penalties_that_are_a_choice_are_not(factor):
+    scene, lid = pressed(penalty=Penalty(factor=factor))
+    assert "times Young's modulus" not in notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]
+
+
+@pytest.mark.parametrize("mu, K, ratio", [(2.5, 0.5, -0.44), (0.5, 0.3, -0.04), (0.5, 0.4, None)])
+def test_moduli_that_are_mixed_up(mu, K, ratio):
+    scene, lid = pressed(neo_hooke(mu=mu, K=K))
+    said = notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]
+    assert ("Poisson's ratio of" in said) == (ratio is not None)
+    assert ratio is None or f"Poisson's ratio of {ratio:.2f}" in said
+
+
+@pytest.mark.parametrize("friction", [2.0, 30.0])
+def test_friction_in_per_cent(friction):
+    scene, lid = pressed(friction=friction)
+    assert ("not in per cent" in notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]) == (friction == 30.0)
+
+
+def test_pressures_that_go_on_under_a_closed_contact():
+    for where in ("all", "open"):
+        scene, lid = pressed()
+        scene.pressure("strip_ymax", 0.01, where=where)
+        said = notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]
+        assert ("goes on beneath contact 'top'" in said) == (where == "all")
+    scene, lid = pressed()
+    scene.pressure("strip_xmax", 0.01)
+    assert "goes on beneath" not in notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]
+
+
+def test_loads_in_other_units_than_moduli():
+    """0.1 MPa as 1e5 Pa, and a tool's 1 N as 1000 mN on 4 mm^2: no body of 1.45 MPa bears these."""
+    scene, lid = pressed()
+    scene.pressure("strip_xmax", 1e5)
+    assert "comes to 1e+05 MPa, 7e+04 times Young's modulus" in notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]
+    scene, lid = pressed()
+    said = notes(scene, push={lid: (0.0, -1000.0, 0.0)})[1]
+    assert "the push of tool 'lid' over all of its contacts' area comes to 2.5e+02 MPa" in said
+    scene, lid = pressed()
+    stages = [Stage("lid", move={lid: (0.0, -0.1, 0.0)}), Stage("load", pressures={"strip_xmax": 0.5})]
+    scene.pressure("strip_xmax", 0.01)
+    assert "Young's modulus of all bodies" not in "\n".join(solve(scene, steps=1, stages=stages).verdict.notes)
