@@ -10,9 +10,21 @@ from petsc4py import PETSc
 from refusals import refused
 from scipy.optimize import brentq
 
-from fenics_contact import Body, Method, Output, Scene, Stage, from_elastic, neo_hooke, read_gmsh, solve, user_energy
+from fenics_contact import (
+    Body,
+    Method,
+    Output,
+    Scene,
+    Stage,
+    from_elastic,
+    neo_hooke,
+    read_gmsh,
+    rigid_cylinder,
+    solve,
+    user_energy,
+)
 from fenics_contact.assembly.numbering import node_keys
-from fenics_contact.meshes import box, rectangles, tubes
+from fenics_contact.meshes import box, rectangles, ring_sector, tubes
 from fenics_contact.scene.build import build
 from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.stage import Only
@@ -322,6 +334,25 @@ def test_an_interference_fit():
     """p = e E / (((1-2v) b^2 + c^2)/(c^2 - b^2) + ((1-2v) b^2 + a^2)/(b^2 - a^2)), the hub growing by (1 + v) e b alone."""
     coarse, fine = fit(6), fit(12)
     assert abs(fine) < 0.01 and 3.0 < coarse / fine < 5.0  # chords: second order
+
+
+def test_a_ring_that_shrinks_on_a_shaft_in_plane_strain():
+    """Lame: a ring of radii a and b on a rigid shaft, by an interference d, whose length is held: it would shrink
+    by as much, and that shrinks the radius nu times once more."""
+    a, b, d, mu, K = 16.0, 20.0, 0.01, 0.5, 5.0
+    lame = K - 2 * mu / 3
+    of_radii = np.array([[a, 1 / a], [2 * (lame + mu), -2 * mu / b**2]])  # u = A r + B / r at a, and no stress at b
+    A, B = np.linalg.solve(of_radii, [d, 0.0])
+    exact = 2 * mu * B / a**2 - 2 * (lame + mu) * A
+    mesh = read_gmsh(ring_sector.build, radii=(a + 1e-6, b), cells=(4, 10), order=2)
+    scene = Scene(Body(mesh, "ring", neo_hooke(mu=mu, K=K)), plane="strain", degree=2)
+    scene.fix("xmin", "x")
+    scene.fix("ymin", "y")
+    scene.contact("inner", rigid_cylinder(a, (0, 0, 0), (0, 0, 1)), name="fit")
+    nu = (3 * K - 2 * mu) / (2 * (3 * K + mu))
+    scene.swell("ring", (1 - d / (a * (1 + nu))) ** 3)
+    pressure = solve(scene, steps=1).require().column("fit_load_N")[-1] / (0.5 * np.pi * a)
+    assert abs(pressure / exact - 1) < 2e-3  # strains of d / a = 6e-4
 
 
 @pytest.mark.parallel

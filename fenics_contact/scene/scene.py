@@ -270,7 +270,8 @@ class Scene:
         """A body's volume without stress over that at the start, J_s, by temperature or swelling: F = J_s^(1/3) F_e.
 
         ratio: reached at t = 1 from 1, or a function of t or of (X, t), as of `pressure`, of the body's nodes; of a heated
-        body (1 + alpha T)^3. An interference fit is a ring drawn without interference that shrinks, or a hub that swells.
+        body (1 + alpha T)^3. An interference fit is a ring drawn without interference that shrinks, or a hub that swells;
+        where its length is held, as in plane strain, the radius goes (1 + nu) times as far as the ratio's cubic root says.
         """
         self.swellings.append(swelling_of(self, body, ratio))
 
