@@ -58,10 +58,13 @@ def drawing(
     low, high = _neighbourhood(points, planes, across)
     reach = FAR * float(np.max(np.ptp(points, axis=0)))
     met = [contact.master for contact in scene.contacts if seen.contact in ("", contact.name)]
-    about = tool_tiles(scene, system.state.tools, low - reach, high + reach)
+    on_axis = scene.section is not None and scene.section.axisymmetric
+    edge = np.array([0.0 if on_axis else -np.inf, -np.inf, -np.inf])  # there is nothing beyond an axis
+    about = tool_tiles(scene, system.state.tools, np.maximum(low - reach, edge), high + reach)
     about = [tiles for tool, tiles in zip(scene.tools, about, strict=True) if any(tool is master for master in met)]
     ends = [end for end in _open_ends(points, planes) if end[0] != across]
     low, high = _up_to_walls(body, about, (low, high), ends)
+    low = np.maximum(low, edge)
     if box is not None:
         low, high = np.minimum(low, box[0]), np.maximum(high, box[1])
     tiles = tool_tiles(scene, system.state.tools, low, high)
