@@ -172,6 +172,20 @@ def test_parameters_are_known_again_as_the_table_has_them(folder):
         Study("again", case_of, grid(size=[object]))
 
 
+def test_runs_with_equal_numbers_are_one(tmp_path):
+    """In a chart, in a study, and with what a table has; truth is no number."""
+
+    def study(sizes):
+        return Study("equal", lambda size: {"force_N": 1.0}, grid(size=sizes))
+
+    sizes = [1, 1.0, np.float32(1.0), True, [1, 2.0], (np.float64(1.0), 2), 1.5, np.nan]
+    assert expand({"size": 1}, {"": {"": {"size": [1.0, np.int64(1), True, 2]}}}) == grid(size=[1, True, 2])
+    assert [repr(run["size"]) for run in study(sizes).runs] == ["1", "True", "[1, 2.0]", "1.5", "nan"]
+    for stated in (sizes, sizes[::-1]):
+        rows = read(study(stated).run(tmp_path, progress=False, isolated=False))
+        assert len(rows) == len(study(stated).mine(rows)) == 5
+
+
 def test_all_figures_of_a_case_are_columns_of_its_table(folder):
     """Also those that its first run did not give, or that `outputs` does not name; none may take a parameter's place."""
 

@@ -1,5 +1,6 @@
 """A case run over many parameters, each run in a process of its own and written to a CSV file at once."""
 
+import ast
 import csv
 import inspect
 import itertools
@@ -12,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -59,12 +61,31 @@ def expand(base: Run, panels: Panels) -> list[Run]:
     panels: {title: {label of a curve: {parameter: values}}}; several parameters of a curve make a grid.
     """
     varied = [base | run for curves in panels.values() for values in curves.values() for run in grid(**values)]
-    return list({_json(run): run for run in [base, *varied]}.values())
+    return _once([base, *varied])
 
 
 def _json(value: Any) -> str:
     """As another process reads it. TypeError for what is no number, text, truth or list of these."""
     return json.dumps(value, default=np.generic.item)
+
+
+def _once(runs: list[Run]) -> list[Run]:
+    """Runs, each once: by equal numbers, 1 and 1.0, a case is run alike."""
+    known: dict[frozenset[tuple[str, str]], Run] = {}
+    for run in runs:
+        known.setdefault(frozenset((name, _told(value)) for name, value in run.items()), run)
+    return list(known.values())
+
+
+def _told(value: Any) -> str:
+    """What tells a parameter's value from others, as stated or as a table has it: equal numbers are one."""
+    if isinstance(value, str):
+        value = _value(value)
+    if isinstance(value, str) and value.startswith(("[", "(")):
+        with suppress(ValueError, SyntaxError, TypeError):  # a list, which a table has as text
+            value = json.loads(_json(ast.literal_eval(value)))
+    whole = json.loads(_json(value), parse_float=lambda text: int(x) if (x := float(text)).is_integer() else x)
+    return "None" if whole is None else str(whole)
 
 
 def of_curve(rows: list[Row], base: Run, values: Values) -> list[Row]:
@@ -162,6 +183,7 @@ class Study:
             raise StudyError(f"study '{self.name}': '{clash.pop()}' is a parameter and an output; rename one")
         for run in self.runs:
             self._refuse_unfit(run)
+        self.runs = _once([json.loads(_json(run)) for run in self.runs])  # as every process has them
 
     def _refuse_unfit(self, run: Run) -> None:
         """Every run would fail so, and stay in the table as failed."""
@@ -225,7 +247,7 @@ class Study:
     def _key(self, row: Row, with_repeat: bool = True) -> frozenset[tuple[str, str]]:
         """What tells a run from others, of the run or of a row: all that was stated, also by an earlier study alone."""
         stated = [*itertools.takewhile(lambda name: name != "repeat", row), *self.parameters, *["repeat"] * with_repeat]
-        return frozenset((name, str(_value(text))) for name in stated if (text := str(row.get(name, ""))))
+        return frozenset((name, told) for name in stated if (told := _told(row.get(name, ""))))
 
     def _measure(self, run: Run, repeats: int) -> list[Row]:
         """Metrics of a run's repeats in another process; one that dies or takes too long is a row with its reason."""
