@@ -32,8 +32,10 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box, dome, rectangles, two_blocks
+from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead
+from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.studies.punch import punched_plate
 
 COMM = MPI.COMM_WORLD
@@ -429,7 +431,7 @@ CATALOGUE = {
 
 def failed(name, **options):
     scene, more = CATALOGUE[name][0]()
-    result = solve(scene, **{"steps": 5} | more, **options)
+    result = solve(scene, **{"steps": 5} | more | options)
     assert not result.converged
     assert len(set(COMM.allgather(result.verdict.reason))) == 1  # all ranks say the same
     return result
@@ -444,6 +446,15 @@ def test_verdict_names_cause_place_and_remedy(name):
     assert place in verdict.place and remedy in verdict.remedy, verdict.reason
     for part in (verdict.kind, verdict.place, verdict.remedy, f"step {verdict.step}"):
         assert part in verdict.reason
+
+
+def test_what_a_run_has_is_no_remedy():
+    """Of a body that may snap past the end of another one."""
+    result = failed("edge", method=Method(smallest_step=0.1))
+    system, goal = result.system, result.verdict.t + 0.1
+    for system.damped in (False, True):
+        remedy = diagnose(system, StepFailed("left"), goal).remedy
+        assert "larger where the slave leaves" in remedy and ("damping" in remedy) != system.damped
 
 
 def with_options(scene, **options):

@@ -32,8 +32,7 @@ FAR = 10.0  # times the distance that is searched at a step, two cells or more
 SAMPLES = 300  # slave points of a rank that are asked for it
 SLID_OFF = (
     "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
-    "itself ends there, make its surface larger; or, where the body snaps past it, let damping carry it on, unless it does: "
-    "solve(..., method=Method(damping=True))"
+    "itself ends there, make its surface larger"
 )
 
 

@@ -197,13 +197,19 @@ def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Sequence[str]) 
 
 
 def energy_notes(
-    summary: Summary, steps: int, units: Units, unknown: float = 0.0, overlaps: Sequence[str] = (), turned: float = 0.0
+    summary: Summary,
+    steps: int,
+    units: Units,
+    unknown: float = 0.0,
+    overlaps: Sequence[str] = (),
+    turned: float = 0.0,
+    damped: bool = False,
 ) -> list[str]:
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
 
     unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work;
     overlaps: names of the contacts that overlap at the start, whose energy the first step lets go; turned: see
-    `widest_turn` [rad].
+    `widest_turn` [rad]; damped: the run has damping=True, which no note names then.
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
     1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
@@ -233,9 +239,10 @@ def energy_notes(
             f"most of that in steps that turn a tool by up to {math.degrees(turned):.0f} degrees: forces that turn along "
             "do their work on an arc, which is missed by the square of the angle"
         )
+    cure = "" if damped else " (Method(damping=True) carries it)"
     return [
-        f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step "
-        "(Method(damping=True) carries it) or into friction: where sticking turns to sliding, and against round tools "
+        f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step{cure} "
+        "or into friction: where sticking turns to sliding, and against round tools "
         "(penetration= lessens that)"
     ]
 

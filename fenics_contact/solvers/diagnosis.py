@@ -58,7 +58,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return worst
     troubles = [found for term in system.terms if (found := term.findings.trouble(system.state))]
     if lost := [trouble for trouble in troubles if trouble.kind == LOST]:
-        return lost[0]
+        return lost[0]._replace(remedy="; or, where a body snaps past it, ".join([lost[0].remedy, *damping(system)]))
     if lifted := _lifted(system, goal):
         return lifted
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
@@ -135,7 +135,9 @@ def _letting_go(system: System) -> Finding | None:
         return None
     names = ", ".join(system.bodies[i][0] for i in sorted(loose))
     text = f"the contacts that hold it press with less than {FADED:g} of the largest force so far: they are about to let go"
-    remedy = "fix a surface, end the path before, or solve(..., method=Method(stabilise=True))"
+    remedy = "fix a surface, or end the path before"
+    if not system.stabilised:
+        remedy = "fix a surface, end the path before, or solve(..., method=Method(stabilise=True))"
     return Finding(RIGID_MOTION, text, f"body '{names}'", remedy)
 
 
