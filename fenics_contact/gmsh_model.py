@@ -138,7 +138,8 @@ def group_entities(dim: int) -> dict[str, tuple[int, list[int]]]:
         name = gmsh.model.getPhysicalName(dim, tag)
         if not name:
             raise ValueError(
-                f"physical group {tag} of dimension {dim} has no name of its own; call gmsh.model.setPhysicalName"
+                f"physical group {tag} of dimension {dim} has no name of its own; give it one by gmsh.model.setPhysicalName "
+                "(of two groups of one name a .msh file of format 2 keeps that of the first alone)"
             )
         first, entities = groups.get(name, (tag, []))
         found = gmsh.model.getEntitiesForPhysicalGroup(dim, tag)

@@ -102,6 +102,11 @@ def group_names(group: object, what: str = "surface") -> tuple[str, ...]:
     return tuple(dict.fromkeys(several))
 
 
+def quoted(group: object) -> str:
+    """A group as stated, a name or several, for a message."""
+    return f"'{'+'.join(map(str, group)) if isinstance(group, list | tuple) else group}'"
+
+
 def axis_letters(letters: object, what: str, most: int = 3) -> str:
     """The value itself: one of x, y, z, or up to `most` of them."""
     if not isinstance(letters, str) or not 1 <= len(letters) <= most or set(letters) - set("xyz"):

@@ -139,11 +139,33 @@ def beside():
     named(1, [entity for _, entity in gmsh.model.getEntities(1)], "edges")
 
 
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_groups_of_one_name_in_a_file_are_one_or_refused(tmp_path, version):
+    """gmsh's format 2 keeps the name of the first alone."""
+    path = COMM.bcast(tmp_path) / "box.msh"
+
+    def written():
+        box.build(cells=(1, 1, 2))
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.write(str(path))
+        path.write_text(path.read_text().replace('"zmax"', '"zmin"'))
+
+    read_gmsh(written)
+    if version < 4:
+        refused(lambda: read_gmsh(path), "has no name of its own; give it one", ".msh file of format 2")
+    else:
+        assert count(read_gmsh(path), "zmin") == 2
+
+
 def test_a_surface_without_cells_has_no_facets_and_disturbs_nothing():
     mesh = read_gmsh(beside)
     assert count(mesh, "tool") == 0 and count(mesh, "zmin") == 4
     assert mesh.domain.geometry.index_map().size_global == 27  # the plate's nodes are not the mesh's
-    refused(lambda: Scene(Body(mesh, "box", RUBBER)).fix("tool"), "'tool'", "no facets")
+    scene = Scene(Body(mesh, "box", RUBBER))
+    for group in ("tool", ("tool",)):
+        refused(lambda group=group: scene.fix(group), "group 'tool' has no facets, lines or")
+        refused(lambda group=group: scene.pressure(group, 1.0), "surface group 'tool' has no facets")
+    refused(lambda: scene.fix(("zmin", "zmax"), "w"), "fix 'zmin+zmax'")
     refused(lambda: read_gmsh(partly_beside), "'both'", "1 of its 5 facets", "on no cell")
     assert len(rigid_surface(partly_beside, "both").size) == 5
 

@@ -497,6 +497,13 @@ def test_an_abaqus_file_that_is_refused(folder, text, words):
     refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words, kind=SceneError)
 
 
+def test_no_set_is_advised_where_an_abaqus_file_has_none(folder):
+    text = CUBE.replace(", ELSET=one", "")
+    assert "bod" not in refused(lambda: read_mesh(written(folder / "a.inp", text))).split("no body; ")[1]
+    named = text + "*ELSET, ELSET=none, GENERATE\n7, 8, 1\n"
+    refused(lambda: read_mesh(written(folder / "a.inp", named)), "or name theirs in bodies=(...), of none")
+
+
 @pytest.mark.serial
 def test_a_wrong_number_in_an_included_file_is_found_there(folder):
     """And numbers with D for their exponent are read beside it."""

@@ -95,10 +95,10 @@ def _bodies(model: keywords.Model, cells: list[Block], asked: str | Sequence[str
                 )
             owner[element] = name
     if left := sum(map(len, cells)) - len(owner):
-        raise ValueError(
-            f"{left} cells are in no body; give them an element set with a *SOLID SECTION, or name it in bodies=(...). The "
-            f"bodies are: {', '.join(found) or 'none'}"
-        )
+        sets = [name for name in model.elsets.found if name not in (*model.elsets.internal, *found)]
+        named = f", or name theirs in bodies=(...), of {', '.join(sets)}" if sets else ""
+        bodies = f". The bodies are: {', '.join(found)}" if found else ""
+        raise ValueError(f"{left} cells are in no body; give them an element set with a *SOLID SECTION{named}{bodies}")
     return found
 
 

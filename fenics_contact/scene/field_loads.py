@@ -17,7 +17,7 @@ from fenics_contact.scene.statements import Body, Loading, MomentLoad, Spin, Swe
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.materials import Material, swollen
 from fenics_contact.types import Constant, Expr, Floats, Function, Ints, Measure
-from fenics_contact.values import SceneError, finite, group_names, positive, shown
+from fenics_contact.values import SceneError, finite, group_names, positive, quoted, shown
 
 if TYPE_CHECKING:  # which states them
     from fenics_contact.scene.scene import Scene
@@ -111,7 +111,7 @@ def springs_of(
     scene: "Scene", group: Group, stiffness: float, direction: Sequence[float] | None, normal: bool
 ) -> list[Spring]:
     """Stated Springs: several where several surfaces have normals of their own. Collective."""
-    what = f"spring on '{group}'"
+    what = f"spring on {quoted(group)}"
     positive(stiffness, f"{what}: stiffness", more=" [force/length]")
     chosen(None, direction, normal, what)
     names = group_names(group)

@@ -11,7 +11,7 @@ from fenics_contact.scene.statements import Body
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import quadrature_degree
 from fenics_contact.types import Ints, Measure, Space
-from fenics_contact.values import SceneError, group_names
+from fenics_contact.values import SceneError, group_names, quoted
 
 
 class Groups:
@@ -27,9 +27,8 @@ class Groups:
         except ValueError as error:
             raise SceneError(str(error)) from None
         if self._mesh.comm.allreduce(len(facets)) == 0:
-            raise SceneError(
-                f"{'curve' if self._mesh.plane else 'surface'} '{group}' has no facets; give it some in the gmsh script"
-            )
+            kind = "curve" if self._mesh.plane else "surface"
+            raise SceneError(f"{kind} group {quoted(group)} has no facets on a body; draw it on one")
         return facets
 
     def dx(self, body: Body, degree: int | None = None) -> Measure:
@@ -55,6 +54,6 @@ class Groups:
     def area(self, group: str | Sequence[str]) -> float:
         """Area of an outer surface at the start, of a plane mesh as deep as its bodies [length^2]. Collective."""
         facets = self._mesh.facets(*group_names(group))
-        self._mesh.refuse_inside(facets, f"area of '{group}'")
+        self._mesh.refuse_inside(facets, f"area of {quoted(group)}")
         skin = skin_of(self._space, facets, self._section)
         return self._mesh.comm.allreduce(float(skin.area.sum()))

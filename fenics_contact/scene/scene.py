@@ -47,7 +47,7 @@ from fenics_contact.solid.elements import locking_notes, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Function
-from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, shown
+from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, quoted, shown
 
 Value = float | Callable[[Floats, float], Any]  # of a prescribed displacement
 
@@ -115,7 +115,7 @@ class Scene:
 
         direction (3,) or normal=True, as in `prescribe`: along one direction alone, e.g. of an inclined symmetry plane.
         """
-        what = f"fix '{group}'"
+        what = f"fix {quoted(group)}"
         chosen(axis, direction, normal, what)
         if direction is not None or normal:
             self._support(group, None, 0.0, direction, normal, what)
@@ -138,12 +138,12 @@ class Scene:
         all nodes of the group, on every rank. In the place of the axis: direction (3,), of any length, or normal=True, along
         the outward normals of flat surfaces at the start. The nodes stay free across the direction, which does not turn.
         """
-        what = f"prescribe '{group}'"
+        what = f"prescribe {quoted(group)}"
         chosen(axis, direction, normal, what)
         if direction is None and not normal:
             axis_letters(axis, what, most=1)
         along = axis if axis is not None else "its normal" if normal else shown(direction)
-        what = f"prescribed displacement of '{group}' along {along}"
+        what = f"prescribed displacement of {quoted(group)} along {along}"
         value = function(value, what, "value(X, t)") if callable(value) else float(finite(value, what))
         self._support(group, axis, value, direction, normal, what)
 
@@ -156,7 +156,7 @@ class Scene:
         except ValueError as error:
             raise SceneError(str(error)) from None
         if self.mesh.comm.allreduce(count) == 0:
-            raise SceneError(f"group '{group}' has no facets, lines or points on a body; give it some in the gmsh script")
+            raise SceneError(f"group {quoted(group)} has no facets, lines or points on a body; draw it on one")
         if normal:
             ways = normals(self.mesh, self.space, group, what)
         else:
@@ -173,7 +173,7 @@ class Scene:
         of the same nodes where they never hinder it, as planes of symmetry do.
         """
         if not isinstance(hub, Tool):
-            raise SceneError(f"tie '{group}': {shown(hub)} is no rigid body; give rigid_hub(name, point), or a tool")
+            raise SceneError(f"tie {quoted(group)}: {shown(hub)} is no rigid body; give rigid_hub(name, point), or a tool")
         self.groups.facets(group)
         refuse_namesake(hub, self.tools)
         self.ties.append(Tie(group_names(group), hub))
@@ -193,7 +193,7 @@ class Scene:
     def traction(self, group: str | tuple[str, ...], vector: Drive | Place) -> None:
         """Dead traction per reference area on a surface [pressure], fixed in direction: (3,) at t = 1, or a function of t or
         of (X, t), as of `pressure`, that gives (n, 3)."""
-        facets, what = self.groups.facets(group), f"traction on '{group}'"
+        facets, what = self.groups.facets(group), f"traction on {quoted(group)}"
         self.mesh.refuse_inside(facets, what)
         path = place_path(self, facets, vector, what, (3,))
         self.loads.append(Load("tractions", group_names(group), *path))
@@ -207,7 +207,7 @@ class Scene:
         pressures acts (`contact.fluid`); `from_`: names of surfaces, from whose common nodes with this one the fluid comes
         in, through facets that contact presses by less than the fluid's pressure. That must not be negative then.
         """
-        facets, what = self.groups.facets(group), f"pressure on '{group}'"
+        facets, what = self.groups.facets(group), f"pressure on {quoted(group)}"
         self.mesh.refuse_inside(facets, what)
         if where not in ("all", "open"):
             raise SceneError(f'{what}: where = {shown(where)} must be "all" or "open", where no contact presses')
@@ -223,7 +223,7 @@ class Scene:
                 "tetrahedra, and nodes on an axis, have no area of their own"
             )
         if from_ is not None:
-            refuse_apart(self.mesh, self.space, facets, self.groups.facets(from_), f"{what}: from_ = '{from_}'")
+            refuse_apart(self.mesh, self.space, facets, self.groups.facets(from_), f"{what}: from_ = {quoted(from_)}")
         self.fluids.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
 
     def body_force(self, vector: Drive | Place) -> None:
@@ -235,7 +235,7 @@ class Scene:
     def force(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
         t = 1 or function of t."""
-        what = f"force on '{group}'"
+        what = f"force on {quoted(group)}"
         self.mesh.refuse_inside(self.groups.facets(group), what)
         names, path = group_names(group), force_path(self, vector, what)
         self.loads.append(Load("forces", names, path, over=self.area(names)))
@@ -243,7 +243,7 @@ class Scene:
     def moment(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Moment on a surface [force length], fixed in space while it turns, by forces about its present centroid that have
         no resultant and grow with the distance from there: (3,) at t = 1 or function of t."""
-        what = f"moment on '{group}'"
+        what = f"moment on {quoted(group)}"
         if self.section is not None:
             raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene state a traction(X, t)")
         self.mesh.refuse_inside(self.groups.facets(group), what)
@@ -282,7 +282,7 @@ class Scene:
 
         They pull back in all directions or, with direction (3,) or normal=True as in `prescribe`, along that one alone.
         """
-        self.mesh.refuse_inside(self.groups.facets(group), f"spring on '{group}'")
+        self.mesh.refuse_inside(self.groups.facets(group), f"spring on {quoted(group)}")
         self.springs += springs_of(self, group, stiffness, direction, normal)
 
     def contact(
@@ -327,7 +327,7 @@ class Scene:
             refuse_namesake(master, self.tools)
         for side in (slave, master):
             if not isinstance(side, Tool):
-                self.mesh.refuse_inside(self.groups.facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
+                self.mesh.refuse_inside(self.groups.facets(side), f"contact '{name}', surface {quoted(side)}")
         refuse_twice(self.mesh, contact, self.contacts)
         self.contacts.append(contact)
 
