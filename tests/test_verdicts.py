@@ -26,6 +26,7 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_cylinder,
     rigid_hub,
     rigid_plane,
     rigid_sphere,
@@ -175,6 +176,18 @@ def over_the_edge():
     press = rigid_plane((0, 0, 5.0), (0, 0, -1.0), name="press")
     scene.contact("upper_top", press, name="top")
     return scene, {"push": {press: lambda t: (0, 0, -4.0 * min(5.0 * t, 1.0))}, "method": Method(smallest_step=1e-3)}
+
+
+def driven_roller():
+    """A roller on a strip turned by a moment, its way left free: nothing but the strip's few nodes keeps it from rolling."""
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0, 0), (20, 3), (20, 2))})
+    scene = Scene(Body(mesh, "strip", neo_hooke(mu=1.0, K=5.0)), plane="strain")
+    scene.fix("strip_ymin")
+    roller = rigid_cylinder(3.0, point=(6, 6, 0), axis=(0, 0, 1), name="roller")
+    scene.contact("strip_ymax", roller, friction=0.5, name="c")
+    driven = Motion(force=(0, -3, 0), moment=(0, 0, -3), free="x")
+    stages = [Stage("press", move={roller: (0, -0.3, 0)}, steps=1), Stage("roll", move={roller: driven}, steps=20)]
+    return scene, {"steps": None, "stages": stages, "method": Method(smallest_step=0.01)}
 
 
 def no_room():
@@ -416,6 +429,7 @@ CATALOGUE = {
     "seen to slide": (lambda: on_a_steep_slope(method=HELD), "friction used up", "contact 'c'", "raise friction="),
     "on a node": (on_a_node, "rigid-body motion", "contact 'c'", "take more of them, points=3 (Gauss points), or mesh"),
     "pushed over a limit": (pushed_through, "limit point", "tool 'ball', body 'dome' at (", "or move tool 'ball' instead"),
+    "driven roller": (driven_roller, "limit point", "tool 'roller'", "move tool 'roller' instead of pushing or"),
     "tipping": (tipping, "limit point", "body 'upper' at (", "prescribe a displacement in place of the load"),
     "blade": (
         drawn_blade,

@@ -147,27 +147,29 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     path's rate says that the fold lies no further ahead than a few times the step to `goal`, or that step crosses a kink.
 
     A soft motion alone stops no step: sliding bodies have one, and so has a point on a fillet. Forks are found by the rate
-    too, for only an imperfect one stops Newton's method, and before that the path bends.
+    too, for only an imperfect one stops Newton's method, and before that the path bends. One of less stiffness than none
+    lies behind a fold that a step has crossed: a driven roller that nothing keeps from rolling on has no state ahead.
     """
     unloaded = _unloaded_stiffness(system, mode)
-    if not abs(now) < FOLDED * unloaded:
-        return None
     step = 0.0 if goal is None else abs(goal - system.trail.last.t)
-    if step > NEAR:
+    gone = now <= -FOLDED * unloaded
+    if not gone and (now >= FOLDED * unloaded or step > NEAR):
         return None
+    name, place, largest = _where(system, mode)
+    going = np.linalg.norm(mode.dq, axis=1)
+    tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
+    instead = [f"move {' and '.join(tools)} instead of pushing"] if tools else []
+    if gone:
+        text = "its softest motion resists less than nothing: it goes on by itself, and no balance has been found ahead"
+        return Finding(LIMIT_POINT, text, ", ".join(tools), " or ".join([*instead, *damping(system)])) if tools else None
     text = "the load path folds back or forks"
     if goal is not None and not fold_ahead(system) <= AHEAD * step:
         if not (now > 0.0 and _falls(system, mode, goal)):
             return None
         text += " where a contact's status changes"
-    name, place, largest = _where(system, mode)
     text = f"its softest motion keeps {now / unloaded:.2g} of the stiffness it has unloaded: {text}"
-    going = np.linalg.norm(mode.dq, axis=1)
-    tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
-    ways = ["follow the path by arc length"]
-    if tools:
-        ways.append(f"move {' and '.join(tools)} instead of pushing")
-    elif _loaded(system):
+    ways = ["follow the path by arc length", *instead]
+    if not tools and _loaded(system):
         ways.append("prescribe a displacement in place of the load")
     ways += damping(system)
     return Finding(LIMIT_POINT, text, ", ".join([*tools, f"body '{name}' at {place}"]), " or ".join(ways))
