@@ -104,7 +104,7 @@ def group_names(group: object, what: str = "surface") -> tuple[str, ...]:
 
 def quoted(group: object) -> str:
     """A group as stated, a name or several, for a message."""
-    return f"'{'+'.join(map(str, group)) if isinstance(group, list | tuple) else group}'"
+    return " and ".join(f"'{name}'" for name in (group if isinstance(group, list | tuple) else (group,)))
 
 
 def axis_letters(letters: object, what: str, most: int = 3) -> str:

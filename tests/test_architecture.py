@@ -12,7 +12,7 @@ import pytest
 pytestmark = pytest.mark.serial
 
 PACKAGE = Path(__file__).parents[1] / "fenics_contact"
-STANDARD = {"__future__", "abc", "argparse", "base64", "collections", "compileall", "concurrent", "contextlib",
+STANDARD = {"__future__", "abc", "argparse", "ast", "base64", "collections", "compileall", "concurrent", "contextlib",
             "copy", "csv", "ctypes", "dataclasses", "difflib", "errno", "functools", "gc", "hashlib", "html", "importlib",
             "inspect", "io", "itertools", "json", "linecache", "logging", "math", "numbers", "os", "pathlib", "platform",
             "re", "resource", "runpy", "shutil", "statistics", "subprocess", "sys", "sysconfig", "tempfile", "textwrap",

@@ -165,7 +165,7 @@ def test_a_surface_without_cells_has_no_facets_and_disturbs_nothing():
     for group in ("tool", ("tool",)):
         refused(lambda group=group: scene.fix(group), "group 'tool' has no facets, lines or")
         refused(lambda group=group: scene.pressure(group, 1.0), "surface group 'tool' has no facets")
-    refused(lambda: scene.fix(("zmin", "zmax"), "w"), "fix 'zmin+zmax'")
+    refused(lambda: scene.fix(("zmin", "zmax"), "w"), "fix 'zmin' and 'zmax'")
     refused(lambda: read_gmsh(partly_beside), "'both'", "1 of its 5 facets", "on no cell")
     assert len(rigid_surface(partly_beside, "both").size) == 5
 

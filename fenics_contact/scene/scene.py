@@ -327,7 +327,7 @@ class Scene:
             refuse_namesake(master, self.tools)
         for side in (slave, master):
             if not isinstance(side, Tool):
-                self.mesh.refuse_inside(self.groups.facets(side), f"contact '{name}', surface {quoted(side)}")
+                self.mesh.refuse_inside(self.groups.facets(side), f"contact '{name}', surface '{'+'.join(side)}'")
         refuse_twice(self.mesh, contact, self.contacts)
         self.contacts.append(contact)
 
