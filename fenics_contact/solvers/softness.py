@@ -152,7 +152,7 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     """
     unloaded = _unloaded_stiffness(system, mode)
     step = 0.0 if goal is None else abs(goal - system.trail.last.t)
-    gone = now <= -FOLDED * unloaded
+    gone = goal is not None and now <= -FOLDED * unloaded  # arcs go along behind folds
     if not gone and (now >= FOLDED * unloaded or step > NEAR):
         return None
     name, place, largest = _where(system, mode)
