@@ -159,7 +159,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest + system.scales.noise_energy
     if verdict.converged:
         turned = widest_turn(kept.history, scene.units, list(travel))
-        kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps, turned, system.damped))
+        has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contacts))
+        kept.remark(energy_notes(summary["energy"], taken, scene.units, unknown, built.overlaps, turned, has))
     return summary
 
 

@@ -203,13 +203,13 @@ def energy_notes(
     unknown: float = 0.0,
     overlaps: Sequence[str] = (),
     turned: float = 0.0,
-    damped: bool = False,
+    has: Collection[str] = (),
 ) -> list[str]:
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
 
     unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work;
     overlaps: names of the contacts that overlap at the start, whose energy the first step lets go; turned: see
-    `widest_turn` [rad]; damped: the run has damping=True, which no note names then.
+    `widest_turn` [rad]; has: which of the remedies "damping" and "penetration" the run has, which are not named then.
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
     1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
@@ -239,11 +239,11 @@ def energy_notes(
             f"most of that in steps that turn a tool by up to {math.degrees(turned):.0f} degrees: forces that turn along "
             "do their work on an arc, which is missed by the square of the angle"
         )
-    cure = "" if damped else " (Method(damping=True) carries it)"
+    carried = "" if "damping" in has else " (Method(damping=True) carries it)"
+    lessened = "" if "penetration" in has else " (penetration= lessens that)"
     return [
-        f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step{cure} "
-        "or into friction: where sticking turns to sliding, and against round tools "
-        "(penetration= lessens that)"
+        f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step{carried} "
+        f"or into friction: where sticking turns to sliding, and against round tools{lessened}"
     ]
 
 
