@@ -1,6 +1,6 @@
 """A gmsh session: the script's model, what must hold of it, and the plain copy of it that dolfinx reads."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,14 +123,6 @@ def _script_in_our_session() -> Iterator[None]:
 
 
 # -- reading ----------------------------------------------------------------------------------------------------------
-def known_group(name: str, groups: Mapping[str, object], kind: str) -> str:
-    """The name itself, where there is such a group; ValueError that lists those there are."""
-    if name not in groups:
-        known = ", ".join(sorted(groups)) or "none"
-        raise ValueError(f"there is no {kind} group '{name}' in the mesh; its {kind} groups are: {known}")
-    return name
-
-
 def group_entities(dim: int) -> dict[str, tuple[int, list[int]]]:
     """{name: (lowest tag, entities)} of the physical groups of a dimension; groups of one name are one."""
     groups: dict[str, tuple[int, list[int]]] = {}

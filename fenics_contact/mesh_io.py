@@ -1,6 +1,6 @@
 """gmsh script or mesh file -> distributed mesh whose volumes and surfaces are known by name, or the facets of a tool."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FunctionType
@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
-from fenics_contact.gmsh_model import Source, known_group
+from fenics_contact.gmsh_model import Source
 from fenics_contact.meetings import Meeting, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
 from fenics_contact.values import SceneError
@@ -79,7 +79,7 @@ class NamedMesh:
                 {
                     tag
                     for name in names
-                    for tag in self.surfaces[known_group(name, self.surfaces, "curve" if self.plane else "surface")]
+                    for tag in self.surfaces[_known(name, self.surfaces, "curve" if self.plane else "surface")]
                 }
             )
         )
@@ -89,11 +89,11 @@ class NamedMesh:
         kinds = self.surfaces, self.edges, self.points
         for name in names:
             if sum(name in groups for groups in kinds) > 1:
-                raise ValueError(
+                raise SceneError(
                     f"there is more than one group '{name}', of surfaces, edges or points; give one another name"
                 )
             if all(name not in groups for groups in kinds):
-                known_group(name, {**self.surfaces, **self.edges, **self.points}, "surface, edge or point")
+                _known(name, {**self.surfaces, **self.edges, **self.points}, "surface, edge or point")
         surfaces, edges, points = ([name for name in names if name in groups] for groups in kinds)
         found = [compat.locate_blocks(space, self.facets(*surfaces))]
         if edges or points:
@@ -108,7 +108,7 @@ class NamedMesh:
         return np.unique(np.concatenate(found)).astype(np.int32)
 
     def volume_tag(self, name: str) -> int:
-        return self.volumes[known_group(name, self.volumes, "surface" if self.plane else "volume")]
+        return self.volumes[_known(name, self.volumes, "surface" if self.plane else "volume")]
 
 
 def _code(rows: Ints64) -> Ints64:
@@ -257,7 +257,7 @@ def _tool_elements(
     entities = [tag for _, tag in gmsh.model.getEntities(dim)]
     if group is not None:
         groups = gmsh_model.group_entities(dim)
-        _, entities = groups[known_group(group, groups, of)]
+        _, entities = groups[_known(group, groups, of)]
     rows: list[Ints64] = [np.empty((0, len(next(iter(rings.values())))), dtype=np.int64)]
     for _, name, _, nodes in (one for entity in entities for one in gmsh_model.elements(dim, entity)):
         if name not in rings:
@@ -280,3 +280,11 @@ def _owners(cells: dict[str, int], ranks: dict[str, int], size: int) -> Ints64:
     if set(ranks) != set(cells) or not all(0 <= rank < size for rank in ranks.values()):
         raise ValueError(f"ranks = {ranks}: give each of the volumes {', '.join(sorted(cells))} a rank below {size}")
     return np.concatenate([np.full(count, ranks[name]) for name, count in cells.items()])
+
+
+def _known(name: str, groups: Mapping[str, object], kind: str) -> str:
+    """The name itself, where there is such a group; SceneError that lists those there are."""
+    if name not in groups:
+        known = ", ".join(sorted(groups)) or "none"
+        raise SceneError(f"there is no {kind} group '{name}' in the mesh; its {kind} groups are: {known}")
+    return name

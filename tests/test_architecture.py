@@ -87,7 +87,7 @@ TABLE = {
 # narrower than the room: what an outer room may use of another one
 ONLY = {
     ("studies", "assembly"): {"system", "term", "pattern", "cell_forms"},  # their names; what a tangent is assembled into
-    ("studies", "output"): {"curves", "late", "units"},  # names and units of columns; what draws
+    ("studies", "output"): {"curves", "late", "names", "units"},  # names and units of columns; what draws
     ("scene", "output"): {"units"},  # labels; no file is written by a scene
     ("output", "assembly"): {
         "contact_term",

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from fenics_contact import Body, Output, Scene, neo_hooke, read_gmsh, solve
+from fenics_contact import Body, Output, Scene, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import box
 from fenics_contact.studies import (
     Study,
@@ -416,3 +416,20 @@ def test_what_a_race_says(tmp_path, monkeypatch):
     assert text.startswith("before\n") and text.endswith("after\n") and "**0.25** (5)" in text
     speed.report({"speed": rows}, tmp_path, False)
     assert page.read_text() == text
+
+
+def test_a_sweep_from_no_friction_on_has_zeros_there(folder):
+    def dragged(friction):
+        mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1))
+        scene = Scene(Body(mesh, "box", neo_hooke(mu=0.5, K=1.0)))
+        scene.fix("zmin")
+        lid = rigid_plane((0.0, 0.0, 1.0), normal=(0.0, 0.0, -1.0))
+        scene.contact("zmax", lid, friction, name="lid")
+        return solve(scene, move={lid: (0.1, 0.0, -0.1)}, steps=2, out=Output(progress=False))
+
+    outputs = ["lid_friction_x_N", "lid_friction_work_Nmm"]
+    study = Study("rough", dragged, grid(friction=[0.0, 0.1]), outputs=outputs)
+    smooth, rough = read(study.run(folder, progress=False, isolated=False))
+    assert [smooth[name] for name in outputs] == [0.0, 0.0] and abs(rough[outputs[0]]) > 1e-3
+    with pytest.raises(StudyError, match="the case gives no 'lid_friction_N'"):
+        Study("misspelt", dragged, [{"friction": 0.0}], outputs=["lid_friction_N"]).run(folder, False, isolated=False)

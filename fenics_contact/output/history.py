@@ -200,14 +200,12 @@ def energy_notes(
     summary: Summary,
     steps: int,
     units: Units,
-    unknown: float = 0.0,
     overlaps: Sequence[str] = (),
     turned: float = 0.0,
     has: Collection[str] = (),
 ) -> list[str]:
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
 
-    unknown: what the forces that balance leaves may do [force length]; a body that moves without strain has no other work;
     overlaps: names of the contacts that overlap at the start, whose energy the first step lets go; turned: see
     `widest_turn` [rad]; has: which of the remedies "damping" and "penetration" the run has, which are not named then.
 
@@ -215,7 +213,7 @@ def energy_notes(
     1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
     """
     share, unit = summary.get("error_share", 0.0), energy_unit(units)
-    if share <= max(COSTLY, min(1.0 / steps**2, GROSS)) or abs(summary[f"error_{unit}"]) <= unknown:
+    if share <= max(COSTLY, min(1.0 / steps**2, GROSS)):
         return []
     missing, done = (f"{abs(summary[f'{name}_{unit}']):.4g}" for name in ("error", "work_done"))
     text = f"energy: {missing} {units.force} {units.length} of the work done, {done}, are missing ({share:.1%})"

@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from fenics_contact import compat
 from fenics_contact.options import Method
+from fenics_contact.output.names import plain_name
 from fenics_contact.result import Result
 from fenics_contact.scene.stage import ARC_LENGTH
 from fenics_contact.scene.targets import Load
@@ -45,9 +46,11 @@ class StudyError(ValueError):
 
 
 class Metrics(Row):
-    """A row of `metrics`; last: the last row of the run's history, whose columns a study may ask for too."""
+    """A row of `metrics`; last: the last row of the run's history, whose columns a study may ask for too, those of friction
+    where a contact of the scene has none."""
 
     last: Row
+    smooth: tuple[str, ...]
 
 
 def grid(**values: Sequence[Any]) -> list[Run]:
@@ -134,13 +137,14 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
         }
     )
     row.last = result.history[-1] if result.history else {}
+    row.smooth = tuple(contact.name for contact in result.system.contacts if not contact.rough)
     return row
 
 
 def row_of(found: Result | Row, outputs: Sequence[str]) -> Row:
     """A row of what a case returned. Collective. StudyError where it lacks an output."""
     row = metrics(found) if isinstance(found, Result) else found
-    last = row.last if isinstance(row, Metrics) else {}
+    last = row.last | _frictionless(row.smooth, outputs) if isinstance(row, Metrics) else {}
     row = {"converged": True, "verdict": "converged", "t_reached": ""} | row
     known = last | row
     if row["converged"] and (lacking := [name for name in outputs if name not in known]):
@@ -151,6 +155,12 @@ def row_of(found: Result | Row, outputs: Sequence[str]) -> Row:
     ):
         row = row | {"converged": False, "verdict": f"'{lost[0]}' is not a number"}
     return row | given
+
+
+def _frictionless(contacts: Sequence[str], outputs: Sequence[str]) -> Row:
+    """Zeros for the columns of friction that outputs name and contacts without any do not have."""
+    begins = tuple(f"{plain_name(name)}_friction_{part}_" for name in contacts for part in ("x", "y", "z", "work"))
+    return {name: 0.0 for name in outputs if name.startswith(begins)}
 
 
 @dataclass
