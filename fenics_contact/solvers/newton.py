@@ -14,6 +14,7 @@ from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
+from fenics_contact.solvers.secants import Secants
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Vec
 
@@ -27,7 +28,7 @@ UPRIGHT = 6  # halvings of an increment that turns an element inside out, where 
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
 # what share of it: where it is a solve of Krylov's method or contacts are not averages, and where it is a back-substitution
-CORRECTED = {False: (HELD, 0.3), True: (30 * HELD, 0.7)}
+CORRECTED = {False: (10 * HELD, 0.5), True: (30 * HELD, 0.7)}
 # Relative residual of such a solve by multigrid, a tenth of what it has to gain: the tangent is no longer the state's
 # own, so farther is no gain. Over a factorisation iterations are few
 LOOSER = 0.1 * CORRECTED[False][1]
@@ -63,6 +64,7 @@ class Newton:
 
     def __init__(self, linear: LinearSolver, tolerance: float = TOLERANCE, limit: int = 20) -> None:
         self.linear, self.tolerance, self.limit = linear, tolerance, limit
+        self._secants = Secants(linear.system)
 
     def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
@@ -90,6 +92,7 @@ class Newton:
         """
         report, (du, dq) = StepReport(), system.begin_step(t)
         if not system.condensed:
+            self._secants.forget()
             gain, before, size = CORRECTED[self.linear.substitutes][1], np.inf, _finite_residual(system)
             while BELOW * self.tolerance < size < gain * before:
                 before, size = size, self._correct(system, du, dq, size, report)
@@ -109,6 +112,7 @@ class Newton:
             advance = first_solve if solve == 1 else solve_once
             du, dq = advance(system, self.linear, du, dq, _forcing(before, self.tolerance))
             report.iterations += 1
+            self._secants.begin(du, dq)
             foresight.release()
             size = _finite_residual(system)
             left = 0.0
@@ -117,13 +121,15 @@ class Newton:
             if solve == 1:
                 upright(size)
             shorten = size > before and not foresight.settles
+            if shorten or left > 0.0:
+                self._secants.forget()
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
             follows, reach = FOLLOWED * resample, HELD
             while True:  # samples follow the surfaces, the factorisation at hand solves once more; then they are held
                 if follows and size < reach and (size > self.tolerance or follows == FOLLOWED):
-                    size, before, follows = _resampled(system, size), np.inf, follows - 1
+                    size, before, follows = self._resampled(system, size), np.inf, follows - 1
                     reach = HELD if size < HELD else NEARLY * HELD
                     resample = size >= HELD and solve <= 2 * SETTLING
                 if not (corrects and goal < size < min(worth, gain * before)):
@@ -154,17 +160,26 @@ class Newton:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force.
 
         Where Newton converges the tangent has hardly changed, and this costs far less than a new one (Shamanskii 1967), also
-        with an iterative solver: no assembly, and a preconditioner that fits.
+        with an iterative solver: no assembly, and a preconditioner that fits. What has changed each such solve learns from
+        those before it, see Secants.
         """
         try:
             loosest = LOOSER if self.linear.method == "iterative" else 0.0
             du, dq = self.linear.solve(*system.still(), max(_forcing(size, self.tolerance), loosest), again=True)
         except LinearFailure:
             return size
+        self._secants.improve(du, dq)
         report.corrections += 1
         system.update(du, dq)
         corrected = _finite_residual(system)
         return corrected if corrected < size else _move(system, du, dq, 1.0, 0.0)
+
+    def _resampled(self, system: System, size: float) -> float:
+        """Out-of-balance share with samples of averages where the surfaces lie; size: as it is."""
+        if not system.foresight.resample(system.state):
+            return size
+        self._secants.forget()
+        return _finite_residual(system)
 
     def _upright(self, system: System, du: Vec, dq: Floats) -> tuple[float, float]:
         """Halve an increment until no element is inside out; returns the out-of-balance force and the share left undone."""
@@ -246,11 +261,6 @@ def _move(system: System, du: Vec, dq: Floats, start: float, end: float) -> floa
     step.scale(end - start)
     system.update(step, (end - start) * dq, end)
     return _finite_residual(system)
-
-
-def _resampled(system: System, size: float) -> float:
-    """Out-of-balance share with samples of averages where the surfaces lie; size: as it is."""
-    return _finite_residual(system) if system.foresight.resample(system.state) else size
 
 
 def _finite_residual(system: System) -> float:
