@@ -9,10 +9,7 @@ import numpy as np
 from fenics_contact.assembly.block_operator import Blocks, called_back, entries
 from fenics_contact.assembly.petsc_memory import HANDLE, called
 from fenics_contact.kernels.block_products import BlockRows, sweep_down, sweep_up
-from fenics_contact.types import Floats, Ints64
-
-# over the lower or upper half, that half, and what the other one gives since the last sweep and this one
-Sweep = tuple[Callable[..., None], BlockRows, Floats, Floats]
+from fenics_contact.types import Ints64
 
 
 class GaussSeidel:
@@ -25,7 +22,8 @@ class GaussSeidel:
 
     def __init__(self, pc: Any, blocks: Blocks, sweeps: int) -> None:
         self._blocks, self._sweeps, self._inverses = blocks, sweeps, np.zeros(9 * blocks.rows)
-        self._above, self._below, self._right = (np.zeros(3 * blocks.rows) for _ in range(3))
+        self._products = np.zeros(3 * blocks.rows), np.zeros(3 * blocks.rows)  # of what lies above and below the diagonal
+        self._right = np.zeros(3 * blocks.rows)
         self._product = called_back(self._multiply)
         pc.setType("shell")
         called("PCShellSetApply", HANDLE(pc.handle), self._product)
@@ -37,32 +35,31 @@ class GaussSeidel:
 
     def _multiply(self, x: int, y: int) -> None:
         blocks, order, (lower, upper) = self._blocks, self._blocks.order, self._blocks.halves
-        down, up = (sweep_down, lower, self._above, self._below), (sweep_up, upper, self._below, self._above)
-        self._above[:] = 0.0
+        down, up = (sweep_down, lower), (sweep_up, upper)
+        self._products[0][:] = 0.0
         blocks.forget()
         called("VecSet", HANDLE(y), ctypes.c_double(0.0))
         for _ in range(self._sweeps):
-            self._sweep(down, order.inner, x, y)
+            self._sweep(*down, order.inner, x, y)
             for turn in range(order.turns):
                 if turn:
                     blocks.exchange(y)
                 if turn == order.turn:
-                    self._sweep(down, order.border, x, y)
+                    self._sweep(*down, order.border, x, y)
             for turn in reversed(range(order.turns)):
                 if turn + 1 < order.turns:
                     blocks.exchange(y)
                 if turn == order.turn:
-                    self._sweep(up, order.border, x, y)
-            self._sweep(up, order.inner, x, y)
+                    self._sweep(*up, order.border, x, y)
+            self._sweep(*up, order.inner, x, y)
 
-    def _sweep(self, sweep: Sweep, rows: Ints64, x: int, y: int) -> None:
-        """One sweep over some rows."""
+    def _sweep(self, sweep: Callable[..., None], half: BlockRows, rows: Ints64, x: int, y: int) -> None:
+        """One way over some rows; half: the blocks on their side that it reads."""
         if not len(rows):
             return
-        kernel, half, known, found = sweep
         size = len(self._right)
         with entries(x, size) as b, entries(y, size, written=True) as out:
             if rows is self._blocks.order.border:
                 self._blocks.less_others(b, self._right)
                 b = self._right
-            kernel(half, self._inverses, rows, b, known, out, found)
+            sweep(half, self._inverses, rows, b, out, self._products)

@@ -10,7 +10,7 @@ from fenics_contact.contact.rigid_anchors import RigidAnchors
 from fenics_contact.contact.rigid_places import RigidFeet, RigidPlaces
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
-from fenics_contact.contact.trial import Law, Response, Trial
+from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN
@@ -33,12 +33,13 @@ class RigidPartner(PointPressures):
         self.foresees = self.softens = self.smooth = tool.edge_kind != "sharp"
         self.places, self.anchors = RigidPlaces(surface, tool, index), RigidAnchors(self)
 
-    def laws(self, law: Law, touch: float | None = None) -> ElementLaws:
+    def laws(self, trial: Trial, touch: float | None = None) -> ElementLaws:
         """Laws as kernels/rigid_element.py takes them; touch [length]: in the place of the law's own."""
-        friction = law.friction
+        law, friction = trial.law, trial.law.friction
         if friction.ratio != 1.0:  # its direction is seen in the tool's frame, with which it turns
             friction = friction._replace(along=tuple(self.tool.axes.T @ friction.along))
-        return law.eps_n, law.eps_t, self.surface.stiffness, friction, float(law.touch if touch is None else touch)
+        touch = float(law.touch if touch is None else touch)
+        return law.eps_n, law.eps_t, self.surface.stiffness, friction, touch, trial.judged
 
     def friction(self, feet: RigidFeet, trial: Trial) -> Friction:
         """The law of friction where the tool is."""
@@ -53,7 +54,7 @@ class RigidPartner(PointPressures):
         history = trial.history.anchors[0], trial.history.shift
         out = forces, tangent, traction, gap, status, cover
         where = self.places.points_at(feet, trial.area)
-        contact_elements(*where, self.laws(trial.law), history, trial.judged, want_tangent, out)
+        contact_elements(*where, self.laws(trial), history, want_tangent, out)
         return Response(traction, gap, status, cover, forces), tangent
 
     def response(self, feet: RigidFeet, trial: Trial) -> Response:

@@ -29,7 +29,7 @@ class RigidAnchors(SingleAnchors):
     def _committed(self, feet: RigidFeet, trial: Trial, touch: float | None) -> tuple[Anchors, Floats]:
         new, sliding = np.empty_like(trial.history.anchors[0]), np.empty_like(trial.area)
         history = trial.history.anchors[0], trial.history.shift
-        committed_anchors(*self._partner.places.points_at(feet), self._partner.laws(trial.law, touch), history, new, sliding)
+        committed_anchors(*self._partner.places.points_at(feet), self._partner.laws(trial, touch), history, new, sliding)
         return (new,), sliding
 
     def slips(self, feet: RigidFeet, trial: Trial, status: Ints) -> Floats:

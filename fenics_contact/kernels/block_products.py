@@ -10,6 +10,7 @@ from fenics_contact.types import Array, Floats, Ints64
 
 Count: TypeAlias = Any  # np.uint64
 BlockRows = tuple[Array, Array, Array]  # offsets, columns, blocks by columns, flat
+Products = tuple[Floats, Floats]  # U x (3 rows,) and L x (3 rows,), what lies above and below the diagonal
 
 
 @njit(cache=True)
@@ -98,13 +99,13 @@ def less_others(others: BlockRows, beyond: Floats, rows: Ints64, b: Floats, out:
 
 
 @njit(cache=True)
-def sweep_down(lower: BlockRows, inverse: Floats, rows: Ints64, b: Floats, above: Floats, x: Floats, below: Floats) -> None:
-    """Gauss-Seidel over rows in their order: x_i = D_i^-1 (b_i - (L x)_i - above_i) and below = L x.
+def sweep_down(lower: BlockRows, inverse: Floats, rows: Ints64, b: Floats, x: Floats, products: Products) -> None:
+    """Gauss-Seidel over rows in their order: x_i = D_i^-1 (b_i - (L x)_i - (U x)_i), with the U x of products; fills L x.
 
     lower: the blocks before each row and its own; inverse (9 n,): of these. As U x is known from the sweep before, and L x
     is for the next one, a sweep reads half the matrix (Conrad & Wallach 1979, doi:10.1007/BF01399555).
     """
-    offsets, columns, blocks = lower
+    (offsets, columns, blocks), (above, below) = lower, products
     blocks, x, b = blocks.reshape(-1, 9), x.reshape(-1, 3), b.reshape(-1, 3)
     inverse, above, below = inverse.reshape(-1, 9), above.reshape(-1, 3), below.reshape(-1, 3)
     for i in rows:
@@ -116,9 +117,9 @@ def sweep_down(lower: BlockRows, inverse: Floats, rows: Ints64, b: Floats, above
 
 
 @njit(cache=True)
-def sweep_up(upper: BlockRows, inverse: Floats, rows: Ints64, b: Floats, below: Floats, x: Floats, above: Floats) -> None:
-    """The sweep back: x_i = D_i^-1 (b_i - below_i - (U x)_i) and above = U x, as `sweep_down`; upper: behind each row."""
-    offsets, columns, blocks = upper
+def sweep_up(upper: BlockRows, inverse: Floats, rows: Ints64, b: Floats, x: Floats, products: Products) -> None:
+    """The sweep back, as `sweep_down`, with the L x of products; fills U x; upper: the blocks behind each row."""
+    (offsets, columns, blocks), (above, below) = upper, products
     blocks, x, b = blocks.reshape(-1, 9), x.reshape(-1, 3), b.reshape(-1, 3)
     inverse, above, below = inverse.reshape(-1, 9), above.reshape(-1, 3), below.reshape(-1, 3)
     for i in rows[::-1]:

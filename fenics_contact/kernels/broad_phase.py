@@ -73,13 +73,12 @@ def cell_size(low: Floats, high: Floats, origin: Floats) -> float:
 
 
 @njit(cache=True)
-def _fill_grid(
-    low: Floats, high: Floats, origin: Floats, h: float, mask: int, start: Ints64, cells: Ints64, facets: Ints64
-) -> None:
+def _fill_grid(boxes: Boxes, grid: Grid) -> None:
     """Enter each box into the cells it touches: bucket b holds rows start[b] to start[b + 1].
 
     Called twice: with no rows in cells it counts into start[b + 2]; then it fills and moves start[b + 1] along.
     """
+    (low, high), (origin, h, mask, start, cells, facets) = boxes, grid
     count_only = cells.shape[0] == 0
     for f in range(low.shape[0]):
         i0, i1 = _cell(low[f, 0], origin[0], h), _cell(high[f, 0], origin[0], h)
@@ -144,14 +143,13 @@ def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: f
     while buckets < 4 * n:  # about as many as there are cells of a surface
         buckets *= 2
     start = np.zeros(buckets + 2, np.int64)
-    cells, facets = np.empty((0, 3), np.int64), np.empty(0, np.int64)
-    _fill_grid(low, high, origin, h, buckets - 1, start, cells, facets)
+    boxes, empty = (low, high), (np.empty((0, 3), np.int64), np.empty(0, np.int64))
+    _fill_grid(boxes, (origin, h, buckets - 1, start, *empty))
     for b in range(buckets + 1):
         start[b + 1] += start[b]
-    cells, facets = np.empty((start[-1], 3), np.int64), np.empty(start[-1], np.int64)
-    _fill_grid(low, high, origin, h, buckets - 1, start, cells, facets)
+    grid = origin, h, buckets - 1, start, np.empty((start[-1], 3), np.int64), np.empty(start[-1], np.int64)
+    _fill_grid(boxes, grid)
 
-    boxes, grid = (low, high), (origin, h, buckets - 1, start, cells, facets)
     found = np.empty(0, np.int64)
     for q in range(n_points):
         n_q = _query(points[q], boxes, grid, found, 0)

@@ -14,6 +14,7 @@ from fenics_contact.kernels.deformable_element import (
     FIRST,
     JUMP,
     SECOND,
+    Anchors,
     Pair,
     Pairs,
     PointLaws,
@@ -26,7 +27,7 @@ from fenics_contact.kernels.deformable_element import (
 from fenics_contact.kernels.law import partials
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.kernels.vectors import Four, dot
+from fenics_contact.kernels.vectors import Four, Vector
 from fenics_contact.types import Bools, Floats, Ints64
 
 
@@ -44,12 +45,11 @@ def add_tangents(pairs: Pairs, law: PointLaws, pattern: Pattern, out: tuple[Floa
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
     beta, dn, rates = np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 9))
     share, spread = np.zeros((4, k + 8)), np.zeros((3, 9 * (k + 8)))
-    ray, lean = len(slaves[3]) > 0, (0.0, 0.0)
-    done, missing = np.zeros(points, np.bool_), 0
+    ray, done, missing = len(slaves[3]) > 0, np.zeros(points, np.bool_), 0
     for first in range(points):
         if done[first] or not presses(first, projection, law):
             continue
-        felt, has_anchor = felt_nodes(first, slaves[0], corners, facet, anchors[0], nodes), anchors[0][first, 0] >= 0
+        felt = felt_nodes(first, slaves[0], corners, facet, anchors[0], nodes)
         matrix[:] = 0.0
         pressed = False
         for q in range(first, points):
@@ -64,14 +64,13 @@ def add_tangents(pairs: Pairs, law: PointLaws, pattern: Pattern, out: tuple[Floa
             if found.status == OPEN:
                 continue
             if ray:
-                lean = dot(pair.n, pair.r1), dot(pair.n, pair.r2)
                 ray_rates(pair, beta, dn)
             else:
                 foot_rate(kind[q], surface[1][facet[q]], feature[q], pair, beta)
                 normal_rate(kind[q], pair, beta, dn)
             by = partials(numbers, gaps, pair.n, pair.w, found)
-            traction_rate(found.T, by, pair, lean, beta, dn, rates)
-            _shares(q, slaves, anchors[1], felt, has_anchor, pair, share)
+            traction_rate(found.T, by, pair, beta, dn, rates)
+            _shares(q, slaves, anchors, felt, pair, share)
             _spread(slaves[2][q], felt, rates, share, spread)
             _add_point(q, slaves[1], 9 * felt, pair, spread, matrix)
             pressed = True
@@ -87,10 +86,10 @@ def _put_four(table: Floats, i: int, first: int, scale: float, values: Four) -> 
 
 
 @njit(cache=True)
-def _shares(q: int, slaves: Slaves, anchor_weights: Floats, felt: int, has_anchor: bool, pair: Pair, share: Floats) -> None:
+def _shares(q: int, slaves: Slaves, anchors: Anchors, felt: int, pair: Pair, share: Floats) -> None:
     """Fill share (4, k + 8): the parts of the nodes in the modes of point q."""
-    _, weights, _, gradients = slaves
-    k = weights.shape[1]
+    (_, weights, _, gradients), (anchor_nodes, anchor_weights) = slaves, anchors
+    k, has_anchor = weights.shape[1], anchor_nodes[q, 0] >= 0
     _put_four(share, JUMP, k, -1.0, pair.N)
     _put_four(share, DRAG, k, 1.0, pair.N)
     for i in range(k):
@@ -128,15 +127,16 @@ def _add_point(q: int, weights: Floats, width: int, pair: Pair, spread: Floats, 
     for i in range(k):
         for c in range(width):
             matrix[i, c] += weights[q, i] * spread[0, c]
-    _add_row(k, width, pair.N[0], pair.N1[0], pair.N2[0], spread, matrix)
-    _add_row(k + 1, width, pair.N[1], pair.N1[1], pair.N2[1], spread, matrix)
-    _add_row(k + 2, width, pair.N[2], pair.N1[2], pair.N2[2], spread, matrix)
-    _add_row(k + 3, width, pair.N[3], pair.N1[3], pair.N2[3], spread, matrix)
+    _add_row(k, width, (pair.N[0], pair.N1[0], pair.N2[0]), spread, matrix)
+    _add_row(k + 1, width, (pair.N[1], pair.N1[1], pair.N2[1]), spread, matrix)
+    _add_row(k + 2, width, (pair.N[2], pair.N1[2], pair.N2[2]), spread, matrix)
+    _add_row(k + 3, width, (pair.N[3], pair.N1[3], pair.N2[3]), spread, matrix)
 
 
 @njit(cache=True)
-def _add_row(row: int, width: int, N: float, N1: float, N2: float, spread: Floats, matrix: Floats) -> None:
-    """The forces on a node of the facet, on which x_M moves."""
+def _add_row(row: int, width: int, shape: Vector, spread: Floats, matrix: Floats) -> None:
+    """The forces on a node of the facet, on which x_M moves; shape: N, N_,1 and N_,2 of the node."""
+    N, N1, N2 = shape
     for c in range(width):
         matrix[row, c] -= N * spread[0, c] + N1 * spread[1, c] + N2 * spread[2, c]
 

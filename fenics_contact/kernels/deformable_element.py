@@ -186,15 +186,14 @@ def normal_rate(kind: int, pair: Pair, beta: Floats, dn: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def traction_rate(
-    T: Vector, by: Partials, pair: Pair, lean: tuple[float, float], beta: Floats, dn: Floats, rates: Floats
-) -> None:
+def traction_rate(T: Vector, by: Partials, pair: Pair, beta: Floats, dn: Floats, rates: Floats) -> None:
     """Fill rates (4, 3, 9): T moves by rates[m, 0] d(mode m), 3 x 3; T xi^1 and T xi^2, T held, by rates[m, 1] and [m, 2].
 
-    The law's Partials `by` of the traction T (3,) meet the rates of gap, normal and way: (26)-(28). lean: n . r_1 and
-    n . r_2, zero where n is the master's own normal.
+    The law's Partials `by` of the traction T (3,) meet the rates of gap, normal and way: (26)-(28).
     """
     by_n, by_w, r1, r2 = by.n, by.w, pair.r1, pair.r2
+    # n . r_a, zero where n is the master's own normal
+    lean = (dot(pair.n, r1), dot(pair.n, r2)) if pair.size > 0.0 else (0.0, 0.0)
     along1 = dot(by_w[0], r1), dot(by_w[1], r1), dot(by_w[2], r1)  # dw = r_a dxi^a, (10), + drag
     along2 = dot(by_w[0], r2), dot(by_w[1], r2), dot(by_w[2], r2)
     for mode in range(DRAG):

@@ -292,7 +292,7 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
         if found.status == STICK and len(judged) > 0:
             for a in range(3):
                 T[A, a] = share[A] * numbers.eps_t * judged[A, 1 + a]
-        _put_rows(rates, A, 1, weight * share[A], by.w[0], by.w[1], by.w[2])
+        _put_rows(rates, A, 1, weight * share[A], by.w)
         slope = _series(A, law, averaged)[1]  # both penalties grow alike: so does what sticks, and what slips with N
         rates[A, 0, 4] = slope * N[A]
         for a in range(3):
@@ -300,13 +300,13 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
             rates[A, 1 + a, 4] = slope * (T[A, a] if found.status == STICK else by_N)
         length = norm(row(directions, A)) if len(directions) > 0 else 0.0
         if found.status == SLIP and length > 0.0:
-            one, two, three = direction_rate(numbers.friction, found.tangential, length)
-            _put_rows(rates, A, 5, share[A], one, two, three)
+            _put_rows(rates, A, 5, share[A], direction_rate(numbers.friction, found.tangential, length))
     return rates, N, T
 
 
 @njit(cache=True)
-def _put_rows(rates: Floats, A: int, at: int, share: float, one: Vector, two: Vector, three: Vector) -> None:
+def _put_rows(rates: Floats, A: int, at: int, share: float, rows: tuple[Vector, Vector, Vector]) -> None:
+    one, two, three = rows
     for b in range(3):
         rates[A, 1, at + b], rates[A, 2, at + b], rates[A, 3, at + b] = share * one[b], share * two[b], share * three[b]
 

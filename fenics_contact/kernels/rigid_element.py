@@ -9,7 +9,8 @@ Arrays travel in groups (tuples):
              tributary reference areas [length^2], spacing (ne,) of the points [length])
     tool     (kind, shape (4,), origin (3,), axes (3, 3), travel (3,)), kind and shape as in kernels/rigid_shapes.py
     law      (eps_n (ne,), eps_t (ne,), body (ne,): penalties and stiffness beneath [pressure/length], Friction of
-             kernels/law.py, touch [length])
+             kernels/law.py, touch [length], judged (ne nq,): pressures that points start from over -eps_n [length], which
+             decide their status and with which the tangent is taken; (0,): present ones)
     history  (anchor (ne, nq, 3) in the tool's frame, shift (ne, nq) [length]: multiplier over eps_n, by which a point
              presses more than its gap does)
 """
@@ -26,7 +27,7 @@ from fenics_contact.types import Floats, Ints
 # The groups, in this order
 Points = tuple[Floats, Floats, Floats, Floats]
 ToolPose = tuple[int, Floats, Floats, Floats, Floats]
-ElementLaws = tuple[Floats, Floats, Floats, Friction, float]
+ElementLaws = tuple[Floats, Floats, Floats, Friction, float, Floats]
 ToolHistory = tuple[Floats, Floats]
 # force, tangent, traction, gap, status, cover of `contact_elements`
 Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats]
@@ -87,17 +88,15 @@ def _edge_penalty(eps: float, body: float, cover: float) -> tuple[float, float]:
 
 @njit(cache=True)
 def contact_elements(
-    points: Points, tool: ToolPose, law: ElementLaws, history: ToolHistory, judged: Floats, want_tangent: bool, out: Elements
+    points: Points, tool: ToolPose, law: ElementLaws, history: ToolHistory, want_tangent: bool, out: Elements
 ) -> None:
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
-    judged (ne nq,): pressures that points start from over -eps_n [length], which decide their status and with which the
-    tangent is taken; (0,): present ones.
     out: (force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative; per point traction (ne, nq, 3), gap,
     status (ne, nq), and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge).
     """
     a, area, axes = points[1], points[2], tool[3]
-    eps_n, eps_t, body, friction, touch = law
+    eps_n, eps_t, body, friction, touch, judged = law
     force, tangent, tractions, gap, status, cover = out
     scratch, D = _scratch(), np.empty((3, 3))
     H, dcover = scratch[3:]
@@ -136,17 +135,18 @@ def contact_elements(
 @njit(cache=True)
 def _rate(by: Partials, g: float, n: Vector, H: Floats, deps: Vector) -> Rows:
     """dT/dx by rows, of Partials `by`: dg = n.dx, dn = H dx, dw = (I - n n^T - g H) dx by (4), and dT/dw n = 0."""
-    turn = row(H, 0), row(H, 1), row(H, 2)
+    turn, gradients = (row(H, 0), row(H, 1), row(H, 2)), (n, deps)
     return (
-        _rate_row(by.g[0], by.eps_n[0], less(by.n[0], g, by.w[0]), by.w[0], n, deps, turn),
-        _rate_row(by.g[1], by.eps_n[1], less(by.n[1], g, by.w[1]), by.w[1], n, deps, turn),
-        _rate_row(by.g[2], by.eps_n[2], less(by.n[2], g, by.w[2]), by.w[2], n, deps, turn),
+        _rate_row((by.g[0], by.eps_n[0]), gradients, less(by.n[0], g, by.w[0]), by.w[0], turn),
+        _rate_row((by.g[1], by.eps_n[1]), gradients, less(by.n[1], g, by.w[1]), by.w[1], turn),
+        _rate_row((by.g[2], by.eps_n[2]), gradients, less(by.n[2], g, by.w[2]), by.w[2], turn),
     )
 
 
 @njit(cache=True)
-def _rate_row(by_g: float, by_eps: float, by_n: Vector, by_w: Vector, n: Vector, deps: Vector, H: Rows) -> Vector:
-    return plus(less(less(by_w, -by_g, n), -by_eps, deps), of_three(by_n, H[0], H[1], H[2]))
+def _rate_row(slopes: tuple[float, float], gradients: tuple[Vector, Vector], by_n: Vector, by_w: Vector, H: Rows) -> Vector:
+    """slopes: with gap and penalty, that have these gradients."""
+    return plus(less(less(by_w, -slopes[0], gradients[0]), -slopes[1], gradients[1]), of_three(by_n, H[0], H[1], H[2]))
 
 
 @njit(cache=True)
@@ -169,7 +169,7 @@ def committed_anchors(
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
     the elastic slip T_T/eps_T ends: the return mapping of (16). Fills new_anchor and sliding (ne, nq) [length].
     """
-    eps_n, eps_t, body, friction, touch = law
+    eps_n, eps_t, body, friction, touch, _ = law
     scratch = _scratch()
     for e in range(sliding.shape[0]):
         for q in range(sliding.shape[1]):

@@ -9,6 +9,7 @@ import math
 from numba import njit
 
 from fenics_contact.kernels.rigid_profiles import extrusion, revolution, torus
+from fenics_contact.kernels.vectors import Vector
 from fenics_contact.types import Floats
 
 PLANE = 0
@@ -26,9 +27,9 @@ ON_AXIS = 1e-9  # of the distance from the apex: nearer to the axis a cone has n
 
 
 @njit(cache=True)
-def _ball(y0: float, y1: float, y2: float, active: Floats, radius: float, n: Floats, H: Floats) -> float:
+def _ball(radius: float, y: Vector, active: Floats, n: Floats, H: Floats) -> float:
     """Distance to a ball (three active axes), round edge (two) or flat face (one) about the origin of the axes."""
-    a0, a1, a2 = y0 * active[0], y1 * active[1], y2 * active[2]
+    a0, a1, a2 = y[0] * active[0], y[1] * active[1], y[2] * active[2]
     length = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
     if length == 0.0:  # the centre has no nearest point: any fixed normal keeps the result finite
         n[0], n[1], n[2] = 0.0, 0.0, 0.0
@@ -69,7 +70,7 @@ def _box(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) ->
     c0 = math.copysign(parameters[0] - fillet, y[0])
     c1 = math.copysign(parameters[1] - fillet, y[1])
     c2 = math.copysign(parameters[2] - fillet, y[2])
-    return _ball(y[0] - c0, y[1] - c1, y[2] - c2, active, fillet, n, H)
+    return _ball(fillet, (y[0] - c0, y[1] - c1, y[2] - c2), active, n, H)
 
 
 @njit(cache=True)
@@ -84,7 +85,7 @@ def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -
         return z - tip
     if r * s <= z * c:  # nearest to the tip
         active[:] = 1.0
-        return _ball(y[0], y[1], z, active, tip, n, H)
+        return _ball(tip, (y[0], y[1], z), active, n, H)
     x0, x1 = y[0] / r, y[1] / r
     n[0], n[1], n[2] = c * x0, c * x1, s
     H[0, 0], H[1, 1] = c / r * x1 * x1, c / r * x0 * x0
@@ -96,7 +97,7 @@ def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -
 def _round(kind: int, radius: float, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
     """Ball or endless cylinder; with a radius below zero the hollow of that radius in a tool without end."""
     active[0], active[1], active[2] = 1.0, 1.0, 0.0 if kind == CYLINDER else 1.0
-    g = _ball(y[0], y[1], y[2], active, abs(radius), n, H)
+    g = _ball(abs(radius), (y[0], y[1], y[2]), active, n, H)
     if radius >= 0.0:
         return g
     for i in range(3):
@@ -127,13 +128,13 @@ def _single(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats,
 
 
 @njit(cache=True)
-def _part(parts: Floats, at: int, x: tuple[float, float, float], y: Floats, active: Floats, n: Floats, H: Floats) -> float:
-    """Distance of x to the part of a union that begins at `at`, in whose frame y, n and H then are."""
+def _part(parts: Floats, at: int, x: Vector, y: Floats) -> tuple[int, Floats]:
+    """Kind and parameters of the part of a union that begins at `at`; fills y with place x in its frame."""
     r0, r1, r2 = x[0] - parts[at + 2], x[1] - parts[at + 3], x[2] - parts[at + 4]
     for i in range(3):
         y[i] = parts[at + 5 + i] * r0 + parts[at + 8 + i] * r1 + parts[at + 11 + i] * r2
     first = at + PART
-    return _single(int(parts[at]), parts[first : first + int(parts[at + 1])], y, active, n, H)
+    return int(parts[at]), parts[first : first + int(parts[at + 1])]
 
 
 @njit(cache=True)
@@ -142,11 +143,13 @@ def _union(parts: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> fl
     x = y[0], y[1], y[2]
     least, nearest, at = 1.0e300, 0, 0
     while at < len(parts):
-        g = _part(parts, at, x, y, active, n, H)
+        kind, parameters = _part(parts, at, x, y)
+        g = _single(kind, parameters, y, active, n, H)
         if g < least:
             least, nearest = g, at
         at += PART + int(parts[at + 1])
-    g = _part(parts, nearest, x, y, active, n, H)
+    kind, parameters = _part(parts, nearest, x, y)
+    g = _single(kind, parameters, y, active, n, H)
     axes = nearest + 5
     _turn(parts, axes, n)
     for i in range(3):

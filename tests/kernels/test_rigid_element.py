@@ -93,7 +93,7 @@ class Contact:
         return points, (self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, travel)
 
     def _law(self, mu, touch):
-        return *(np.array([v]) for v in (EPS_N, self.eps_t, BODY)), friction_of(mu), float(touch)
+        return *(np.array([v]) for v in (EPS_N, self.eps_t, BODY)), friction_of(mu), float(touch), self.judged
 
     def evaluate(self, u=None, travel=None, want_tangent=True):
         """Everything the kernel fills, over outputs that started as NaN."""
@@ -104,7 +104,7 @@ class Contact:
         status = np.full((1, nq), -7, np.int32)
         law, out = self._law(self.mu, self.touch), (force, tangent, T, gap, status, cover)
         history = self.anchor, self.shift
-        element.contact_elements(*self._at(u, travel), law, history, self.judged, want_tangent, out)
+        element.contact_elements(*self._at(u, travel), law, history, want_tangent, out)
         assert np.array_equal(before, self.anchor)  # evaluation writes no history
         return {
             "force": force[0], "K": tangent[0], "T": T[0], "gap": gap[0], "status": status[0],
@@ -533,9 +533,9 @@ def test_a_batch_is_its_elements_one_by_one():
     T, gap, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(2))
     status = np.zeros((ne, 1), np.int32)
     placed = tool.kind, tool.shape, tool.origin, tool.axes, tool.travel
-    points, law = (X + u[nodes], a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0)
+    points, law = (X + u[nodes], a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0, np.empty(0))
     out = force, tangent, T, gap, status, cover
-    element.contact_elements(points, placed, law, history, np.empty(0), True, out)
+    element.contact_elements(points, placed, law, history, True, out)
     for e, r in enumerate(alone):
         assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]
         assert np.array_equal(force[e], r["force"]) and np.array_equal(tangent[e], r["K"])
