@@ -137,10 +137,8 @@ class Crossing:
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         gap, out = np.empty(n), np.empty((n, 3))
         lists = candidates(points, y, other.corners, other.size, search)
-        surface = other.corners, other.size
-        closest_points(
-            points, normals, y, surface, lists, search, FACING, (facet, kind, feature, np.empty((n, 2)), gap, out)
-        )
+        master, projection = (y, (other.corners, other.size)), (facet, kind, feature, np.empty((n, 2)), gap, out)
+        closest_points(points, normals, master, lists, (search, FACING), projection)
         inside = gap < 0.0
         for what, border in other.border.items():
             inside &= (kind != what) | ~border[facet, feature]

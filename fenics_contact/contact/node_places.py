@@ -124,7 +124,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         N = np.empty((n, 3, self.facets[0].shape[1]))
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, s.corners, s.rims, points, (self._corners, self._ends), sight, projection, cover)
+        coverage(coords, (points, s.corners, s.rims), (self._corners, self._ends), sight, projection, cover)
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames

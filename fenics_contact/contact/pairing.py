@@ -9,7 +9,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.kernels import coverage
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
-from fenics_contact.kernels.facets import MAX_NODES, Surface
+from fenics_contact.kernels.facets import MAX_NODES, PlacedSurface, Surface
 from fenics_contact.kernels.quadratic import quadratic_rays
 from fenics_contact.kernels.slave_ray import facet_directions, slave_rays
 from fenics_contact.timing import Timers
@@ -21,8 +21,8 @@ FACING = 0.0  # cosine of outward normals above which a facet looks the slave's 
 BEYOND = 0.1
 FAR_BEYOND = 1.0  # the same for samples, of which some lies over the master while they miss it by less than their own size
 
-# points, their normals, coords, facets, lists, search, projection to fill
-Seek = Callable[[Floats, Floats, Floats, Surface, Lists, float, Projection], None]
+# points, their normals, coords and facets of the master, lists, search, projection to fill
+Seek = Callable[[Floats, Floats, PlacedSurface, Lists, float, Projection], None]
 
 
 class Watch:
@@ -46,7 +46,7 @@ class Watch:
 class Pairing:
     """Partners of slave points on a master surface within `search` [length].
 
-    facets: the master's (nodes, size); seek(points, normals, coords, facets, lists, search, projection): what fills the
+    facets: the master's (nodes, size); seek(points, normals, (coords, facets), lists, search, projection): what fills the
     projection arrays of kernels/closest_point.py.
 
     Candidate lists are a cache: they hold all facets within search + margin and are renewed when points and facets have
@@ -84,41 +84,37 @@ class Pairing:
         n = len(points)
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         out = facet, kind, feature, np.empty((n, 2)), np.empty(n), np.empty((n, 3))
-        self.seek(points, normals, coords, self.facets, lists, search, out)
+        self.seek(points, normals, (coords, self.facets), lists, search, out)
         return out
 
 
 def seek_closest(
-    points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+    points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection
 ) -> None:
     """Closest point on the master, for slave nodes."""
-    closest_points(points, normals, coords, facets, lists, search, FACING, out)
+    closest_points(points, normals, master, lists, (search, FACING), out)
 
 
 def seek_on_quadratic(
-    points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+    points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection
 ) -> None:
     """Where facets of degree 2 are met along given unit normals (np, 3) out of the slave."""
-    quadratic_rays(points, -normals, coords, facets, lists, (search, 0.0, FACING), out)
+    quadratic_rays(points, -normals, master, lists, (search, 0.0, FACING), out)
 
 
-def seek_along(
-    points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
-) -> None:
+def seek_along(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
     """Where the master is met along given unit normals (np, 3) out of the slave."""
-    rays = slave_rays if facets[0].shape[1] == MAX_NODES else quadratic_rays
-    rays(points, -normals, coords, facets, lists, (search, FAR_BEYOND, coverage.FACING), out)
+    rays = slave_rays if master[1][0].shape[1] == MAX_NODES else quadratic_rays
+    rays(points, -normals, master, lists, (search, FAR_BEYOND, coverage.FACING), out)
 
 
 def seek_in_sight(sight: coverage.Sight, corners: Surface) -> Seek:
     """Seeker along given unit normals among the facets (their corners) that looked towards the points in a `sight`."""
 
-    def seek(
-        points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
-    ) -> None:
-        rays = slave_rays if facets[0].shape[1] == MAX_NODES else quadratic_rays
+    def seek(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
+        rays = slave_rays if master[1][0].shape[1] == MAX_NODES else quadratic_rays
         seen = coverage.in_sight(lists, sight, corners)
-        rays(points, -normals, coords, facets, seen, (search, FAR_BEYOND, FACING), out)
+        rays(points, -normals, master, seen, (search, FAR_BEYOND, FACING), out)
 
     return seek
 
@@ -128,11 +124,9 @@ def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
     points may lie on the border of their surface."""
     beyond = BEYOND if corners else 0.0
 
-    def seek(
-        points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
-    ) -> None:
+    def seek(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
         directions = np.empty((len(points), 3))
-        facet_directions(coords, nodes, gradients, directions)
-        slave_rays(points, directions, coords, facets, lists, (search, beyond, FACING), out)
+        facet_directions(master[0], nodes, gradients, directions)
+        slave_rays(points, directions, master, lists, (search, beyond, FACING), out)
 
     return seek

@@ -9,7 +9,7 @@ from fenics_contact.contact.on_facets import unit
 from fenics_contact.contact.pairing import Pairing, Seek, seek_on_quadratic
 from fenics_contact.contact.point_places import PointPlaces
 from fenics_contact.kernels.closest_point import Lists, Projection
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.facets import PlacedSurface
 from fenics_contact.types import Floats, Ints
 
 
@@ -18,9 +18,9 @@ class QuadraticPlaces(PointPlaces):
 
     def _seek(self) -> Seek:
         def seek(
-            points: Floats, normals: Floats, coords: Floats, facets: Surface, lists: Lists, search: float, out: Projection
+            points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection
         ) -> None:
-            seek_on_quadratic(points, self._outward(coords), coords, facets, lists, search, out)
+            seek_on_quadratic(points, self._outward(master[0]), master, lists, search, out)
 
         return seek
 

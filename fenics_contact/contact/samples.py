@@ -63,9 +63,9 @@ class SlaveFacets:
         part = QUADRATIC if skin.whole else LINEAR
         # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
         strip = skin.section is not None
-        self._rules: Rules = gauss(4, part, 1 if strip else part), gauss(3, part), not skin.whole
-        self._rule, nf = gauss(m, count, 1 if strip else count), len(self.nodes)
-        (places, weights), n = self._rule, len(self._rule[1])
+        rule, nf = gauss(m, count, 1 if strip else count), len(self.nodes)
+        self._rules: Rules = gauss(4, part, 1 if strip else part), gauss(3, part), rule, not skin.whole
+        (places, weights), n = rule, len(rule[1])
         self.whole: Sites = n * np.arange(nf + 1), np.tile(places, (nf, 1)), np.tile(weights, nf)
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
@@ -99,7 +99,7 @@ class SlaveFacets:
         around = candidates(coords[self.corners].mean(axis=1), coords, *master[0], search + self._skin.longest)
         near, mean = (around, search), normals[self.group].sum(axis=1)
         slave = self.corners, mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
-        first, kernel = np.empty(len(self.nodes) + 1, dtype=np.int64), (coords, slave, master, near, self._rules, self._rule)
+        first, kernel = np.empty(len(self.nodes) + 1, dtype=np.int64), (coords, slave, master, near, self._rules)
         while True:
             places, weights = np.empty((self._room, 2)), np.empty(self._room)
             count = facet_parts(*kernel, (first, places, weights))

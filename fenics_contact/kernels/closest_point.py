@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.facets import Surface, corner, gather, patch, patch_normal
+from fenics_contact.kernels.facets import PlacedSurface, corner, gather, patch, patch_normal
 from fenics_contact.types import Floats, Ints64
 
 NONE = 0
@@ -34,9 +34,12 @@ Lists = tuple[Ints64, Ints64]  # candidates: offsets (np + 1,), facets
 # facet (np,), kind (np,), feature (np,), xi (np, 2), gap (np,) [length], normal (np, 3)
 Projection = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats]
 Foot = tuple[int, int, float, float, float]  # kind, feature, xi1, xi2, distance^2
-Feet = tuple[Ints64, Floats]  # on the listed facets: kind and feature (., 2); xi1, xi2, distance, facet size (., 4)
+# listed facets (n,), and on them, with room for more: kind and feature (., 2); xi1, xi2, distance, facet size (., 4)
+Feet = tuple[Ints64, Ints64, Floats]
 Terms = tuple[float, float, float, float, float, float, float]  # what `_terms` returns
-Work = tuple[Floats, Floats, Floats, Floats, Floats]  # scratch: two (4, 3), three (3,)
+Limits = tuple[float, float]  # search [length], facing: cosine of normals
+# scratch: corners and patch of a facet (4, 3), a normal, a foot and a mean normal (3,)
+Work = tuple[Floats, Floats, Floats, Floats, Floats]
 
 
 @njit(cache=True)
@@ -214,25 +217,13 @@ def _corner_angle(m: int, xf: Floats, i: int) -> float:
 
 
 @njit(cache=True)
-def _scan(
-    x: Floats,
-    x_normal: Floats,
-    coords: Floats,
-    surface: Surface,
-    listed: Ints64,
-    limits: tuple[float, float],
-    feet: Feet,
-    work: Work,
-) -> int:
+def _scan(x: Floats, x_normal: Floats, master: PlacedSurface, limits: Limits, feet: Feet, work: Work) -> int:
     """Foot on each listed facet; return the winner's place in the list, or -1.
 
-    Fills feet = (kinds (., 2): kind and feature, places (., 4): xi1, xi2, distance and facet size).  limits =
-    (search, facing): facets that look the slave point's own way (n . slave normal > facing) or lie beyond search get
-    kind NONE.
+    Fills kinds and places of feet; facets that look the slave point's own way (n . slave normal > facing) or lie beyond
+    search get kind NONE.
     """
-    search, facing = limits
-    nodes, size = surface
-    kinds, places = feet
+    (coords, (nodes, size)), (search, facing), (listed, kinds, places) = master, limits, feet
     xf, c, n = work[0], work[1], work[2]
     nearest = np.inf
     for j in range(listed.shape[0]):
@@ -261,13 +252,11 @@ def _scan(
 
 
 @njit(cache=True)
-def _pseudo_normal(
-    winner: int, coords: Floats, surface: Surface, listed: Ints64, feet: Feet, foot: Floats, pseudo: Floats, work: Work
-) -> bool:
-    """Angle-weighted normal, into pseudo (3,), of the facets that share the winner's foot; True if they surround it."""
-    nodes, size = surface
-    kinds, places = feet
-    xf, c, n = work[0], work[1], work[2]
+def _pseudo_normal(winner: int, master: PlacedSurface, feet: Feet, work: Work) -> bool:
+    """Angle-weighted normal, the last of work, of the facets that share the winner's foot, the one before it; True if they
+    surround it."""
+    (coords, (nodes, size)), (listed, kinds, places) = master, feet
+    xf, c, n, foot, pseudo = work
     kind = kinds[winner, 0]
     pseudo[:] = 0.0
     count, ring = 0, 0
@@ -299,11 +288,10 @@ def _pseudo_normal(
 
 @njit(cache=True)
 def _gap_and_normal(
-    x: Floats, winner: int, coords: Floats, surface: Surface, listed: Ints64, feet: Feet, normal: Floats, work: Work
+    x: Floats, winner: int, master: PlacedSurface, feet: Feet, normal: Floats, work: Work
 ) -> tuple[int, float]:
     """Signed gap and normal (paper (1)) at the winner; returns (kind, gap), NONE beyond a free border."""
-    nodes, size = surface
-    kinds, places = feet
+    (coords, (nodes, size)), (listed, kinds, places) = master, feet
     xf, c, foot, pseudo = work[0], work[1], work[3], work[4]
     f, kind, distance = listed[winner], kinds[winner, 0], places[winner, 2]
     s, t = places[winner, 0], places[winner, 1]
@@ -316,7 +304,7 @@ def _gap_and_normal(
         gap += (x[p] - foot[p]) * normal[p]
     if kind == INTERIOR or distance <= 1e-2 * SAME * places[winner, 3]:
         return INTERIOR, gap  # at an edge itself (x_S - x_M)/g has no direction: take the facet's normal
-    closed = _pseudo_normal(winner, coords, surface, listed, feet, foot, pseudo, work)
+    closed = _pseudo_normal(winner, master, feet, work)
     along = 0.0
     for p in range(3):
         along += (x[p] - foot[p]) * pseudo[p]
@@ -332,36 +320,36 @@ def _gap_and_normal(
 def closest_points(
     points: Floats,
     point_normals: Floats,
-    coords: Floats,
-    surface: Surface,
+    master: PlacedSurface,
     lists: Lists,
-    search: float,
-    facing: float,
+    limits: Limits,
     projection: Projection,
 ) -> None:
-    """Project slave points (np, 3) with outward normals (np, 3) on a surface (nodes, size) at positions coords (nx, 3).
+    """Project slave points (np, 3) with outward normals (np, 3) on master = (coords (nx, 3), (nodes, size)).
 
-    lists = (offsets, facets) are the candidates.  Fills projection = (facet (np,), kind (np,), feature (np,) int64,
-    xi (np, 2), gap (np,), normal (np, 3)).  Without a partner: facet -1, kind NONE, gap inf.
+    lists = (offsets, facets) are the candidates, limits = (search, facing): how far partners may be, and from which cosine
+    of outward normals on facets are none.  Fills projection = (facet (np,), kind (np,), feature (np,) int64, xi (np, 2),
+    gap (np,), normal (np, 3)).  Without a partner: facet -1, kind NONE, gap inf.
     """
     offsets, listed = lists
     facet, kind, feature, xi, gap, normal = projection
     longest = 0
     for q in range(points.shape[0]):
         longest = max(longest, offsets[q + 1] - offsets[q])
-    feet = (np.empty((longest, 2), np.int64), np.empty((longest, 4)))
+    kinds, places = np.empty((longest, 2), np.int64), np.empty((longest, 4))
     work = (np.empty((4, 3)), np.empty((4, 3)), np.empty(3), np.empty(3), np.empty(3))
     for q in range(points.shape[0]):
         facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
         xi[q, 0] = xi[q, 1] = normal[q, 0] = normal[q, 1] = normal[q, 2] = 0.0
         mine = listed[offsets[q] : offsets[q + 1]]
-        winner = _scan(points[q], point_normals[q], coords, surface, mine, (search, facing), feet, work)
+        feet = mine, kinds, places
+        winner = _scan(points[q], point_normals[q], master, limits, feet, work)
         if winner < 0:
             continue
-        found, g = _gap_and_normal(points[q], winner, coords, surface, mine, feet, normal[q], work)
+        found, g = _gap_and_normal(points[q], winner, master, feet, normal[q], work)
         if found == NONE:
             normal[q, 0] = normal[q, 1] = normal[q, 2] = 0.0
             continue
         facet[q], kind[q], gap[q] = mine[winner], found, g
-        feature[q] = -1 if found == INTERIOR else feet[0][winner, 1]
-        xi[q, 0], xi[q, 1] = feet[1][winner, 0], feet[1][winner, 1]
+        feature[q] = -1 if found == INTERIOR else kinds[winner, 1]
+        xi[q, 0], xi[q, 1] = places[winner, 0], places[winner, 1]

@@ -23,6 +23,10 @@ from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm
 from fenics_contact.types import Floats, Ints64
 
 Ends = tuple[Ints64, Ints64, Ints64, Ints64]
+Master = tuple[Surface, Ends]
+Samples = tuple[
+    Floats, Ints64, Floats
+]  # points (np, 3), corners (np, m) of their facets, rims (np,): w over what these measure
 Cover = tuple[Floats, Ints64, Floats]
 Sight = tuple[Floats, Floats]  # normals (np, 3) of the samples, into the slave, and places (nx, 3) of all nodes
 
@@ -68,11 +72,11 @@ def in_sight(lists: Lists, sight: Sight, surface: Surface) -> Lists:
 
 @njit(cache=True, error_model="numpy")
 def _nearest_end(
-    x: Vector, n: Vector, g: float, f: int, coords: Floats, surface: Surface, ends: Ends, by: tuple[Vector, Floats]
+    x: Vector, n: Vector, foot: tuple[int, float], coords: Floats, master: Master, by: tuple[Vector, Floats]
 ) -> tuple[int, float, Vector]:
-    """(Edge or -1, d, nu) of the end of the master that lies nearest around facet f, seen along n; what looks towards the
-    sample is judged `by` its normal and the places (nx, 3) then."""
-    (starts, edges, sides, smooth), (m, then) = ends, by
+    """(Edge or -1, d, nu) of the end of the master that lies nearest around the facet f of a foot, at a gap g, seen along n;
+    what looks towards the sample is judged `by` its normal and the places (nx, 3) then."""
+    (f, g), (surface, (starts, edges, sides, smooth)), (m, then) = foot, master, by
     best, least, distance, out = -1, math.inf, 0.0, n
     last = smooth[f] if _leans_less(f, LEANING, n, coords, surface) else starts[f + 1]
     for e in range(starts[f], last):
@@ -100,20 +104,17 @@ def _nearest_end(
 @njit(cache=True, error_model="numpy")
 def coverage(
     coords: Floats,
-    corners: Ints64,
-    rims: Floats,
-    points: Floats,
-    master: tuple[Surface, Ends],
+    samples: Samples,
+    master: Master,
     sight: Sight,
     projection: Projection,
     cover: Cover,
 ) -> None:
     """Fill cover; samples of which nothing lies over the master lose their foot in the projection.
 
-    corners (np, m): of the samples' facets; rims (np,): w over what these measure; points (np, 3): the samples; master: its
-    surface and ends; sight: by which it is judged what looks towards them.
+    master: its surface and ends; sight: by which it is judged what looks towards the samples.
     """
-    (surface, ends), (shares, around, slopes) = master, cover
+    (points, corners, rims), (_, edges, _, _), (shares, around, slopes) = samples, master[1], cover
     facet, kind, _, _, gap, normal = projection
     around[:], slopes[:] = -1, 0.0
     for q in range(len(points)):
@@ -121,7 +122,7 @@ def coverage(
         if kind[q] == NONE:
             continue
         x, n, shares[q] = row(points, q), row(normal, q), 1.0
-        e, d, nu = _nearest_end(x, n, gap[q], facet[q], coords, surface, ends, (row(sight[0], q), sight[1]))
+        e, d, nu = _nearest_end(x, n, (facet[q], gap[q]), coords, master, (row(sight[0], q), sight[1]))
         if e < 0:
             continue
         far = near = corners[q, 0]
@@ -138,12 +139,12 @@ def coverage(
             shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
             continue
         shares[q] = share
-        a, b = row(coords, ends[1][e, 0]), row(coords, ends[1][e, 1])
+        a, b = row(coords, edges[e, 0]), row(coords, edges[e, 1])
         along, stretch = minus(b, a), -d / (w * w)
         turned = plus(times(1.0 / w, minus(a, x)), times(stretch, span))  # the share's rate with nu, which keeps its length
         turned = times(1.0 / norm(cross(along, n)), less(turned, dot(nu, turned), nu))
         by_along = cross(n, turned)
-        around[q, 0], around[q, 1], around[q, 2], around[q, 3] = ends[1][e, 0], ends[1][e, 1], far, near
+        around[q, 0], around[q, 1], around[q, 2], around[q, 3] = edges[e, 0], edges[e, 1], far, near
         put(slopes, q, 0, times(-1.0 / w, nu))
         put(slopes, q, 1, cross(turned, along))
         put(slopes, q, 2, less(times(1.0 / w, nu), 1.0, by_along))

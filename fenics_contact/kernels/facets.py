@@ -14,6 +14,7 @@ from fenics_contact.kernels.vectors import Four
 from fenics_contact.types import Floats, Ints64
 
 Surface = tuple[Ints64, Ints64]  # nodes (nf, 4), size (nf,)
+PlacedSurface = tuple[Floats, Surface]  # positions (nx, 3) of all nodes [length], and the facets between them
 
 MAX_NODES = 4
 

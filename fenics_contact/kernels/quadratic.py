@@ -16,7 +16,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
 from fenics_contact.kernels.couplings import Pattern, find
-from fenics_contact.kernels.facets import MAX_NODES, Surface, shape, shape_gradient
+from fenics_contact.kernels.facets import MAX_NODES, PlacedSurface, Surface, shape, shape_gradient
 from fenics_contact.kernels.slave_ray import MAX_NEWTON, facet_balls
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, row
 from fenics_contact.types import Bools, Floats, Ints64
@@ -61,14 +61,15 @@ def quadratic_shape(m: int, s: float, t: float, N: Floats) -> None:
     else:
         a0, a1, a2, d0, d1, d2 = _line(s)
         b0, b1, b2, e0, e1, e2 = _line(t)
-        _nine(N, 0, a0, a1, a2, b0, b1, b2)
-        _nine(N, 1, d0, d1, d2, b0, b1, b2)
-        _nine(N, 2, a0, a1, a2, e0, e1, e2)
+        _nine(N, 0, (a0, a1, a2), (b0, b1, b2))
+        _nine(N, 1, (d0, d1, d2), (b0, b1, b2))
+        _nine(N, 2, (a0, a1, a2), (e0, e1, e2))
 
 
 @njit(cache=True)
-def _nine(N: Floats, i: int, a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> None:
-    """Fill N[i] with the products of what the ends and the middle have along both sides."""
+def _nine(N: Floats, i: int, a: Vector, b: Vector) -> None:
+    """Fill N[i] with the products of what the ends and the middle have along both sides, a along the first."""
+    (a0, a1, a2), (b0, b1, b2) = a, b
     N[i, 0], N[i, 1], N[i, 2], N[i, 3] = a0 * b0, a1 * b0, a1 * b1, a0 * b1
     N[i, 4], N[i, 5], N[i, 6], N[i, 7], N[i, 8] = a2 * b0, a1 * b2, a2 * b1, a0 * b2, a2 * b2
 
@@ -93,9 +94,9 @@ def foot_shapes(at: Ints64, surface: Surface, projection: Projection, N: Floats)
 
 
 @njit(cache=True)
-def _frame(f: int, coords: Floats, surface: Surface, N: Floats) -> tuple[Vector, Vector, Vector]:
+def _frame(f: int, master: PlacedSurface, N: Floats) -> tuple[Vector, Vector, Vector]:
     """r, r_1, r_2 of facet f with the shape functions N (3, m)."""
-    nodes, size = surface
+    coords, (nodes, size) = master
     r, r1, r2 = ZERO, ZERO, ALONG_Z if size[f] == LINE else ZERO
     for i in range(nodes.shape[1]):
         x = row(coords, nodes[f, i])
@@ -105,15 +106,15 @@ def _frame(f: int, coords: Floats, surface: Surface, N: Floats) -> tuple[Vector,
 
 @njit(cache=True, error_model="numpy")
 def _meet(
-    x: Vector, n: Vector, f: int, coords: Floats, surface: Surface, start: Floats, N: Floats
+    x: Vector, n: Vector, f: int, master: PlacedSurface, start: Floats, N: Floats
 ) -> tuple[bool, float, float, float, float]:
     """Newton for x - r(xi) = g n on facet f from a start (2,); returns (found, xi1, xi2, g, cosine of n and its normal)."""
-    s, t, m = start[0], start[1], surface[1][f]
+    s, t, m = start[0], start[1], master[1][1][f]
     if m == LINE:
         t = 0.0
     for _ in range(MAX_NEWTON):
         quadratic_shape(m, s, t, N)
-        r, r1, r2 = _frame(f, coords, surface, N)
+        r, r1, r2 = _frame(f, master, N)
         d = minus(x, r)
         # n x (d - r_a dxi^a) = 0, projected on r_1 x n and r_2 x n
         one, two = cross(r2, n), cross(n, r1)
@@ -144,8 +145,7 @@ def _within(m: int, s: float, t: float) -> tuple[float, float]:
 def quadratic_rays(
     points: Floats,
     directions: Floats,
-    coords: Floats,
-    surface: Surface,
+    master: PlacedSurface,
     lists: Lists,
     reach: tuple[float, float, float],
     projection: Projection,
@@ -154,10 +154,9 @@ def quadratic_rays(
 
     All as in kernels/slave_ray.py.
     """
-    size, (offsets, listed), (search, beyond, facing) = surface[1], lists, reach
+    size, (offsets, listed), (search, beyond, facing) = master[1][1], lists, reach
     facet, kind, feature, xi, gap, normal = projection
-    centres, radii, N = np.empty((len(size), 3)), np.empty(len(size)), np.zeros((3, QUADRILATERAL))
-    facet_balls(coords, surface, centres, radii)
+    (centres, radii), N = facet_balls(master), np.zeros((3, QUADRILATERAL))
     for q in range(points.shape[0]):
         facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
         xi[q, 0] = xi[q, 1] = 0.0
@@ -171,7 +170,7 @@ def quadratic_rays(
                 continue  # the ray passes by
             starts = STARTS_3 if size[f] == TRIANGLE else STARTS_2
             for i in range(LINE if size[f] == LINE else len(starts)):
-                found, s, t, g, cosine = _meet(x, n, f, coords, surface, starts[i], N)
+                found, s, t, g, cosine = _meet(x, n, f, master, starts[i], N)
                 if not found or not cosine > facing or not abs(g) <= search:
                     continue
                 u, v = _within(size[f], s, t)
@@ -183,7 +182,7 @@ def quadratic_rays(
                     break
                 if beyond > 0.0:
                     quadratic_shape(size[f], u, v, N)
-                    miss = norm(minus(less(x, g, n), _frame(f, coords, surface, N)[0]))
+                    miss = norm(minus(less(x, g, n), _frame(f, master, N)[0]))
                     if miss * miss <= beyond * beyond * radii[f] and miss < least:
                         least, missed = miss, (f, s, t, g)
         if kind[q] == NONE and missed[0] >= 0:

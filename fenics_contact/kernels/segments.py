@@ -10,9 +10,8 @@ where products of shape functions are of a high degree, are cut into triangles a
 which corner they begin.  A facet of which one part is all, or whose parts do not add up to it, because
 the master ends or goes on beyond a crease, has the samples of a facet that nothing crosses.
 
-    rules      ((places (n, 2) and weights (n,) on a quadrilateral [-1, 1]^2), (the same on the unit triangle), whether four
-               samples on an ellipse are enough) for parts
-    whole      (places (n, 2), weights (n,)) of facets that nothing crosses
+    rules      ((places (n, 2) and weights (n,) on a quadrilateral [-1, 1]^2) and (the same on the unit triangle) for parts,
+               (the same) of facets that nothing crosses, whether four samples on an ellipse are enough for other parts)
 """
 
 import numpy as np
@@ -25,7 +24,7 @@ from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus
 from fenics_contact.types import Bools, Floats, Ints64
 
 Rule = tuple[Floats, Floats]
-Rules = tuple[Rule, Rule, bool]
+Rules = tuple[Rule, Rule, Rule, bool]
 Joined = tuple[Surface, Ints64]  # the master's facets, and those beyond their edges (nf, 4), -1: none
 Sites = tuple[Ints64, Floats, Floats]  # first (nf + 1,), places (np, 2) on the facets, weights (np,) of these coordinates
 
@@ -43,7 +42,6 @@ def facet_parts(
     master: Joined,
     near: tuple[Lists, float],
     rules: Rules,
-    whole: Rule,
     sites: Sites,
 ) -> int:
     """Fill sites of the slave's facets; returns how many samples they have: called again where that is more than there is
@@ -81,7 +79,7 @@ def facet_parts(
             parts[n, :size], sizes[n] = room[0, :size], size
             n, total, greatest = n + 1, total + part, max(greatest, part)
         if greatest >= (1.0 - WHOLE) * area or not abs(total - area) <= WHOLE * area:
-            end = _put_whole(whole, places, weights, end)
+            end = _put_whole(rules[2], places, weights, end)
             continue
         for i in range(n):
             end = _put_part(own, parts[i, : sizes[i]], rules, places, weights, end)
@@ -204,10 +202,10 @@ def _put_whole(whole: Rule, places: Floats, weights: Floats, end: int) -> int:
 def _put_part(own: Floats, part: Floats, rules: Rules, places: Floats, weights: Floats, end: int) -> int:
     """Put samples of a part behind the others while there is room; returns where they end."""
     n = len(part)
-    if n == 4 or n == 3 and not rules[2]:
+    if n == 4 or n == 3 and not rules[3]:
         return _put_shape(own, part, rules[0] if n == 4 else rules[1], places, weights, end)
     c0, c1, area = _centroid(part)
-    if rules[2]:
+    if rules[3]:
         return _put_ellipse(own, part, (c0, c1, area), places, weights, end)
     triangle = np.empty((3, 2))
     triangle[2, 0], triangle[2, 1] = c0, c1

@@ -14,11 +14,12 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.facets import PlacedSurface
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, plus, row, times
 from fenics_contact.types import Floats, Ints64
 
 Patch = tuple[Vector, Vector, Vector, Vector]  # c0, c1, c2, c3
+Balls = tuple[Floats, Floats]  # centres (nf, 3) and squared radii (nf,) of balls that hold the facets
 
 MAX_NEWTON = 30
 # A facet whose ball the ray passes by this much, relative, is not met; above round-off and OVERLAP.
@@ -26,10 +27,9 @@ CLEAR = 1e-6
 
 
 @njit(cache=True, error_model="numpy")
-def _meet(
-    x: Vector, n: Vector, m: int, c0: Vector, c1: Vector, c2: Vector, c3: Vector
-) -> tuple[bool, bool, float, float, float]:
+def _meet(x: Vector, n: Vector, m: int, patch: Patch) -> tuple[bool, bool, float, float, float]:
     """Newton for x - r(xi) = g n on the patch r = c0 + c1 s + c2 t + c3 s t; returns (found, inside, xi1, xi2, g)."""
+    c0, c1, c2, c3 = patch
     s = t = 1.0 / 3.0 if m == 3 else 0.0
     size = max(max(abs(c1[0]), abs(c1[1]), abs(c1[2])), max(abs(c2[0]), abs(c2[1]), abs(c2[2])))
     for _ in range(MAX_NEWTON):
@@ -68,9 +68,10 @@ def _patch(m: int, x0: Vector, x1: Vector, x2: Vector, x3: Vector) -> Patch:
 
 
 @njit(cache=True)
-def facet_balls(coords: Floats, surface: Surface, centres: Floats, radii: Floats) -> None:
-    """Fill centres (nf, 3) and squared radii (nf,) of balls that hold the facets."""
-    nodes, size = surface
+def facet_balls(master: PlacedSurface) -> Balls:
+    """The Balls of all facets."""
+    coords, (nodes, size) = master
+    centres, radii = np.empty((len(size), 3)), np.empty(len(size))
     for f in range(len(size)):
         m, centre, longest = size[f], ZERO, 0.0
         for i in range(m):
@@ -80,19 +81,21 @@ def facet_balls(coords: Floats, surface: Surface, centres: Floats, radii: Floats
             longest = max(longest, dot(arm, arm))
         centres[f, 0], centres[f, 1], centres[f, 2] = centre
         radii[f] = (1.0 + CLEAR) * longest
+    return centres, radii
 
 
 @njit(cache=True)
-def _facet_patch(f: int, coords: Floats, surface: Surface) -> Patch:
+def _facet_patch(f: int, master: PlacedSurface) -> Patch:
     """`_patch` of facet f."""
-    nodes, size = surface
+    coords, (nodes, size) = master
     x0, x1, x2, x3 = row(coords, nodes[f, 0]), row(coords, nodes[f, 1]), row(coords, nodes[f, 2]), row(coords, nodes[f, 3])
     return _patch(size[f], x0, x1, x2, x3)
 
 
 @njit(cache=True)
-def _faces(n: Vector, s: float, t: float, c1: Vector, c2: Vector, c3: Vector, facing: float) -> bool:
+def _faces(n: Vector, s: float, t: float, patch: Patch, facing: float) -> bool:
     """True where the cosine between the patch's normal and n is above `facing`."""
+    _, c1, c2, c3 = patch
     area = cross(less(c1, -t, c3), less(c2, -s, c3))
     return dot(area, n) > facing * norm(area)
 
@@ -101,25 +104,21 @@ def _faces(n: Vector, s: float, t: float, c1: Vector, c2: Vector, c3: Vector, fa
 def slave_rays(
     points: Floats,
     directions: Floats,
-    coords: Floats,
-    surface: Surface,
+    master: PlacedSurface,
     lists: Lists,
     reach: tuple[float, float, float],
     projection: Projection,
 ) -> None:
     """Pair points (np, 3) of slave facets with the master facet that their normal meets nearest within a search distance.
 
-    directions (np, 3): unit normals into the slave; surface, lists, projection as in kernels/closest_point.py, kind INTERIOR
+    directions (np, 3): unit normals into the slave; master, lists, projection as in kernels/closest_point.py, kind INTERIOR
     or NONE. reach: (search [length]; beyond: a ray that meets no facet is paired with the one it misses least, continued, if
     it misses that by no more than this share of the radius of the facet's ball; facing: cosine of the angle between n and
     the normals of facets that are no partners up to it, 0: those that look the slave's own way).
     """
-    size = surface[1]
-    offsets, listed = lists
-    search, beyond, facing = reach
+    size, (offsets, listed), (search, beyond, facing) = master[1][1], lists, reach
     facet, kind, feature, xi, gap, normal = projection
-    centres, radii = np.empty((len(size), 3)), np.empty(len(size))
-    facet_balls(coords, surface, centres, radii)
+    balls = centres, radii = facet_balls(master)
     for q in range(points.shape[0]):
         facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
         xi[q, 0] = xi[q, 1] = 0.0
@@ -131,15 +130,15 @@ def slave_rays(
             along = dot(d, n)
             if dot(d, d) - along * along > radii[f]:
                 continue  # the ray passes by
-            c0, c1, c2, c3 = _facet_patch(f, coords, surface)
-            _, inside, s, t, g = _meet(x, n, size[f], c0, c1, c2, c3)
-            if not inside or not abs(g) <= search or abs(g) >= nearest or not _faces(n, s, t, c1, c2, c3, facing):
+            patch = _facet_patch(f, master)
+            _, inside, s, t, g = _meet(x, n, size[f], patch)
+            if not inside or not abs(g) <= search or abs(g) >= nearest or not _faces(n, s, t, patch, facing):
                 continue
             nearest = abs(g)
             facet[q], kind[q], gap[q] = f, INTERIOR, g
             xi[q, 0], xi[q, 1] = s, t
         if kind[q] == NONE and beyond > 0.0:
-            f, s, t, g = _least_missed(x, n, mine, coords, surface, reach, centres, radii)
+            f, s, t, g = _least_missed(x, n, mine, master, reach, balls)
             if f >= 0:
                 facet[q], kind[q], gap[q] = f, INTERIOR, g
                 xi[q, 0], xi[q, 1] = s, t
@@ -150,34 +149,32 @@ def _least_missed(
     x: Vector,
     n: Vector,
     mine: Ints64,
-    coords: Floats,
-    surface: Surface,
+    master: PlacedSurface,
     reach: tuple[float, float, float],
-    centres: Floats,
-    radii: Floats,
+    balls: Balls,
 ) -> tuple[int, float, float, float]:
     """(facet or -1, xi1, xi2, g): of the listed facets, continued, the one whose border the ray passes nearest."""
     best, least, place1, place2, gap = -1, np.inf, 0.0, 0.0, 0.0
-    search, beyond, facing = reach
+    size, (search, beyond, facing), (centres, radii) = master[1][1], reach, balls
     for f in mine:
         arm = minus(row(centres, f), x)
         along = dot(arm, n)
         if dot(arm, arm) - along * along > (1.0 + beyond) ** 2 * radii[f]:
             continue
-        c0, c1, c2, c3 = _facet_patch(f, coords, surface)
-        found, _, s, t, g = _meet(x, n, surface[1][f], c0, c1, c2, c3)
-        if not found or not abs(g) <= search or not _faces(n, s, t, c1, c2, c3, facing):
+        patch = _facet_patch(f, master)
+        found, _, s, t, g = _meet(x, n, size[f], patch)
+        if not found or not abs(g) <= search or not _faces(n, s, t, patch, facing):
             continue
-        miss = _off_facet(less(x, g, n), f, coords, surface)
+        miss = _off_facet(less(x, g, n), f, master)
         if miss * miss <= beyond * beyond * radii[f] and miss < least:
             best, least, place1, place2, gap = f, miss, s, t, g
     return best, place1, place2, gap
 
 
 @njit(cache=True, error_model="numpy")
-def _off_facet(p: Vector, f: int, coords: Floats, surface: Surface) -> float:
+def _off_facet(p: Vector, f: int, master: PlacedSurface) -> float:
     """Distance of place p from the nearest edge of facet f."""
-    nodes, size = surface
+    coords, (nodes, size) = master
     nearest = np.inf
     for i in range(size[f]):
         start, end = row(coords, nodes[f, i]), row(coords, nodes[f, (i + 1) % size[f]])

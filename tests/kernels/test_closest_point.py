@@ -31,7 +31,7 @@ def project(points, normals, coords, nodes, size, search=10.0, facing=0.0, lists
     if lists is None:
         lists = (np.arange(n + 1, dtype=np.int64) * nf, np.tile(np.arange(nf, dtype=np.int64), n))
     out = (np.full(n, 7), np.full(n, 7), np.full(n, 7), np.full((n, 2), 7.0), np.full(n, 7.0), np.full((n, 3), 7.0))
-    closest_points(points, normals, coords, (nodes, size), lists, search, facing, out)
+    closest_points(points, normals, (coords, (nodes, size)), lists, (search, facing), out)
     return dict(zip(("facet", "kind", "feature", "xi", "gap", "normal"), out, strict=False))
 
 

@@ -37,15 +37,16 @@ def covered(corners, x, surface, m=4):
     n, nf = len(points), len(surface[0])
     ray = (*(np.zeros(n, np.int64) for _ in range(3)), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3)))
     normals = np.tile([0.0, 0.0, 1.0], (n, 1))
-    slave_rays(points, normals, x, surface, (nf * np.arange(n + 1), np.tile(np.arange(nf), n)), (2.0, 1.0, FACING), ray)
+    lists = nf * np.arange(n + 1), np.tile(np.arange(nf), n)
+    slave_rays(points, normals, (x, surface), lists, (2.0, 1.0, FACING), ray)
     one, two = x[surface[0][:, 2]] - x[surface[0][:, 0]], x[surface[0][:, 3]] - x[surface[0][:, 1]]
     area = np.cross(one, two)
     ends = surface_ends(surface, area / np.linalg.norm(area, axis=1)[:, None], np.cos(np.pi / 6))
     out = np.empty(n), np.empty((n, 4), np.int64), np.empty((n, 5, 3))
     aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
     every = np.concatenate([x, corners])
-    rims = np.full(n, 1.8 * aside.min())
-    coverage(every, np.tile(len(x) + np.arange(m), (n, 1)), rims, points, (surface, ends), (ray[5], every), ray, out)
+    samples = points, np.tile(len(x) + np.arange(m), (n, 1)), np.full(n, 1.8 * aside.min())
+    coverage(every, samples, (surface, ends), (ray[5], every), ray, out)
     return out[0], weights / weights.sum(), ray
 
 

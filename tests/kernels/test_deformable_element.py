@@ -51,7 +51,7 @@ class Pair:
         lists = (np.array([0, n]), np.arange(n))
         ints = [np.zeros(1, np.int64) for _ in range(3)]
         out = (*ints, np.zeros((1, 2)), np.zeros(1), np.zeros((1, 3)))
-        closest_points(point, -self.up[None, :], coords, self.surface, lists, 5.0, 0.0, out)
+        closest_points(point, -self.up[None, :], (coords, self.surface), lists, (5.0, 0.0), out)
         return out
 
     def evaluate(self, coords=None, want_tangent=True):
@@ -432,7 +432,7 @@ def test_a_batch_is_its_pairs_one_by_one():
     ints = [np.zeros(n_points, np.int64) for _ in range(3)]
     projection = (*ints, np.zeros((n_points, 2)), np.zeros(n_points), np.zeros((n_points, 3)))
     up = np.tile(DOWN, (n_points, 1))
-    closest_points(points, up, together.coords, together.surface, lists, 5.0, 0.0, projection)
+    closest_points(points, up, (together.coords, together.surface), lists, (5.0, 0.0), projection)
     R, K, status, T = evaluated(together.coords, slaves, together.surface, projection, anchors, law)
     tip = 3 * first
     for i, r in enumerate(alone):

@@ -55,8 +55,7 @@ class Pair:
         slave_rays(
             point,
             directions(coords, self.slaves[0], self.slaves[3]),
-            coords,
-            self.surface,
+            (coords, self.surface),
             lists,
             (2.0, self.beyond, 0.0),
             out,
@@ -197,8 +196,7 @@ def projected(pair):
     slave_rays(
         points,
         directions(pair.coords, pair.slaves[0], pair.slaves[3]),
-        pair.coords,
-        pair.surface,
+        (pair.coords, pair.surface),
         lists,
         (2.0, 0.0, 0.0),
         out,
@@ -240,7 +238,8 @@ def test_rays_hit_the_triangles_that_the_closed_form_finds():
     out = (*(np.zeros(200, np.int64) for _ in range(3)), np.zeros((200, 2)), np.zeros(200), np.zeros((200, 3)))
     lists = (60 * np.arange(201), np.tile(np.arange(60), 200))
     nodes = np.arange(180, 780).reshape(-1, 3)
-    slave_rays(points, directions(coords, nodes, gradients), coords, (facets, np.full(60, 3)), lists, (3.0, 0.0, 0.0), out)
+    master = coords, (facets, np.full(60, 3))
+    slave_rays(points, directions(coords, nodes, gradients), master, lists, (3.0, 0.0, 0.0), out)
     n = -np.cross(slave[:, 1] - slave[:, 0], slave[:, 2] - slave[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)

@@ -29,9 +29,9 @@ def sites(corners, x, surface, part=2, ellipse=True):
     slave = len(x) + np.arange(m)[None, :], np.array([[0.0, 0.0, -1.0]])
     near = (np.array([0, nf]), np.arange(nf)), 1.0
     out = np.empty(2, np.int64), np.empty((500, 2)), np.empty(500)
-    rules = gauss(4, part), gauss(3, part), ellipse
+    rules = gauss(4, part), gauss(3, part), gauss(m, 3), ellipse
     master = surface, beyond_edges(surface)
-    count = facet_parts(np.concatenate([x, corners]), slave, master, near, rules, gauss(m, 3), out)
+    count = facet_parts(np.concatenate([x, corners]), slave, master, near, rules, out)
     return out[1][:count], out[2][:count]
 
 
