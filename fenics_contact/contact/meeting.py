@@ -30,6 +30,10 @@ class MortarFeet(NamedTuple):
     def projection(self) -> Projection:
         return self.met[:6]
 
+    def pairs(self, facets: Surface, anchors: kernel.Anchors) -> kernel.Pairs:
+        """Samples and the master's facets, as kernels/mortar.py takes them."""
+        return self.coords, self.samples.slaves, facets, self.met, anchors
+
 
 class Linearised(NamedTuple):
     """What a tangent knew: where the samples were, tractions N (ns,), T_T (ns, 3) of the nodes, and their rates."""

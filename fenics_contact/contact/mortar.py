@@ -68,13 +68,16 @@ class MortarPartner(OnFacets):
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
-        forces, sums, s, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), feet.samples, self.surface.area
+        forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), self.surface.area
         acting = N, T, self.places.around.number
-        kernel.add_node_forces(feet.coords, s.slaves, self.places.facets, feet.met, acting, forces, sums)
+        kernel.add_node_forces(self._pairs(feet, trial), acting, forces, sums)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:] / area)[:, None])
         return Response(traction, gap, status[:, None], cover, forces, split)
+
+    def _pairs(self, feet: MortarFeet, trial: Trial) -> kernel.Pairs:
+        return feet.pairs(self.places.facets, own(trial.history.anchors))
 
     def add_forces(self, feet: MortarFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -90,16 +93,16 @@ class MortarPartner(OnFacets):
         averaged, _, N, T, _ = self._laws.tractions(feet, trial)
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
-        s, turned, anchors, pattern = feet.samples, self._laws.turned(feet), own(trial.history.anchors), self._pattern
+        pairs, turned, pattern = self._pairs(feet, trial), self._laws.turned(feet), self._pattern
         directed, leading = self._laws.leading(feet, trial.law.friction)
         rough = NORMAL + (ROUGH - NORMAL) * rates[:, 1:, :4].any(axis=(1, 2))
         asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
-        patches = pattern.patches(asked, feet, anchors[0], leading if len(directed) else leading[:0])
+        patches = pattern.patches(asked, feet, pairs[4], leading if len(directed) else leading[:0])
         products: Products = pattern.blocks, patches, np.empty((len(patches[2]), 7, 4))
         changing = rates, *averaged, directed, leading
-        node_products(feet.coords, s.slaves, self.places.facets, feet.met, anchors, turned, changing, products)
-        held = held_rates(feet.coords, s.slaves, feet.met, feet.lengths, (pressed, rubbed, self.places.around.number))
-        where = s.slaves, self.places.facets, feet.met, turned, held, products, pattern.size
+        node_products(pairs, turned, changing, products)
+        held = held_rates(pairs, feet.lengths, (pressed, rubbed, self.places.around.number))
+        where = pairs, turned, held, products, pattern.size
         rows, columns, blocks = pattern.filled(lambda out: tangent_rows(*where, out))
         return rows, columns, blocks, Linearised(feet, N, T, rates)
 
@@ -109,22 +112,21 @@ class MortarPartner(OnFacets):
         gaps = averaged[0] + trial.history.shift.ravel()
         gaps = np.minimum(gaps, trial.judged.reshape(-1, 4)[:, 0]) if len(trial.judged) else gaps
         closed = np.isfinite(averaged[0]) & (gaps <= 2.0 * trial.law.touch)
-        anchor_nodes = own(trial.history.anchors)[0]
-        if self._pattern.suffices(closed, feet, anchor_nodes):
+        anchors = own(trial.history.anchors)
+        if self._pattern.suffices(closed, feet, anchors):
             return None
         with self.timers("search"):
             near = self.places.sights.pairing.within(feet.points, feet.coords, MARGIN * self.places.master.edge)
-        self._pattern.provide(near, closed, feet, anchor_nodes)
+        self._pattern.provide(near, closed, feet, anchors)
         return self._pattern.keys
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
         """Gaps, shifts added, and ways (4 ns,) that decide: of the tractions which the tangent `before` foresees at these
         places, with a share of what is found there."""
         then, law, anchors = before.feet, trial.law, trial.history.anchors
-        where = then.coords, then.samples.slaves, self.places.facets, then.met
         means = self._laws.averages(then, anchors)
         motion = feet.coords - then.coords, *self._laws.leading(then, law.friction)
-        change = foreseen_averages(*where, own(anchors), means, self._laws.turned(then), motion)
+        change = foreseen_averages(self._pairs(then, trial), means, self._laws.turned(then), motion)
         averaged = self._laws.averaged(feet, anchors)
         part = self._laws.softened(averaged, trial)
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]

@@ -51,7 +51,7 @@ class NodeAnchors:
         along = np.einsum("nj,njc,njd->ncd", share, n, n)
         apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
         slip[some] = np.einsum("ncd,nd->nc", apart, slips[some])
-        return kernel.anchors_behind(s.slaves, self._places.facets, feet.met, own(anchors), (renewed, slip))
+        return kernel.anchors_behind(feet.pairs(self._places.facets, own(anchors)), (renewed, slip))
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
         """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length].

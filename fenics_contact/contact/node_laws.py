@@ -27,7 +27,7 @@ class NodeLaws:
         return last[2]
 
     def averages(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
-        return kernel.averages(feet.coords, feet.samples.slaves, feet.met, own(anchors))
+        return kernel.averages(feet.pairs(self._places.facets, own(anchors)))
 
     def numbers(self, trial: Trial, friction: Friction) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()

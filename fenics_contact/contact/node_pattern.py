@@ -10,6 +10,7 @@ from fenics_contact.kernels import mortar_patches as kernel
 from fenics_contact.kernels.closest_point import Lists
 from fenics_contact.kernels.couplings import coupled_pairs, unique_pairs
 from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.mortar import Anchors
 from fenics_contact.types import Bools, Floats, Ints64
 
 
@@ -40,11 +41,11 @@ class NodePattern:
         """Number of blocks that can be coupled."""
         return len(self._numbers)
 
-    def patches(self, asked: Ints64, feet: MortarFeet, anchor_nodes: Ints64, leading: Ints64) -> kernel.Patches:
+    def patches(self, asked: Ints64, feet: MortarFeet, anchors: Anchors, leading: Ints64) -> kernel.Patches:
         """Those of kernels/mortar_patches.py for which something is asked (ns,); leading: as there."""
-        felt = anchor_nodes, leading, self._groups[3], self._groups[4]
+        felt = leading, self._groups[3], self._groups[4]
         starts, heights = np.empty(len(asked) + 1, dtype=np.int64), np.empty(len(asked), dtype=np.int64)
-        where = asked, feet.samples.slaves, self._facets, feet.met, felt, self.blocks, self.size
+        where = asked, feet.pairs(self._facets, anchors), felt, self.blocks, self.size
         need = kernel.node_patches(*where, (starts, heights, self._members))
         if need > len(self._members):
             self._members = np.empty(need + need // 4, dtype=np.int64)
@@ -62,23 +63,23 @@ class NodePattern:
         rows, columns, blocks = self._out
         return self._numbers[rows[:need]], self._numbers[columns[:need]], blocks[:need]
 
-    def suffices(self, closed: Bools, feet: MortarFeet, anchor_nodes: Ints64) -> bool:
+    def suffices(self, closed: Bools, feet: MortarFeet, anchors: Anchors) -> bool:
         """True while the pattern holds the couplings of all closed nodes (ns,)."""
-        now, samples, last = (feet.met[0], anchor_nodes, feet.met[7]), feet.samples, self._met
+        now, samples, last = (feet.met[0], anchors[0], feet.met[7]), feet.samples, self._met
         asked = closed
         if last is not None and last[0] is samples:
             asked = closed & (~last[1] | kernel.elsewhere(closed & last[1], samples.slaves, now, last[2]))
         if asked.any():
-            patches = self.patches(np.where(asked, kernel.ROUGH, 0), feet, anchor_nodes, np.empty(0, dtype=np.int64))
+            patches = self.patches(np.where(asked, kernel.ROUGH, 0), feet, anchors, np.empty(0, dtype=np.int64))
             if kernel.patches_lack(patches, *self._rows):
                 return False
         self._met = samples, closed, now
         return True
 
-    def provide(self, near: Lists, closed: Bools, feet: MortarFeet, anchor_nodes: Ints64) -> None:
+    def provide(self, near: Lists, closed: Bools, feet: MortarFeet, anchors: Anchors) -> None:
         """Renew the pattern: slave nodes with the facets of the samples' CSR lists around them and those that they meet."""
         (offsets, facets), s, n, met = near, feet.samples, len(self._ring), feet.met
-        facet, corners = met[0], self._facets[0]
+        facet, corners, anchor_nodes = met[0], self._facets[0], anchors[0]
         owner, place = np.nonzero(s.table >= 0)
         sample = s.table[owner, place]
         counts = np.diff(offsets)[sample]
@@ -92,11 +93,11 @@ class NodePattern:
         starts = np.searchsorted(pairs[:, 0], np.arange(n + 1))
         ring = np.where(self._ring < 0, self._ring[:, :1], self._ring)
         l, most = corners.shape[1], s.table.shape[1]
-        anchors = np.where((s.anchor < 0)[..., None], -1, anchor_nodes[s.anchor]).reshape(n, l * most)
+        trailing = np.where((s.anchor < 0)[..., None], -1, anchor_nodes[s.anchor]).reshape(n, l * most)
         edges = np.where((s.table < 0)[..., None], -1, met[7][s.table, :2]).reshape(n, 2 * most)
-        felt = np.concatenate([anchors, edges], axis=1)
+        felt = np.concatenate([trailing, edges], axis=1)
         felt = np.where(felt < 0, ring[:, :1], felt)
-        lists = starts, np.ascontiguousarray(pairs[:, 1]), ring, corners, felt
+        lists = (starts, np.ascontiguousarray(pairs[:, 1])), (ring, corners, felt)
         none = np.empty(0, dtype=np.int64)
         heads, tails = (np.empty(coupled_pairs(*lists, none, none) if n else 0, dtype=np.int64) for _ in "rc")
         if len(heads):

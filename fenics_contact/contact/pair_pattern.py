@@ -40,7 +40,7 @@ class PairPattern:
 
     def _lacks(self, new: Bools, facet: Ints64, anchor_nodes: Ints64) -> bool:
         if self._corners.shape[1] == 4:
-            return lacks(new, self._slave_nodes, self._corners, facet, anchor_nodes, self.arrays)
+            return lacks(new, (self._slave_nodes, self._corners, anchor_nodes), facet, self.arrays)
         return lists_lack(new, self._slave_nodes, self._corners[facet], anchor_nodes, self.arrays)
 
     def _meet(self, which: Bools, facet: Ints64, anchor_nodes: Ints64) -> None:
@@ -50,7 +50,7 @@ class PairPattern:
         """Renew the pattern: slave points with the facets of CSR lists, and closed ones (np,) with theirs."""
         added = np.cumsum(np.concatenate([[0], closed]))
         facets = np.insert(facets, offsets[:-1][closed], facet[closed])
-        lists = (offsets + added, facets, self._slave_nodes, self._corners, anchor_nodes)
+        lists = (offsets + added, facets), (self._slave_nodes, self._corners, anchor_nodes)
         none = np.empty(0, dtype=np.int64)
         heads, tails = (np.empty(coupled_pairs(*lists, none, none) if len(offsets) > 1 else 0, dtype=np.int64) for _ in "rc")
         if len(heads):

@@ -41,7 +41,7 @@ def add_tangents(pairs: Pairs, law: PointLaws, pattern: Pattern, out: tuple[Floa
     """
     _, slaves, surface, projection, anchors = pairs
     points, k = slaves[0].shape
-    corners, facet, kind, feature = surface[0], projection[0], projection[1], projection[2]
+    tables, facet, kind, feature = (slaves[0], surface[0], anchors[0]), projection[0], projection[1], projection[2]
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
     beta, dn, rates = np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 9))
     share, spread = np.zeros((4, k + 8)), np.zeros((3, 9 * (k + 8)))
@@ -49,7 +49,7 @@ def add_tangents(pairs: Pairs, law: PointLaws, pattern: Pattern, out: tuple[Floa
     for first in range(points):
         if done[first] or not presses(first, projection, law):
             continue
-        felt = felt_nodes(first, slaves[0], corners, facet, anchors[0], nodes)
+        felt = felt_nodes(first, tables, facet, nodes)
         matrix[:] = 0.0
         pressed = False
         for q in range(first, points):

@@ -1,15 +1,18 @@
 """Pairs of nodes that contact pairs couple: those of one pair, all that points may need soon, and their places in a pattern.
 
 Arrays as in kernels/deformable_element.py.  A pattern is (blocks (nx,): global number of each node, first (nx,), end (nx,):
-where its row begins and ends in columns (nb,), rising global numbers).
+where its row begins and ends in columns (nb,), rising global numbers).  Tables are (nodes (np, k) of the slave points,
+(nf, l) of the master's facets, (np, m) of the points' anchors; -1 in an anchor's first: it has none).
 """
 
 import numpy as np
 from numba import njit
 
+from fenics_contact.kernels.closest_point import Lists
 from fenics_contact.types import Bools, Ints64
 
 Pattern = tuple[Ints64, Ints64, Ints64, Ints64]  # blocks, first, end, columns
+Tables = tuple[Ints64, Ints64, Ints64]
 
 
 @njit(cache=True)
@@ -22,8 +25,10 @@ def equal_rows(table: Ints64, i: int, j: int) -> bool:
 
 
 @njit(cache=True)
-def felt_nodes(q: int, slave_nodes: Ints64, corners: Ints64, facet: Ints64, anchor_nodes: Ints64, nodes: Ints64) -> int:
-    """Fill nodes (k + 8,) of pair q; returns how many of them T depends on: on its own facet an anchor adds none."""
+def felt_nodes(q: int, tables: Tables, facet: Ints64, nodes: Ints64) -> int:
+    """Fill nodes (k + 8,) of pair q, on facet (np,); returns how many of them T depends on: on its own facet an anchor adds
+    none."""
+    slave_nodes, corners, anchor_nodes = tables
     k = slave_nodes.shape[1]
     at_home, has_anchor = True, anchor_nodes[q, 0] >= 0
     for i in range(k):
@@ -59,15 +64,15 @@ def newly_met(closed: Bools, facet: Ints64, anchor_nodes: Ints64, met: Ints64, m
 
 
 @njit(cache=True)
-def lacks(asked: Bools, slave_nodes: Ints64, corners: Ints64, facet: Ints64, anchor_nodes: Ints64, pattern: Pattern) -> bool:
-    """True if the pattern has not all couplings of the pairs of the points that are asked for (np,)."""
+def lacks(asked: Bools, tables: Tables, facet: Ints64, pattern: Pattern) -> bool:
+    """True if the pattern lacks couplings of the pairs of points, each on its facet (np,), that are asked for (np,)."""
     blocks, first, end, columns = pattern
-    k = slave_nodes.shape[1]
+    k = tables[0].shape[1]
     nodes = np.empty(k + 8, np.int64)
     for q in range(len(asked)):
         if not asked[q]:
             continue
-        felt = felt_nodes(q, slave_nodes, corners, facet, anchor_nodes, nodes)
+        felt = felt_nodes(q, tables, facet, nodes)
         for i in range(k + 4):
             for j in range(felt):
                 if find(columns, first[nodes[i]], end[nodes[i]], blocks[nodes[j]]) < 0:
@@ -76,36 +81,28 @@ def lacks(asked: Bools, slave_nodes: Ints64, corners: Ints64, facet: Ints64, anc
 
 
 @njit(cache=True)
-def coupled_pairs(
-    offsets: Ints64,
-    listed: Ints64,
-    slave_nodes: Ints64,
-    corners: Ints64,
-    anchor_nodes: Ints64,
-    rows: Ints64,
-    columns: Ints64,
-) -> int:
+def coupled_pairs(lists: Lists, tables: Tables, rows: Ints64, columns: Ints64) -> int:
     """Write all pairs among the nodes of each slave point, its anchor and the facets listed for it (CSR); returns how many.
 
     Points without a facet count for nothing. Each pair comes once per slave element, whose points follow one another.
     Called twice: with no place in rows (n,), columns (n,) it only counts.
     """
-    points = len(slave_nodes)
+    slave_nodes, corners, _ = tables
+    points, first = len(slave_nodes), 0
     count = 1 + max(slave_nodes.max(), corners.max())
     number, known, local, at = np.empty(count, np.int64), np.full(count, -1), np.empty(count, np.int64), 0
     here, seen = np.empty(count, np.int64), np.full(count, -1)
-    lists, first = (offsets, listed), 0
     while first < points:
         end, n = first, 0
         while end < points and equal_rows(slave_nodes, first, end):
-            for i in here[: _nodes_of(end, lists, slave_nodes, corners, anchor_nodes, here, seen, 2 * end)]:
+            for i in here[: _nodes_of(end, lists, tables, here, seen, 2 * end)]:
                 if known[i] != first:
                     known[i], number[i], local[n] = first, n, i
                     n += 1
             end += 1
         together = np.zeros((n, n), np.bool_)
         for q in range(first, end):
-            m = _nodes_of(q, lists, slave_nodes, corners, anchor_nodes, here, seen, 2 * q + 1)
+            m = _nodes_of(q, lists, tables, here, seen, 2 * q + 1)
             for i in range(m):
                 here[i] = number[here[i]]
             for i in here[:m]:
@@ -122,18 +119,9 @@ def coupled_pairs(
 
 
 @njit(cache=True)
-def _nodes_of(
-    q: int,
-    lists: tuple[Ints64, Ints64],
-    slave_nodes: Ints64,
-    corners: Ints64,
-    anchor_nodes: Ints64,
-    nodes: Ints64,
-    seen: Ints64,
-    stamp: int,
-) -> int:
+def _nodes_of(q: int, lists: Lists, tables: Tables, nodes: Ints64, seen: Ints64, stamp: int) -> int:
     """Write the nodes of point q, each once, none if no facet is listed; returns how many. seen (count,) is scratch."""
-    (offsets, listed), n = lists, 0
+    (offsets, listed), (slave_nodes, corners, anchor_nodes), n = lists, tables, 0
     for at in range(offsets[q], offsets[q + 1]):
         n = _join(corners, listed[at], nodes, n, seen, stamp)
     if n > 0:

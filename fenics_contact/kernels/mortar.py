@@ -12,6 +12,7 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3
                kernels/coverage.py, N (np, 3, l): shape functions of the master's facet, of l nodes, at the feet, with
                their two derivatives, and frames (np, 5, 3): x, r1, r2, c1, c2 of each Foot)
     anchors    (nodes (np m, l), weights (np m, l)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
+    pairs      (coords, slaves, surface, met, anchors)
     averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
                master, those with anchors (ns,), and all (ns,) [length^2]) of the slave nodes
     law        (eps_n (ns,), eps_t (ns,) [pressure/length], Friction of kernels/law.py, touch [length], shift (ns,) [length],
@@ -61,6 +62,8 @@ Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floa
 Anchors = tuple[Ints64, Floats]
 Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
 NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
+# N (ns,), T_T (ns, 3) of the slave nodes, number (nf, m) of the one at each corner, -1: another process answers for it
+Acting = tuple[Floats, Floats, Ints64]
 
 # Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
 # (c of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006; 0.1 ... 1 E/h alike)
@@ -91,6 +94,9 @@ class Slaves(NamedTuple):
     shape: Floats
     N: Floats
     aside: Floats
+
+
+Pairs = tuple[Floats, Slaves, Surface, Met, Anchors]
 
 
 class Foot(NamedTuple):
@@ -168,8 +174,9 @@ def pressing(q: int, n: Vector, slaves: Slaves, coords: Floats) -> Vector:
 
 
 @njit(cache=True, error_model="numpy")
-def averages(coords: Floats, slaves: Slaves, met: Met, anchors: Anchors) -> Averaged:
+def averages(pairs: Pairs) -> Averaged:
     """What the slave nodes have on average."""
+    coords, slaves, _, met, anchors = pairs
     starts, first, weights, shapes = slaves.starts, slaves.first, slaves.weights, slaves.N
     n, m = len(starts) - 1, shapes.shape[1]
     gaps, ways, areas = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n)
@@ -312,20 +319,11 @@ def _put_rows(rates: Floats, A: int, at: int, share: float, rows: tuple[Vector, 
 
 
 @njit(cache=True, error_model="numpy")
-def add_node_forces(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    met: Met,
-    acting: tuple[Floats, Floats, Ints64],
-    forces: Floats,
-    sums: Floats,
-) -> None:
+def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) -> None:
     """Add the virtual power of (14) to forces (nx, 3), and T, N, T_T of each slave node to its sums (ns, 7): each sample
     presses along a normal of its own, so that T alone does not tell N from T_T.
-
-    acting: (N (ns,), T_T (ns, 3), number (nf, m) of the slave node at each corner, -1: another process answers for it).
     """
+    coords, slaves, surface, met, _ = pairs
     nodes, (N, T, number) = slaves.nodes, acting
     for q in range(len(slaves.facet)):
         if met[1][q] == NONE:
@@ -354,18 +352,13 @@ def add_node_forces(
 
 
 @njit(cache=True, error_model="numpy")
-def anchors_behind(
-    slaves: Slaves,
-    surface: Surface,
-    met: Met,
-    anchors: Anchors,
-    behind: tuple[Bools, Floats],
-) -> Anchors:
+def anchors_behind(pairs: Pairs, behind: tuple[Bools, Floats]) -> Anchors:
     """New anchors. behind: (renewed (ns,), slips (ns, 3) [length]).
 
     All samples of renewed nodes get one that trails the foot by the slip; those of other nodes stay.  Samples without a foot
     have none afterwards.
     """
+    _, slaves, surface, met, anchors = pairs
     starts, first, m, (renewed, slips) = slaves.starts, slaves.first, slaves.N.shape[1], behind
     nodes, weights = anchors[0].copy(), anchors[1].copy()
     for A in range(len(starts) - 1):

@@ -4,23 +4,22 @@ Nodes of one block count as one: those of a tool, of which only the sum is asked
     blocks     (nx,): number of each node's block, below nb
     patches    (starts (ns + 1,) of each slave node's patch, heights (ns,): it acts on so many of its members, the first of
                them, and members (n,): blocks, each once in a patch)
-    felt       (anchors' nodes (np m, l); facets (np,) that lead directions of friction, (0,) where none do; slot_starts and
-               slot_nodes of kernels/normals.py)
+    felt       (facets (np,) that lead directions of friction, (0,) where none do; slot_starts and slot_nodes of
+               kernels/normals.py)
 """
 
 import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Met, Slaves
+from fenics_contact.kernels.mortar import Pairs, Slaves
 from fenics_contact.types import Bools, Ints64
 
 PLACE, MARK, NODE = 0, 1, 2  # rows of lists, see `join`
 NORMAL, ROUGH = 1, 2  # of what is asked: what pressure alone depends on, friction too
 
 Patches = tuple[Ints64, Ints64, Ints64]
-Felt = tuple[Ints64, Ints64, Ints64, Ints64]
+Felt = tuple[Ints64, Ints64, Ints64]
 
 
 @njit(cache=True)
@@ -42,11 +41,10 @@ def no_list(count: int) -> Ints64:
 
 
 @njit(cache=True)
-def node_patches(
-    asked: Ints64, slaves: Slaves, surface: Surface, met: Met, felt: Felt, blocks: Ints64, count: int, patches: Patches
-) -> int:
+def node_patches(asked: Ints64, pairs: Pairs, felt: Felt, blocks: Ints64, count: int, patches: Patches) -> int:
     """Fill the patches of slave nodes for which something is asked (ns,), 0: nothing; count: of blocks. Returns how many
     members they have: called again where that is more than there is room for."""
+    (_, slaves, surface, met, (anchor_nodes, _)), (leading, slot_starts, slot_nodes) = pairs, felt
     nodes, group, first, facets, corners = slaves.nodes, slaves.group, slaves.starts, slaves.facets, surface[0]
     (starts, heights, members), m, samples = patches, slaves.N.shape[1], slaves.first
     listed, starts[0] = no_list(count), 0
@@ -64,15 +62,15 @@ def node_patches(
                 if met[1][q] == NONE:
                     continue
                 a = q * m + slaves.places[e]
-                for j in range(corners.shape[1] if asked[A] == ROUGH and felt[0][a, 0] >= 0 else 0):
-                    n = join(blocks[felt[0][a, j]], listed, A, n)
-                for j in range(corners.shape[1] if len(felt[1]) > 0 else 0):
-                    n = join(blocks[corners[felt[1][q], j]], listed, A, n)
+                for j in range(corners.shape[1] if asked[A] == ROUGH and anchor_nodes[a, 0] >= 0 else 0):
+                    n = join(blocks[anchor_nodes[a, j]], listed, A, n)
+                for j in range(corners.shape[1] if len(leading) > 0 else 0):
+                    n = join(blocks[corners[leading[q], j]], listed, A, n)
                 for j in range(4 if met[7][q, 0] >= 0 else 0):
                     n = join(blocks[met[7][q, j]], listed, A, n)
             for c in range(m):
-                for slot in range(felt[2][group[facets[e], c]], felt[2][group[facets[e], c] + 1]):
-                    n = join(blocks[felt[3][slot]], listed, A, n)
+                for slot in range(slot_starts[group[facets[e], c]], slot_starts[group[facets[e], c] + 1]):
+                    n = join(blocks[slot_nodes[slot]], listed, A, n)
         if starts[A] + n <= len(members):
             members[starts[A] : starts[A] + n] = listed[NODE, :n]
         starts[A + 1] = starts[A] + n

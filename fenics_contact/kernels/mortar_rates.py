@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Anchors, Averaged, Foot, Met, Slaves, foot_of, pressing
+from fenics_contact.kernels.mortar import Averaged, Foot, Met, Pairs, Slaves, foot_of, pressing
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, Patches, join, no_list
 from fenics_contact.kernels.vectors import (
     ZERO,
@@ -67,18 +66,9 @@ def sample_rates(coords: Floats, slaves: Slaves, met: Met) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def node_products(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    met: Met,
-    anchors: Anchors,
-    turned: Turned,
-    changing: Changing,
-    products: Products,
-) -> None:
+def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Products) -> None:
     """Fill R and M S of the nodes that have a patch."""
-    blocks, (starts, heights, members), _ = products
+    (coords, slaves, surface, met, anchors), (blocks, (starts, heights, members), _) = pairs, products
     nodes, weights, table, shapes, group = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.group
     feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
     anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(coords, slaves, met), slaves.first
@@ -318,21 +308,12 @@ def _tilts(turned: Turned, moved: Floats) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def foreseen_averages(
-    coords: Floats,
-    slaves: Slaves,
-    surface: Surface,
-    met: Met,
-    anchors: Anchors,
-    averaged: Averaged,
-    turned: Turned,
-    motion: tuple[Floats, Floats, Ints64],
-) -> Floats:
+def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: tuple[Floats, Floats, Ints64]) -> Floats:
     """Changes (ns, 8) of mean gaps, mean ways, covered shares and directions of friction, linearised, when the nodes move.
 
     motion: (moved (nx, 3), directed and the samples' facets as of Changing).
     """
-    moved, directed, leading = motion
+    (coords, slaves, surface, met, anchors), (moved, directed, leading) = pairs, motion
     nodes, weights, table, shapes, first = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.first
     starts, m = slaves.starts, shapes.shape[1]
     tilts, lengths, changes = _tilts(turned, moved), turned[3], np.zeros((len(starts) - 1, 8))

@@ -10,7 +10,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Met, Slaves, pressing
+from fenics_contact.kernels.mortar import Acting, Met, Pairs, Slaves, pressing
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
 from fenics_contact.kernels.mortar_rates import Products, Turned
 from fenics_contact.kernels.vectors import (
@@ -41,11 +41,10 @@ UNIT = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def held_rates(coords: Floats, slaves: Slaves, met: Met, lengths: Floats, acting: tuple[Floats, Floats, Ints64]) -> Held:
+def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
-    corners, the force, the force if the sample were covered whole, and how much it presses. acting: as in
-    add_node_forces."""
-    N, T, number = acting
+    corners, the force, the force if the sample were covered whole, and how much it presses. lengths (np,): of the means."""
+    (coords, slaves, _, met, _), (N, T, number) = pairs, acting
     weights, shapes = slaves.weights, slaves.N
     presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 6, 4))
     for q in range(len(presses)):
@@ -76,37 +75,32 @@ def held_rates(coords: Floats, slaves: Slaves, met: Met, lengths: Floats, acting
 
 @njit(cache=True, error_model="numpy")
 def tangent_rows(
-    slaves: Slaves,
-    surface: Surface,
-    met: Met,
-    turned: Turned,
-    held: Held,
-    products: Products,
-    count: int,
-    out: tuple[Ints64, Ints64, Floats],
+    pairs: Pairs, turned: Turned, held: Held, products: Products, count: int, out: tuple[Ints64, Ints64, Floats]
 ) -> int:
     """Fill rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair of `count` blocks once; returns
     how many there are: called again where that is more than there is room for."""
+    _, slaves, surface, met, _ = pairs
     blocks, factors, corners = products[0], products[2], surface[0]
     table, shapes, group = slaves.shape, slaves.N, slaves.group
     N, frames, (slot_starts, slot_nodes, turns, lengths), rates = met[9], met[10], turned, held[1]
     k, l, m, groups = slaves.nodes.shape[1], corners.shape[1], shapes.shape[1], len(slot_starts) - 1
-    (patch_rows, spans), members = _patch_rows(products, count), products[1][2]
-    (slave_rows, ours), leans, asides = _slave_rows(slaves, held, blocks, count), *_slave_leans(slaves, held)
+    patches, members = _patch_rows(products, count), products[1][2]
+    on_slave, leans, asides = _slave_rows(slaves, held, blocks, count), *_slave_leans(slaves, held)
+    slave_rows, ours = on_slave
     (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), (held[0] & (met[6] < 1.0)).any()
     listed, sums, end = no_list(count), np.zeros((count, 3, 4)), 0
     normals, leaned = no_list(groups), np.zeros((groups, 3, 4))
+    here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
     for i in range(count):
-        n = _add_patches(i, patch_rows, spans, members, factors, listed, sums)
-        ng = _add_slave(i, slave_rows, ours, group, leans, normals, leaned)
+        n = _add_patches(i, patches, members, factors, here[1])
+        ng = _add_slave(i, on_slave, group, leans, here[2])
         for at in range(slave_rows[i], slave_rows[i + 1] if len(asides) else slave_rows[i]):
             for j in range(k):
                 block = blocks[slaves.nodes[ours[at] // k, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], asides[ours[at], j], UNIT)
         if bare:
-            here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
-            n = _uncover_slave(i, n, (slave_rows, ours), *here)
+            n = _uncover_slave(i, n, on_slave, *here)
         for at in range(master_rows[i], master_rows[i + 1]):
             q, place = theirs[at] // l, theirs[at] % l
             f, part = slaves.facet[q], N[q, 0, place]
@@ -126,7 +120,6 @@ def tangent_rows(
                 ng = join(group[f, c], normals, i, ng)
                 _add(leaned, normals[PLACE, group[f, c]], -shapes[q, c], lean)
             if met[6][q] < 1.0:
-                here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
                 n = _uncover(i, n, (q, -part), *here)
         for at in range(ng):
             lean = _block(leaned, at)
@@ -200,9 +193,9 @@ def _master_rows(surface: Surface, met: Met, held: Held, blocks: Ints64, count: 
 
 
 @njit(cache=True)
-def _add_patches(i: int, rows: Ints64, spans: Ints64, members: Ints64, factors: Floats, listed: Ints64, sums: Floats) -> int:
-    """Add R M S of all patches that act on row i; returns how many columns it has then."""
-    n = 0
+def _add_patches(i: int, patches: Gathered, members: Ints64, factors: Floats, columns: Row) -> int:
+    """Add R M S of all patches that act on row i, see `_patch_rows`; returns how many columns it has then."""
+    (rows, spans), (listed, sums), n = patches, columns, 0
     for at in range(rows[i], rows[i + 1]):
         force = _block(factors, spans[at, 0])
         for e in range(spans[at, 1], spans[at, 2]):
@@ -212,15 +205,16 @@ def _add_patches(i: int, rows: Ints64, spans: Ints64, members: Ints64, factors: 
 
 
 @njit(cache=True)
-def _add_slave(i: int, rows: Ints64, ours: Ints64, group: Ints64, leans: Floats, normals: Ints64, leaned: Floats) -> int:
+def _add_slave(i: int, ours: Gathered, group: Ints64, leans: Floats, normals: Row) -> int:
     """Add how the forces of samples on their own facets' nodes lean in row i; returns how many normals it has then."""
+    (rows, numbers), (at_group, leaned) = ours, normals
     ng, m = 0, group.shape[1]
     k = len(leans) // max(group.size, 1)
     for at in range(rows[i], rows[i + 1]):
-        f = ours[at] // k
+        f = numbers[at] // k
         for c in range(m):
-            ng = join(group[f, c], normals, i, ng)
-            _add(leaned, normals[PLACE, group[f, c]], 1.0, _block(leans, ours[at] * m + c))
+            ng = join(group[f, c], at_group, i, ng)
+            _add(leaned, at_group[PLACE, group[f, c]], 1.0, _block(leans, numbers[at] * m + c))
     return ng
 
 

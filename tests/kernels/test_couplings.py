@@ -21,8 +21,9 @@ def scene():
     return offsets, np.concatenate(listed), slave_nodes, corners, anchors
 
 
-def pairs_of(lists):
-    none = np.empty(0, dtype=np.int64)
+def pairs_of(scene):
+    (offsets, listed, *tables), none = scene, np.empty(0, dtype=np.int64)
+    lists = (offsets, listed), tuple(tables)
     rows, columns = (np.empty(coupled_pairs(*lists, none, none), dtype=np.int64) for _ in range(2))
     assert coupled_pairs(*lists, rows, columns) == len(rows)
     return rows, columns
@@ -58,11 +59,12 @@ def test_a_pattern_lacks_what_is_taken_out_of_it(scene):
         ends = (np.searchsorted(kept, (np.arange(NODES) + more) * NODES) for more in (0, 1))
         return np.arange(NODES), *ends, kept % NODES
 
-    assert not lacks(has, slave_nodes, corners, facet, anchors, without(-1))
+    tables = slave_nodes, corners, anchors
+    assert not lacks(has, tables, facet, without(-1))
     q = np.flatnonzero(has)[0]
     needed = slave_nodes[q, 0] * NODES + corners[facet[q], 2]
-    assert lacks(has, slave_nodes, corners, facet, anchors, without(needed))
-    assert not lacks(np.zeros_like(has), slave_nodes, corners, facet, anchors, without(needed))
+    assert lacks(has, tables, facet, without(needed))
+    assert not lacks(np.zeros_like(has), tables, facet, without(needed))
 
 
 def test_places_are_those_of_searchsorted():
