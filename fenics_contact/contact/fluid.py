@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,21 @@ from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import FluidTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
+
+
+class Skins(NamedTuple):
+    """Parts of a surface apart from all contacts and shared with one, and all facets that touch: those of contacts."""
+
+    apart: Skin
+    shared: Skin
+    touching: Skin
+
+
+def skins(space: Space, facets: Ints, touching: Ints, section: Section | None = None) -> Skins:
+    """The Skins of a surface of local facets; touching: facets that a contact has as slave or master, of this surface and of
+    others; section: what a plane mesh stands for."""
+    parts = np.setdiff1d(facets, touching), np.intersect1d(facets, touching), touching
+    return Skins(*(skin_of(space, part, section) for part in parts))
 
 
 class NodalSums:
@@ -54,28 +70,23 @@ class Fluid(FluidTerm):
     each facet that has one that is reached and open, p < p_f. That set stays while Newton's method looks for balance;
     `advance` moves it in balanced states.
 
-    path(t): the pressure [pressure], one for all, or (n,) at the local nodes; facets: local ones of the surface; touching:
-    of it and of other surfaces, those that a contact has as slave or master; contacts: the terms; source (n,): which local
-    nodes the fluid comes from, None: it is everywhere; section: what a plane mesh stands for. All methods that take a
-    state are collective.
+    skins: of the surface; contacts: the terms; path(t): the pressure [pressure], one for all, or (n,) at the local nodes;
+    source (n,): which local nodes the fluid comes from, None: it is everywhere. All methods that take a state are
+    collective.
     """
 
     def __init__(
         self,
         name: str,
         space: Space,
-        facets: Ints,
-        touching: Ints,
+        skins: Skins,
         contacts: Sequence[ContactTerm],
         path: Callable[[float], Floats],
         source: Bools | None,
-        section: Section | None = None,
     ) -> None:
         super().__init__(name, None, None, symmetric=False)
         self._space, self._contacts, self._path, self._pressure = space, contacts, path, np.zeros(())
-        apart, shared = np.setdiff1d(facets, touching), np.intersect1d(facets, touching)
-        self._open, self._shared = skin_of(space, apart, section), skin_of(space, shared, section)
-        self._touching = skin_of(space, touching, section)
+        self._open, self._shared, self._touching = skins
         self._owned = space.dofmap.index_map.size_local
         self._sums = NodalSums(space)
         self._source = None if source is None else self._sums.anywhere(source)

@@ -24,10 +24,10 @@ NO_DIRECTIONS = np.empty((0, 3))
 
 def coulomb(
     mu: float | Callable[[float], float],
+    *,
     exponent: float = 0.0,
     reference: float = 1.0,
     shear_limit: float | None = None,
-    *,
     up_to: float | None = None,
     across: float | None = None,
     along: Sequence[float] | None = None,

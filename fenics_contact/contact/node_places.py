@@ -49,7 +49,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         free: Array,
     ) -> None:
         skin, search = crossing.skin, SEARCH * max(surface.cell_height, master.longest)
-        super().__init__(surface, master, crossing, skin.owned, len(skin.X), search, skin.comm, timers)
+        super().__init__(surface, master, crossing, (skin.owned, len(skin.X)), search, timers)
         self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free)

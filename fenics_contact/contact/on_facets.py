@@ -43,8 +43,8 @@ class PlacesOnFacets(Generic[Feet]):
     """Where a slave lies to the facets of a master; `first_feet` and the rest depend on how it meets them.
 
     surface: SlaveSurface; master: the facets, which each rank knows in full; crossing: what of either lies behind the other;
-    slave (n,): this rank's nodes of the slave; first: where the master's nodes begin among the coordinates, facets: their
-    nodes and sizes there; search: gaps from this on are not told apart [length].
+    slave: (this rank's nodes (n,) of it, first: where the master's nodes begin among the coordinates behind the slave's),
+    facets: their nodes and sizes there; search: gaps from this on are not told apart [length].
     """
 
     sights: Sights | None = None
@@ -57,16 +57,14 @@ class PlacesOnFacets(Generic[Feet]):
         surface: SlaveSurface,
         master: MasterSurface | ToolSurface,
         crossing: Crossing,
-        slave: Ints64,
-        first: int,
+        slave: tuple[Ints64, int],
         search: float,
-        comm: MPI.Comm,
         timers: Timers,
     ) -> None:
-        self.surface, self.master, self.slave, self.first = surface, master, slave, first
-        self.crossing = crossing
-        self.search, self.comm, self.timers = search, comm, timers
-        self.facets: Surface = (master.facets[0] + first, master.facets[1])
+        self.surface, self.master, self.crossing = surface, master, crossing
+        (self.slave, self.first), self.search = slave, search
+        self.comm, self.timers = crossing.skin.comm, timers
+        self.facets: Surface = (master.facets[0] + self.first, master.facets[1])
         self.reach = float(np.abs(master.X).max(initial=0.0))
         self._directions: Directions | None = None
 

@@ -68,7 +68,7 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
     ) -> None:
         slave = np.unique(surface.nodes).astype(np.int64)  # this rank's slave nodes come first
         search = max(surface.cell_height, master.longest)
-        super().__init__(surface, master, crossing, slave, len(slave), search, space.mesh.comm, timers)
+        super().__init__(surface, master, crossing, (slave, len(slave)), search, timers)
         self.space = space
         (_, nq, k), along = surface.a.shape, surface.gradients
         self.nodes = np.repeat(np.searchsorted(slave, surface.nodes), nq, axis=0).astype(np.int64)

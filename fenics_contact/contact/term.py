@@ -1,7 +1,7 @@
 """Contact of a slave surface with its master as one term of a System: pure response and tangent, history when accepted."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,15 +24,22 @@ from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 
 
+class Interface(NamedTuple):
+    """What the user states of two surfaces that touch: friction; penalty, as it is stated; penetration: how deep a point may
+    lie in the master and how far one that sticks may slip [length], None: as the penalty alone gives."""
+
+    friction: Friction
+    penalty: Penalty
+    penetration: float | None
+
+
 class Contact:
     """Penalty contact with Coulomb friction between slave points and a master.
 
-    partner: what the points of its surface meet; friction: Friction; penalty: as the user states it; penetration: how deep a
-    point may lie in the master and how far one that sticks may slip [length], None: as the penalty alone gives; supports:
-    what leads nodes; state: the initial one, in which every point is anchored at its projection. Response and
-    tangent depend on the state and a Trial alone: `accepted` is what the last accepted step left, `trial` what the present
-    one is tried with. All methods that take a state are collective, and so are those of what others ask by: forces,
-    led, parts, findings, penalties, multipliers.
+    partner: what the points of its surface meet; interface: what they do there; supports: what leads nodes; state: the
+    initial one, in which every point is anchored at its projection. Response and tangent depend on the state and a Trial
+    alone: `accepted` is what the last accepted step left, `trial` what the present one is tried with. All methods that take
+    a state are collective, and so are those of what others ask by: forces, led, parts, findings, penalties, multipliers.
     """
 
     condensed = False
@@ -41,14 +48,12 @@ class Contact:
         self,
         name: str,
         partner: Partner,
-        friction: Friction,
-        penalty: Penalty,
-        penetration: float | None,
+        interface: Interface,
         supports: Supports,
         state: State,
         timers: Timers,
     ) -> None:
-        surface = partner.surface
+        surface, (friction, penalty, penetration) = partner.surface, interface
         self.name, self.surface, self.timers = name, surface, timers
         self.key, self.friction_stated = surface.key, stated(friction)
         self.partner, self.places, self.master_name = partner, partner.places, partner.name

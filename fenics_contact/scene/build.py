@@ -24,7 +24,7 @@ from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.facets import FacetPartner
-from fenics_contact.contact.fluid import Fluid
+from fenics_contact.contact.fluid import Fluid, skins
 from fenics_contact.contact.master import MasterSurface, ToolSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolAverages, MeshedToolPartner
 from fenics_contact.contact.mortar import MortarPartner
@@ -35,7 +35,7 @@ from fenics_contact.contact.quadratic import QuadraticPartner
 from fenics_contact.contact.quadratic_places import QuadraticPlaces
 from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import SlaveSurface, slave_surface
-from fenics_contact.contact.term import Contact
+from fenics_contact.contact.term import Contact, Interface
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
 from fenics_contact.scene.checks import (
     bonded_bodies,
@@ -250,7 +250,7 @@ def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact
         source[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
         on[compat.locate_blocks(space, facets)] = True
         source &= on
-    return Fluid(f"fluid {number} on {name}", space, facets, touching, contacts, path, source, scene.section)
+    return Fluid(f"fluid {number} on {name}", space, skins(space, facets, touching, scene.section), contacts, path, source)
 
 
 def _modulus_by_cell(scene: "Scene") -> Floats:
@@ -285,8 +285,8 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
         softer = np.minimum(modulus, _hardest(scene, stated.master, modulus))
         surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), softer, points, scene.section)
         partner = _partner(scene, stated, surface, timers, supports)
-        numbers = stated.friction, stated.penalty, stated.penetration
-        contact = Contact(stated.name, partner, *numbers, supports, state, timers)
+        interface = Interface(stated.friction, stated.penalty, stated.penetration)
+        contact = Contact(stated.name, partner, interface, supports, state, timers)
         touch = contact.trial.law.touch
         if stated.penetration is not None and stated.penetration < touch:
             raise SceneError(
