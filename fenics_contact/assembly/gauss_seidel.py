@@ -22,7 +22,10 @@ class GaussSeidel:
 
     def __init__(self, pc: Any, blocks: Blocks, sweeps: int) -> None:
         self._blocks, self._sweeps, self._inverses = blocks, sweeps, np.zeros(9 * blocks.rows)
-        self._products = np.zeros(3 * blocks.rows), np.zeros(3 * blocks.rows)  # of what lies above and below the diagonal
+        self._parts = (
+            np.zeros(3 * blocks.rows),
+            np.zeros(3 * blocks.rows),
+        )  # products with what lies above and below the diagonal
         self._right = np.zeros(3 * blocks.rows)
         self._product = called_back(self._multiply)
         pc.setType("shell")
@@ -36,7 +39,7 @@ class GaussSeidel:
     def _multiply(self, x: int, y: int) -> None:
         blocks, order, (lower, upper) = self._blocks, self._blocks.order, self._blocks.halves
         down, up = (sweep_down, lower), (sweep_up, upper)
-        self._products[0][:] = 0.0
+        self._parts[0][:] = 0.0
         blocks.forget()
         called("VecSet", HANDLE(y), ctypes.c_double(0.0))
         for _ in range(self._sweeps):
@@ -62,4 +65,4 @@ class GaussSeidel:
             if rows is self._blocks.order.border:
                 self._blocks.less_others(b, self._right)
                 b = self._right
-            sweep(half, self._inverses, rows, b, out, self._products)
+            sweep(half, self._inverses, rows, b, out, self._parts)

@@ -24,9 +24,8 @@ from fenics_contact.types import Floats, Ints64
 
 Ends = tuple[Ints64, Ints64, Ints64, Ints64]
 Master = tuple[Surface, Ends]
-Samples = tuple[
-    Floats, Ints64, Floats
-]  # points (np, 3), corners (np, m) of their facets, rims (np,): w over what these measure
+# points (np, 3), corners (np, m) of their facets, rims (np,): w over what these measure
+Samples = tuple[Floats, Ints64, Floats]
 Cover = tuple[Floats, Ints64, Floats]
 Sight = tuple[Floats, Floats]  # normals (np, 3) of the samples, into the slave, and places (nx, 3) of all nodes
 

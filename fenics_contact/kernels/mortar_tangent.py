@@ -89,11 +89,12 @@ def tangent_rows(
     slave_rows, ours = on_slave
     (master_rows, theirs), bare = _master_rows(surface, met, held, blocks, count), (held[0] & (met[6] < 1.0)).any()
     listed, sums, end = no_list(count), np.zeros((count, 3, 4)), 0
-    normals, leaned = no_list(groups), np.zeros((groups, 3, 4))
-    here = (slaves, met, lengths, held, blocks), (listed, sums), (normals, leaned)
+    at_group, leaned = no_list(groups), np.zeros((groups, 3, 4))
+    columns, normals = (listed, sums), (at_group, leaned)
+    here = (slaves, met, lengths, held, blocks), columns, normals
     for i in range(count):
-        n = _add_patches(i, patches, members, factors, here[1])
-        ng = _add_slave(i, on_slave, group, leans, here[2])
+        n = _add_patches(i, patches, members, factors, columns)
+        ng = _add_slave(i, on_slave, group, leans, normals)
         for at in range(slave_rows[i], slave_rows[i + 1] if len(asides) else slave_rows[i]):
             for j in range(k):
                 block = blocks[slaves.nodes[ours[at] // k, j]]
@@ -117,13 +118,13 @@ def tangent_rows(
                 _add(sums, listed[PLACE, block], N[q, 0, j], moved)
             lean = _both(met[4][q] / lengths[q], moved, part, _block(rates, q))
             for c in range(m):
-                ng = join(group[f, c], normals, i, ng)
-                _add(leaned, normals[PLACE, group[f, c]], -shapes[q, c], lean)
+                ng = join(group[f, c], at_group, i, ng)
+                _add(leaned, at_group[PLACE, group[f, c]], -shapes[q, c], lean)
             if met[6][q] < 1.0:
                 n = _uncover(i, n, (q, -part), *here)
         for at in range(ng):
             lean = _block(leaned, at)
-            for slot in range(slot_starts[normals[NODE, at]], slot_starts[normals[NODE, at] + 1]):
+            for slot in range(slot_starts[at_group[NODE, at]], slot_starts[at_group[NODE, at] + 1]):
                 block = blocks[slot_nodes[slot]]
                 n = join(block, listed, i, n)
                 _add_turned(sums, listed[PLACE, block], lean, turns, slot)
