@@ -22,11 +22,8 @@ class GaussSeidel:
 
     def __init__(self, pc: Any, blocks: Blocks, sweeps: int) -> None:
         self._blocks, self._sweeps, self._inverses = blocks, sweeps, np.zeros(9 * blocks.rows)
-        self._parts = (
-            np.zeros(3 * blocks.rows),
-            np.zeros(3 * blocks.rows),
-        )  # products with what lies above and below the diagonal
-        self._right = np.zeros(3 * blocks.rows)
+        above, below, self._right = (np.zeros(3 * blocks.rows) for _ in range(3))
+        self._parts = above, below  # products with what lies above and below the diagonal
         self._product = called_back(self._multiply)
         pc.setType("shell")
         called("PCShellSetApply", HANDLE(pc.handle), self._product)
