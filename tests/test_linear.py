@@ -1,5 +1,6 @@
 """The linear solvers' objects: what a failed factorisation leaves behind, and memory over many solves."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -10,13 +11,14 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, read_gmsh, rigid_plane, solve
-from fenics_contact.meshes import box
+from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact.meshes import box, punch_plate
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
 from fenics_contact.solvers.choice import EARLIEST, ENOUGH, OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.solvers.multigrid import multigrid
 from fenics_contact.solvers.reuse import ReusingSolver
 from fenics_contact.timing import Timers
 
@@ -162,6 +164,28 @@ def test_memory_does_not_grow_with_the_solves():
     start = some(5)  # what is made once
     grown, vector = COMM.allreduce(some(25) - start, op=MPI.MAX), 8 * system.vector.getLocalSize()
     assert grown < 25 * vector
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.3])
+def test_hierarchies_of_graded_meshes_coarsen(ratio, monkeypatch):
+    """By four from level to level, whether cells are alike or grow by three tenths from row to row."""
+    made = []
+
+    def spied(*arguments):
+        made.append(multigrid(*arguments))
+        return made[-1]
+
+    monkeypatch.setattr(reuse, "multigrid", spied)
+    mesh = read_gmsh(punch_plate.build, inside=12, outside=10, layers=6, ratio=ratio)
+    scene = Scene(Body(mesh, "plate", RUBBER))
+    for group, axis in (("symmetry_x", "x"), ("symmetry_y", "y"), ("bottom", "z")):
+        scene.fix(group, axis)
+    punch = rigid_punch(half_width=20.0, height=10.0, face=(0, 0, 10))
+    scene.contact("top", punch, 0.3)
+    assert solve(scene, move={punch: (0, 0, -0.1)}, steps=1, method=Method(linear="iterative")).converged
+    for cycle, _ in made:
+        rows = [cycle.getMGSmoother(level).getOperators()[0].getSize()[0] for level in range(cycle.getMGLevels())]
+        assert len(rows) > 2 and all(4 * coarse <= fine for coarse, fine in itertools.pairwise(rows)), rows
 
 
 # -- which solver a run takes -----------------------------------------------------------------------------------------
