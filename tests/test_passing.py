@@ -104,9 +104,11 @@ def under_a_foil(**options):
 
 
 def test_a_tool_that_no_step_holds_is_named_and_the_remedy_holds_it():
-    verdict = under_a_foil(penalty=1e-2).verdict
+    verdict = under_a_foil(penalty=0.5).verdict
     assert verdict.kind == "projection lost" and "come out behind the surface" in verdict.reason
     assert "contact 'c' at (" in verdict.place and "raise the penalty" in verdict.remedy
+    feeble = under_a_foil(penalty=1e-2).verdict  # told as such, and with what came of it
+    assert feeble.kind == "penalty too soft" and "come out behind the surface" in feeble.reason
     assert under_a_foil(penalty=3e4).require().column("c_force_y_N")[-1] < 0.0
 
 

@@ -20,7 +20,8 @@ class PivotWatch:
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         now, counted = self._seen()
-        if now is not None and now != self.negative:  # of the iterate that the last tangent was made in
+        # it was of the iterate that the last tangent was made in, an only one of the state before this step
+        if now is not None and (now != self.negative or report.iterations == 1):
             now, counted = self._seen_in_the_end()
         if now is not None:
             self._look(now, counted)
