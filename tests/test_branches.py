@@ -141,7 +141,22 @@ def test_what_is_not_factorised_anew_is_looked_at_too(friction, linear):
     result = solve(scene, move=move, steps=4, method=Method(linear=linear)).require()
     (said,) = (note for note in result.verdict.notes if "bifurcation" in note)
     assert said.startswith("step 3 to t = 0.75: the ") and "tangent" in said
-    assert result.summary["method"]["factorisations"] < result.verdict.iterations / 2
+    assert result.summary["method"]["factorisations"] < result.summary["method"]["tangents"] / 2
+
+
+@pytest.mark.parallel
+def test_two_motions_that_a_determinant_hides_are_found():
+    """The same column on a rough plate, which may bend along x or y; each tangent is factorised."""
+    mesh = read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=(1, 1, 12))
+    scene = Scene(Body(mesh, "box", from_elastic(1.0, 0.3)), degree=2)
+    scene.fix("zmin")
+    plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
+    scene.contact("zmax", plate, 0.5, points=3)
+    for travel, passed in (-0.2, 0), (-0.4, 1):
+        result = solve(scene, move={plate: (0, 0, travel)}, steps=4).require()
+        said = [note for note in result.verdict.notes if "bifurcation" in note]
+        assert result.summary["method"]["factorisations"] >= result.verdict.iterations and len(said) == passed
+    assert said[0].startswith("step 3 to t = 0.75: the tangent no longer resists every motion")
 
 
 @pytest.mark.parallel
@@ -185,7 +200,7 @@ class Watched:
     def __init__(self, symmetric, *steps, arcs=True):
         self.symmetric, self.scales, self.still = symmetric, SimpleNamespace(accepted=0.0), lambda: ()
         self.assemble_residual = self.assemble_tangent = lambda: None
-        self.builds, self.negative, self.verdict = 0, 0, Verdict()
+        self.builds, self.negative, self.verdict, self.hides_motions = 0, 0, Verdict(), lambda: False
         watch = PivotWatch(self, self, self.verdict, lambda *_: None, arcs)
         for self.negative, self.accepted in steps:
             self.builds += 1

@@ -11,7 +11,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
-from fenics_contact.solvers.softest import Softest
+from fenics_contact.solvers.softest import Softest, has_turned
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array, Floats, Mat, Vec
 
@@ -32,8 +32,7 @@ LOOSE = 1e-12
 # this resistance, round-off of either sign, tells the direction of a path and not how far the tool goes.
 GRIPPED, LEAST = 1e-6, 1e-15
 
-# Whether an eigenvalue has become negative: solves to these relative residuals, error of the eigenvector that is borne
-INVERSE, ROUGHLY, TURNED = 2, 1e-4, 0.5
+ROUGHLY = 1e-4  # relative residual of solves that tell whether an eigenvalue is negative
 
 Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, tools' one (tools, 6), du on the supports' dofs, dq
 Solution = tuple[Vec, Floats]  # du and dq (tools, 6) [length]
@@ -163,33 +162,37 @@ class LinearSolver:
         known. Of an unsymmetric one whether its determinant is positive. Collective."""
         if self._of_border is None:
             return None
+        softest = self._softest_motion()
+        body, before = self._solver.resists(softest, self._matrix), self._solver.negative_pivots()
+        if body is None or (body and before and self.system.symmetric):  # what was soft then hides what is soft now
+            return None
+        if self.system.symmetric:
+            return body and not self._of_border
+        if before is None:  # a cycle may have negative eigenvalues of its own
+            body = body or not has_turned(softest.vector, self._inverse)[0]
+        odd = (not body) + (before or 0) + self._of_border
+        return odd % 2 == 0
+
+    def hides_motions(self) -> bool:
+        """Whether a motion is found that the tangent factorised last does not resist: its determinant hides two of them, as
+        a column's that may bend either way. Collective."""
+        softest = self._softest_motion()
+        if (start := softest.start(softest.loads)) is None:
+            return False
+        turned, softest.vector = has_turned(start, self._solver.substituted)
+        return turned
+
+    def _softest_motion(self) -> Softest:
         if self._softest is None:
             loads = self.system.new_vector()
             first, end = loads.getOwnershipRange()
             loads.array_w[:] = np.cos(1.7 * np.arange(first, end) ** 1.5)
             self.system.supports.put_forces(loads.array_w, 0.0)
             self._softest = Softest(loads)
-        body, before = self._solver.resists(self._softest, self._matrix), self._solver.negative_pivots()
-        if body is None or (body and before and self.system.symmetric):  # what was soft then hides what is soft now
-            return None
-        if self.system.symmetric:
-            return body and not self._of_border
-        if before is None:  # a cycle may have negative eigenvalues of its own
-            body = body or not self._has_turned(self._softest.vector)
-        odd = (not body) + (before or 0) + self._of_border
-        return odd % 2 == 0
+        return self._softest
 
-    def _has_turned(self, motion: Vec) -> bool:
-        """Whether the tangent's eigenvalue next to zero, of an eigenvector near a motion, is negative: inverse iteration."""
-        along, size, motion = 0.0, 1.0, motion.copy()
-        for _ in range(INVERSE):
-            out = motion.duplicate()
-            if self._solver.solve(self._matrix, self.system.couplings.patterns, motion, out, ROUGHLY) < 0:
-                return False
-            along, size = out.dot(motion), out.norm()
-            motion = out
-            motion.scale(1.0 / size)
-        return along < 0.0 and 1.0 - (along / size) ** 2 < TURNED**2
+    def _inverse(self, right: Vec, out: Vec) -> int:
+        return self._solver.solve(self._matrix, self.system.couplings.patterns, right, out, ROUGHLY)
 
     def _with_free_tools(self, du: Vec, dq: Floats, right: Floats, border: _Border) -> Solution:
         """The pushed tools' share of an increment. What nothing resists and nothing loads stays where it is."""

@@ -7,6 +7,8 @@ from fenics_contact.solvers.newton import LOOSEST
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import Verdict
 
+UNRESISTED = "the tangent no longer resists every motion, as it did in the step before"
+
 
 class PivotWatch:
     """Looks at every accepted step before the hook `on_step`: whether pivots have changed their sign, which are all positive
@@ -31,7 +33,8 @@ class PivotWatch:
         """Negative pivots of the last tangent, and whether they were counted. Collective."""
         fresh, self._builds = self.linear.builds > self._builds, self.linear.builds
         if fresh and self.linear.negative is not None:
-            return self.linear.negative, True
+            even = not self.system.symmetric and self.linear.negative == 0
+            return (2, False) if even and self.linear.hides_motions() else (self.linear.negative, True)
         resists = self.linear.resists()  # an older factorisation, or a hierarchy, served
         if resists is None:
             return None, False
@@ -57,7 +60,7 @@ class PivotWatch:
         if self.negative is not None and now > self.negative and (self._counted or not self.negative):
             why = "a bifurcation has been passed, and this path may be unstable"
             if not self.system.symmetric:  # with friction a determinant below zero is no proof of another path
-                found = "the determinant of the tangent has become negative"
+                found = "the determinant of the tangent has become negative" if now % 2 else UNRESISTED
                 why = (
                     "a bifurcation may have been passed, or a body has let go and moved far within this step; look at this "
                 )
@@ -65,7 +68,7 @@ class PivotWatch:
             elif counted:
                 found = f"the tangent has {now} negative pivots, {self.negative or 'none'} in the step before"
             else:
-                found = "the tangent no longer resists every motion, as it did in the step before"
+                found = UNRESISTED
             remedy = (
                 "follow the path by steps=ArcSteps(until=...), and a branch by its branch=Branch(...)"
                 if self.arcs

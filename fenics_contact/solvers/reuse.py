@@ -305,6 +305,11 @@ class ReusingSolver:
             return None
         return factors.getMumpsInfog(12) if self.symmetric else int(factors.getMumpsRinfog(12) < 0.0)
 
+    def substituted(self, right: Vec, out: Vec) -> int:
+        """out from `right` by the factorisation at hand, whichever matrix it is of; returns 0, negative on failure."""
+        error = _code(lambda: self._krylov.getPC().apply(right, out))
+        return error if error or np.isfinite(out.norm()) else -NOT_FINITE
+
     def resists(self, softest: Softest, matrix: Mat) -> bool | None:
         """What `softest` finds in the matrix of the last solve; None where nothing is kept that preconditions it."""
         if self._reuse is None or self.anew:

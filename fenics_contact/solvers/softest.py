@@ -1,5 +1,6 @@
 """The softest motion that a preconditioned tangent leaves, and whether it resists: what can be told without pivots."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from fenics_contact.types import Floats, Mat, Vec
 
 LEAST, MOST = 4, 30  # products
 NEAR = 0.1  # of the least eigenvalue: error at which it is known well enough
+INVERSE, TURNED = 2, 0.5  # solves, and the error of their eigenvector that is borne
 
 
 class Softest:
@@ -19,17 +21,24 @@ class Softest:
     """
 
     def __init__(self, loads: Vec) -> None:
-        self._loads, self.vector = loads, loads.duplicate()
+        self.loads, self.vector = loads, loads.duplicate()
+
+    def start(self, motion: Vec) -> Vec | None:
+        """A motion of any length and the vector found last, of length 1; None where the motion is none."""
+        start = motion.copy()
+        if not start.normalize() > 0.0:
+            return None
+        start.axpy(1.0, self.vector)
+        start.normalize()
+        return start
 
     def resists(self, A: Mat, pc: Any, symmetric: bool) -> bool:
         """Whether no motion that is found lowers the energy; of an unsymmetric tangent, whether no eigenvalue that is found
         is negative, as one is whose determinant is."""
-        start, force, right = (self._loads.duplicate() for _ in range(3))
-        pc.apply(self._loads, start)
-        if not start.normalize() > 0.0:
+        force, right = self.loads.duplicate(), self.loads.duplicate()
+        pc.apply(self.loads, right)
+        if (start := self.start(right)) is None:
             return True
-        start.axpy(1.0, self.vector)
-        start.normalize()
         basis, H, lowers = [start], np.zeros((MOST + 1, MOST)), False
         least, error, weights = 1.0, np.inf, np.ones(1)
         for j in range(MOST):
@@ -60,6 +69,20 @@ class Softest:
         for vector in (*basis, force, right):
             vector.destroy()
         return not lowers
+
+
+def has_turned(motion: Vec, solve: Callable[[Vec, Vec], int]) -> tuple[bool, Vec]:
+    """Whether the tangent's eigenvalue next to zero, of an eigenvector near a motion, is negative, and that vector: inverse
+    iteration. solve: of a right side and for the solution; negative where that failed. Collective."""
+    along, size, motion = 0.0, 1.0, motion.copy()
+    for _ in range(INVERSE):
+        out = motion.duplicate()
+        if solve(motion, out) < 0:
+            return False, motion
+        along, size = out.dot(motion), out.norm()
+        motion = out
+        motion.scale(1.0 / size)
+    return along < 0.0 and 1.0 - (along / size) ** 2 < TURNED**2, motion
 
 
 def _least(H: Floats, size: int) -> tuple[float, float, Floats]:
