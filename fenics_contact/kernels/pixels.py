@@ -87,3 +87,19 @@ def draw(image: Array, depth: Array, ends: Floats, colours: Floats, half: float)
                 done[row, column] = True
                 for i in range(3):
                     image[row, column, i] += colours[n, 3] * (colours[n, i] - image[row, column, i])
+
+
+@njit(cache=True)
+def averaged(image: Array, across: int) -> Array:
+    """Image in bytes (rows, columns, 3), each pixel the mean of `across` x `across` ones."""
+    rows, columns = image.shape[0] // across, image.shape[1] // across
+    mean, scale = np.empty((rows, columns, 3), dtype=np.uint8), 255.0 / across**2
+    for row in range(rows):
+        for column in range(columns):
+            for i in range(3):
+                total = 0.0
+                for j in range(across * row, across * (row + 1)):
+                    for k in range(across * column, across * (column + 1)):
+                        total += image[j, k, i]
+                mean[row, column, i] = int(scale * total + 0.5)
+    return mean

@@ -93,7 +93,7 @@ def animate(
     """Write drawings of one model as a GIF or MP4. The view is that of the drawing with the largest value."""
     writer = _writer(path, 1.0 / seconds)
     best = max(drawings, key=lambda one: (not one.colours.blank, one.colours.high))
-    frames = [replace(one, view=best.view) for one in drawings]
+    frames = [replace(one, view=best.view, dots=2 * DOTS) for one in drawings]
     ends = np.array([one.extent() for one in frames])
     extent = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     limits = limits or common_limits(drawings)

@@ -15,6 +15,7 @@ class Late:
 
 
 matplotlib: Any = Late("matplotlib")
+agg: Any = Late("matplotlib.backends.backend_agg")
 animations: Any = Late("matplotlib.animation")
 cm: Any = Late("matplotlib.cm")
 collections: Any = Late("matplotlib.collections")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.output.colours import TOOL, Colours
-from fenics_contact.output.late import collections, figures, patches, paths
+from fenics_contact.output.late import agg, collections, figures, patches, paths
 from fenics_contact.output.layers import layers, mean, unit
 from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works, rendered
@@ -26,7 +26,8 @@ STRIPE = 0.008  # of the picture's size: thickness of the band of a contact fiel
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
 DEEPEST = 0.4  # of the bodies' thickness: that height at most
 PIECES = 6  # of a line of a slice's slave surface: each has one colour
-PIXELS = 1600  # along the longer side of an image in space: 300 to the inch at a page's width
+DOTS = 200  # per inch of what is saved
+LONGEST = 5.3  # inches, of an image in space as it is laid out
 
 Box = tuple[Floats, Floats]  # least and largest places (2,)
 Neighbourhood = tuple[Floats, Floats]  # least and largest places (3,)
@@ -38,7 +39,7 @@ class Drawing:
 
     body: facets with the field; tools: tiles (n, 4, 3) of each [length]; hidden (bodies,): seen through, for the field is
     behind them; length: the unit's name; box: in which tools are drawn; backend: "matplotlib" or "pyvista", which draws in
-    space alone, None: the latter where it works.
+    space alone, None: the latter where it works; dots: to the inch of an image in space.
     """
 
     body: Skin
@@ -50,6 +51,7 @@ class Drawing:
     length: str
     box: Neighbourhood
     backend: str | None = None
+    dots: int = 300
 
     @property
     def is_slice(self) -> bool:
@@ -132,7 +134,13 @@ def picture_format(path: str | Path) -> str:
 
 def save(figure: "Figure", path: str | Path, kind: str = "png") -> None:
     """The figure as a file of a kind, whatever the path's ending."""
-    figure.savefig(path, dpi=200, format=kind)
+    if kind != "png":
+        figure.savefig(path, dpi=DOTS, format=kind)
+        return
+    dpi = figure.dpi
+    figure.dpi = DOTS
+    agg.FigureCanvasAgg(figure).print_png(path)  # savefig would draw all of it once more, for its layout alone
+    figure.dpi = dpi
 
 
 # -- in space -------------------------------------------------------------------------------------------------------------
@@ -143,7 +151,7 @@ def _paint_space(axes: Any, drawing: Drawing, tint: Colours, low: Floats, high: 
     body = drawing.body.part(~hidden & (normals(drawing.body.x) @ view.towards > 0.0))
     parts = layers(body, [*drawing.tools, drawing.body.part(hidden).x], view, tint, float(np.max(high - low)))
     by_pyvista = drawing.backend == "pyvista" or (drawing.backend is None and pyvista_works())
-    image = (rendered if by_pyvista else rasterised)(parts, view, low, high, PIXELS)
+    image = (rendered if by_pyvista else rasterised)(parts, view, low, high, round(LONGEST * drawing.dots))
     axes.imshow(image, extent=np.column_stack([low, high]).ravel())
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fenics_contact.kernels.pixels import draw, paint
+from fenics_contact.kernels.pixels import averaged, draw, paint
 from fenics_contact.output.layers import Layer
 from fenics_contact.output.views import View
 from fenics_contact.types import Array, Floats
@@ -37,5 +37,4 @@ def rasterised(layers: Sequence[Layer], view: View, low: Floats, high: Floats, p
         order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
         for half in ([0, 1, 2], [0, 2, 3]):
             paint(image, depth, corners[order][:, half], colours[order][:, half], kind == "glass")
-    total = sum((image[i::SMOOTH, j::SMOOTH] for i in range(SMOOTH) for j in range(SMOOTH)), np.zeros((rows, columns, 3)))
-    return np.rint(255 / SMOOTH**2 * total).astype(np.uint8)
+    return averaged(image, SMOOTH)

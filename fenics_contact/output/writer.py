@@ -1,13 +1,14 @@
 """The results folder of a run: history, fields and tools for ParaView, summary and a picture, written as the run goes."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import complete, writing
 from fenics_contact.output.history import HistoryFile, Summary, write_summary
-from fenics_contact.output.pictures import save
+from fenics_contact.output.pictures import DOTS, save
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.series import FieldFiles
 from fenics_contact.output.solved import Solved
@@ -65,4 +66,4 @@ class Writer:
         with writing(self.comm, self.folder, "body.png"):
             if drawn is not None:
                 with complete(self.folder / "body.png") as draft:
-                    save(drawn.figure(), draft)
+                    save(replace(drawn, dots=DOTS).figure(), draft)
