@@ -66,11 +66,13 @@ test-rounding: setup
 	  tests/test_stabilisation.py tests/test_arc_length.py tests/test_steppers.py tests/test_branches.py
 
 # What `make test` runs on two processes, on one, and what `make test-slow` runs on one, on two; then 200 random scenes on one
-# process and on two, each in a process of its own: a line per scene, and how many ended how
+# process and on two, each in a process of its own: a line per scene, and how many ended how; at last what the newest release
+# could trip over (root only)
 nightly: setup
 	@$(ENV) python3 -m pytest -n 2 --dist loadfile -m "parallel and not slow"
 	@$(ENV) mpirun -n 2 python3 -m pytest -m "parallel and slow" -p no:cacheprovider --color=no
 	@$(ENV) python3 tests/random_scenes.py 0 200 --ranks 1 2 --out results/random_scenes.csv
+	@SUITE=unstable bash .ci/debian13 suite-newest
 
 # Races against the programs that are installed, what a run is made of, anew; the tables of docs/speed.md
 bench: setup

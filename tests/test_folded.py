@@ -48,7 +48,7 @@ def bar():
     return rigid_cylinder(0.7, (2.8, 2.5, HEIGHT + 0.7), (0, 1, 0), name="bar")
 
 
-@pytest.mark.parametrize("tool, deep", [(ball(1.0, 0.1), 1.8), (bar, 1.5)])
+@pytest.mark.parametrize("tool, deep", [(ball(1.0, 0.1), 1.8), pytest.param(bar, 1.5, marks=pytest.mark.slow)])
 def test_a_tool_that_comes_in_between_nodes_is_named_and_gauss_points_hold_it(tool, deep):
     result = pressed(tool, deep, 4, 0.3)
     assert result.verdict.kind == "projection lost" and "take points=3 (Gauss points)" in result.verdict.remedy

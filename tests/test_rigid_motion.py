@@ -768,7 +768,12 @@ def ball_on_a_block():
 @pytest.mark.parallel
 @pytest.mark.parametrize(
     ("of", "steps"),
-    [(roller_on_a_block, 3), (roller_on_a_block, 10), (plane_under_a_block, 3), (ball_on_a_block, 3)],
+    [
+        (roller_on_a_block, 3),
+        (roller_on_a_block, 10),
+        (plane_under_a_block, 3),
+        pytest.param(ball_on_a_block, 3, marks=pytest.mark.slow),
+    ],
 )
 def test_a_tool_that_slid_and_is_pushed_less_springs_back(of, steps):
     """To where it has that force when it is moved back, in any number of steps; it is not thrown off, nor goes on."""

@@ -451,8 +451,11 @@ def failed(name, **options):
     return result
 
 
+SLOW = {"wedge on springs in short steps"}
+
+
 @pytest.mark.parallel
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CATALOGUE])
 def test_verdict_names_cause_place_and_remedy(name):
     _, kind, place, remedy = CATALOGUE[name]
     verdict = failed(name).verdict
