@@ -42,7 +42,7 @@ from fenics_contact.output.fields import Fields
 from fenics_contact.output.film import common_limits
 from fenics_contact.output.layers import APART, Layer, layers
 from fenics_contact.output.lines import line, zones
-from fenics_contact.output.pictures import LETTERS, PIECES, WIDTH
+from fenics_contact.output.pictures import DOTS, LETTERS, PIECES, WIDTH, save
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works
@@ -467,6 +467,21 @@ def test_the_legend_beside_a_square_picture_is_not_cut_off():
     figure = solve(scene, move={lid: (0, -1, 0)}, steps=1).plot("grip_status", mirror="x")
     if ROOT:
         holds(figure)
+
+
+def test_a_picture_is_the_one_that_matplotlib_saves(punched, tmp_path):
+    """In a folder each rank has of its own; the figure goes on as it was."""
+    seen = drawing(Fields(punched.scene, punched.system))
+    if ROOT:
+        figure, kinds = seen.figure(), {}
+        for name in ("png", "again"):
+            save(figure, tmp_path / name)
+            kinds[name] = np.array(Image.open(tmp_path / name))
+        figure.savefig(tmp_path / "plain", dpi=DOTS, format="png")
+        kinds["plain"] = np.array(Image.open(tmp_path / "plain"))
+        assert kinds["png"].shape[1] == pytest.approx(DOTS * WIDTH, abs=DOTS) and np.ptp(kinds["png"]) > 200
+        for name in ("again", "plain"):
+            np.testing.assert_array_equal(kinds[name], kinds["png"])
 
 
 @pytest.mark.parametrize("off", [np.nan, 0.0])
