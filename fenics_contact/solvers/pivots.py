@@ -34,7 +34,9 @@ class PivotWatch:
         fresh, self._builds = self.linear.builds > self._builds, self.linear.builds
         if fresh and self.linear.negative is not None:
             even = not self.system.symmetric and self.linear.negative == 0
-            return (2, False) if even and self.linear.hides_motions() else (self.linear.negative, True)
+            if even and (self.negative == 2 or self.linear.hides_motions()):  # the softest motion tells no more of two found
+                return 2, False
+            return self.linear.negative, True
         resists = self.linear.resists()  # an older factorisation, or a hierarchy, served
         if resists is None:
             return None, False
