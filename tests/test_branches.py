@@ -186,6 +186,30 @@ def test_the_softest_motion_is_found_and_followed(skewed):
 
 
 @pytest.mark.parallel
+def test_nothing_is_soft_over_a_tangents_own_factors():
+    """Where all eigenvalues are 1 the first product leaves round-off alone, time and again."""
+    n = 30
+    skew = np.triu(np.random.default_rng(2).normal(size=(n, n)), 1)
+    dense = np.diag(1.0 + np.arange(n)) + skew - skew.T
+    ksp, loads = PETSc.KSP().create(COMM), PETSc.Vec().createMPI(n, comm=COMM)
+    first, end = loads.getOwnershipRange()
+    loads.array_w[:] = np.cos(1.7 * np.arange(first, end) ** 1.5)
+    A = PETSc.Mat().createAIJ((n, n), comm=COMM)
+    A.setUp()
+    for row in range(first, end):
+        A.setValues(row, range(n), dense[row])
+    A.assemble()
+    pc = ksp.getPC()
+    pc.setType("lu")
+    pc.setFactorSolverType("mumps")
+    pc.setOperators(A)
+    softest = Softest(loads)
+    assert [softest.resists(A, pc, False) for _ in range(20)] == [True] * 20
+    ksp.destroy()
+    A.destroy()
+
+
+@pytest.mark.parallel
 def test_what_cannot_be_followed_is_not_told_to_be():
     """Springs do not go with arc length."""
     result = solve(cube(), steps=[1.0, 1.9, 2.05], method=Method(stabilise=True)).require()

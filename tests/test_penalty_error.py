@@ -12,6 +12,7 @@ from fenics_contact import (
     Method,
     Penalty,
     Scene,
+    Stage,
     Units,
     mooney_rivlin,
     neo_hooke,
@@ -304,3 +305,20 @@ def test_what_is_left_of_a_load_that_is_gone_has_no_note(penetration):
     assert max(result.column("a_load_N")) == pytest.approx(5.0 * (1.0 - 1.0 / 1.2), rel=1e-3)
     assert result.column("a_load_N")[-1] < 1e-4
     assert not any("penalties change" in note for note in result.verdict.notes)
+
+
+@pytest.mark.parametrize("points", [None, 3])
+@pytest.mark.parametrize("penetration", [None, 1e-4])
+def test_a_contact_that_has_come_to_a_halt_costs_what_it_did_sliding(points, penetration):
+    """A cylinder pressed into a pad and dragged over it; in a last step nothing moves, and all points are on their limit."""
+    costs = []
+    for hold in (False, True):
+        mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0, 0), (10, 5), (20, 10))})
+        scene = Scene(Body(mesh, "pad", neo_hooke(1.0, 5.0)), plane="strain")
+        scene.fix("pad_ymin")
+        tool = rigid_cylinder(3.0, (4, 8, 0), (0, 0, 1), name="tool")
+        scene.contact("pad_ymax", tool, friction=0.3, points=points, penetration=penetration, name="c")
+        stages = [Stage("press", move={tool: (0, -0.5, 0)}, steps=4), Stage("drag", move={tool: (1.0, 0, 0)}, steps=6)]
+        result = solve(scene, stages=stages + [Stage("hold", move={tool: (0, 0, 0)}, steps=1)] * hold).require()
+        costs.append(result.summary["penalty_error"]["contacts"]["c"]["force_change_over_load"])
+    assert costs[1] == pytest.approx(costs[0], rel=0.01, abs=1e-6) and abs(costs[0]) < 0.02

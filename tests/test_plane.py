@@ -308,6 +308,19 @@ def test_a_turned_block_is_a_cylinder():
     assert row["disc_ymax_reaction_y_N"] == pytest.approx(force, rel=1e-9)
 
 
+def test_a_mesh_of_tiny_cells_on_the_axis_is_pressed_evenly():
+    """A cell on the axis has a millionth of the area of one at the rim; under a smooth plate the pressure is E times 0.01."""
+    mesh = read_gmsh(graded_rectangle.build, width=40.0, height=40.0, mesh_size=0.03, at=0.0, growth=1.25)
+    scene = Scene(Body(mesh, "block", from_elastic(1.0, 0.0)), plane="axisymmetric")
+    scene.fix("block_ymin", "y")
+    plate = rigid_plane((0, 0, 0), (0, -1, 0), name="plate")
+    scene.contact("block_ymax", plate, name="c")
+    result = solve(scene, move={plate: (0, -0.4, 0)}, steps=1, method=Method(tolerance=1e-10)).require()
+    pressure = result.line("c", along="x")["pressure_MPa"]
+    np.testing.assert_allclose(pressure, pressure.mean(), rtol=1e-6)
+    np.testing.assert_allclose(-result.column("c_force_y_N")[-1], np.pi * 40.0**2 * 0.01, rtol=0.02)  # not linear, a penalty
+
+
 @pytest.mark.parametrize("plane", ["axisymmetric", "strain"])
 def test_hertz(plane):
     """A smooth ball, and a cylinder, on a half-space whose far sides move as the exact one's do: force to 0.01 %, radius and

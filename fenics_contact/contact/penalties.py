@@ -34,6 +34,7 @@ AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under 
 # Of the bodies' energy what a contact's default penalties may hold: more raises them, until they hold KEPT of it. That is
 # rubber that cannot escape, K/E times as stiff as the default knows
 YIELDS, KEPT = 0.05, 0.004
+BEYOND = 0.5  # over which what slips from where it rests has a greater trial traction
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
 # Under multipliers, for rubber that cannot escape is K/E stiffer than the default knows: times the default at most, and at
 # once. With K/E of 1e5 a thousand times it is still no stiffer than the body.
@@ -209,12 +210,12 @@ class Penalties:
         """Penalties greater by a factor at a state just accepted: forces are those that they would give.
 
         Multipliers stay; what sticks has rested at the same place under the same traction, and slips on from there by as
-        much; what slipped in the last step slips. Collective.
+        much; what slipped in the last step slips, with a trial traction well beyond its limit: where it has come to a halt
+        it is on the limit, and would stick or slip by round-off. Collective.
         """
         contact, h = self._contact, self._contact.trial.history
-        trial = contact.trial.remembering(anchors=h.before)
+        trial, of = contact.trial.remembering(anchors=h.before), contact.partner.anchors
         feet, sticks = contact.places.feet(state), contact.response(state, trial).status == STICK
-        new = contact.partner.anchors.stiffened(feet, trial, h.rests, factor)
-        anchors = contact.partner.anchors.chosen(sticks, new, h.before)
-        trial = trial.remembering(anchors=anchors, shift=h.shift / factor)
+        new, beyond = (of.stiffened(feet, trial, h.rests, grown) for grown in (factor, BEYOND))
+        trial = trial.remembering(anchors=of.chosen(sticks, new, beyond), shift=h.shift / factor)
         return trial.under(trial.law.times(factor))

@@ -221,10 +221,11 @@ def _gather_to_nodes(
 ) -> tuple[Ints64, Floats, Floats, Means]:
     """Tributary areas of the owned nodes and area-weighted means of facet values, summed over the facets of all ranks."""
     share = np.einsum("eq,eqk->ek", area, a)
-    tributary, touched = _sum_at_nodes(space, nodes, share), _sum_at_nodes(space, nodes, np.ones_like(share))
-    mine = np.flatnonzero(touched > 0)
+    facets = np.broadcast_to(area.sum(axis=1, keepdims=True), share.shape)
+    tributary, around = _sum_at_nodes(space, nodes, share), _sum_at_nodes(space, nodes, facets)
+    mine = np.flatnonzero(around > 0)
     tributary = tributary[mine]
-    vanishing = bool(np.any(tributary < 1e-6 * tributary.max(initial=0.0)))
+    vanishing = bool(np.any(tributary < 1e-6 * around[mine]))
     if space.mesh.comm.allreduce(vanishing, op=MPI.MAX):
         raise ValueError(
             "corner nodes of quadratic triangles have no tributary area: use points=3 (Gauss points) for this contact"

@@ -45,14 +45,16 @@ class Softest:
             A.mult(basis[j], force)
             lowers = lowers or (symmetric and j == 0 and force.dot(basis[0]) < 0.0)
             pc.apply(force, right)
-            for i, other in enumerate(basis):
-                H[i, j] = right.dot(other)
-                right.axpy(-H[i, j], other)
+            for _ in range(2):  # what is left may be round-off, which is not orthogonal after once
+                for i, other in enumerate(basis):
+                    part = right.dot(other)
+                    H[i, j] += part
+                    right.axpy(-part, other)
             H[j + 1, j] = right.norm()
             if not np.isfinite(H[: j + 2, j]).all():
                 break
             least, error, weights = _least(H, j + 1)
-            if j + 1 >= LEAST and error <= NEAR * abs(least):
+            if (j + 1 >= LEAST and error <= NEAR * abs(least)) or H[j + 1, j] == 0.0:
                 break
             basis.append(right.copy())
             basis[-1].scale(1.0 / H[j + 1, j])
