@@ -160,6 +160,32 @@ def test_two_motions_that_a_determinant_hides_are_found():
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize(
+    ("friction", "linear", "cells", "degree"),
+    [
+        (None, "direct", (6, 6, 48), 1),  # an older factorisation serves the second tangent
+        (0.5, "direct", (1, 1, 12), 2),  # what is next to zero is stiff again
+        (0.5, "iterative", (1, 1, 12), 2),  # a hierarchy of one level
+    ],
+)
+def test_one_step_far_past_a_bifurcation_says_so(friction, linear, cells, degree):
+    """Of the same column, to one and a half times Euler's shortening and more."""
+    mesh = read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=cells)
+    for travel in (0.2, 0.5, 0.7, 1.1):
+        scene, move = Scene(Body(mesh, "box", from_elastic(1.0, 0.3)), degree=degree), {}
+        scene.fix("zmin")
+        if friction is None:
+            scene.fix("zmax", "xy")
+            scene.prescribe("zmax", "z", -travel)
+        else:
+            plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
+            scene.contact("zmax", plate, friction, points=3)
+            move = {plate: (0, 0, -travel)}
+        notes = solve(scene, move=move, steps=1, method=Method(linear=linear)).require().verdict.notes
+        assert sum("a bifurcation" in note for note in notes) == (travel > 0.3)
+
+
+@pytest.mark.parallel
 @pytest.mark.parametrize("skewed", [0.0, 0.3])
 def test_the_softest_motion_is_found_and_followed(skewed):
     """Of a known matrix: the eigenvalue of one motion goes through zero, and then that of another one, in which the vector
@@ -223,16 +249,15 @@ class Watched:
 
     def __init__(self, symmetric, *steps, arcs=True):
         self.symmetric, self.scales, self.still = symmetric, SimpleNamespace(accepted=0.0), lambda: ()
-        self.assemble_residual = self.assemble_tangent = lambda: None
-        self.builds, self.negative, self.verdict, self.hides_motions = 0, 0, Verdict(), lambda: False
+        self.assemble_residual = self.assemble_tangent = self.forget = lambda: None
+        self.fresh, self.negative, self.verdict, self.hides_motions = True, 0, Verdict(), lambda: False
         watch = PivotWatch(self, self, self.verdict, lambda *_: None, arcs)
         for self.negative, self.accepted in steps:
-            self.builds += 1
             self.verdict.residuals.append([1e-5, 1e-9])
             watch(StepReport(residuals=[1e-5, 1e-9]), 0.0, True)
 
     def solve(self, *_):
-        self.builds, self.negative = self.builds + 1, self.accepted
+        self.negative = self.accepted
 
 
 @pytest.mark.serial

@@ -11,7 +11,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
-from fenics_contact.solvers.softest import Softest, has_turned
+from fenics_contact.solvers.softest import INVERSE, ITERATIVE, Softest
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array, Floats, Mat, Vec
 
@@ -70,6 +70,7 @@ class LinearSolver:
         # negative pivots of the last tangent, tools included (Haynsworth 1968, doi:10.1016/0024-3795(68)90050-5); of an
         # unsymmetric one the sign of its determinant tells only whether they are odd, 1, or even, 0; None: not known
         self.negative: int | None = None
+        self.fresh = False  # whether the last tangent was factorised itself, and no older one served
         self.tangents = 0  # solved with so far, those of failed steps included
         self._of_border: int | None = 0  # the share of the tools' Schur complement in them
         self._softest: Softest | None = None
@@ -122,7 +123,7 @@ class LinearSolver:
 
         sides: (residual Vec, tool residual (tools, 6), du_supports, dq) each. Raises LinearFailure as `solve` does.
         """
-        self._tolerance = tolerance
+        self._tolerance, made = tolerance, self.builds
         self.tangents += not again
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
         rights: list[Vec] = []
@@ -133,6 +134,7 @@ class LinearSolver:
             rights.append(rhs)
         self._eliminate(rights, [du_supports for _, _, du_supports, _ in sides], again)
         increments = [self._solve(rhs) for rhs in rights]
+        self.fresh = self.builds > made or (again and self.fresh)
         PETSc.garbage_cleanup(system.comm)  # Python alone never frees what several ranks share
         for du, (_, _, du_supports, _) in zip(increments, sides, strict=True):
             with du.localForm() as local:
@@ -157,6 +159,10 @@ class LinearSolver:
             for du, (_, tool_residual, _, dq) in zip(increments, sides, strict=True)
         ]
 
+    def forget(self) -> None:
+        """The next tangent is factorised, or coarsened, itself."""
+        self._solver.use(self.method)
+
     def resists(self) -> bool | None:
         """Whether the last tangent resists every motion, tools included, as far as a few products with it tell; None: not
         known. Of an unsymmetric one whether its determinant is positive. Collective."""
@@ -164,12 +170,16 @@ class LinearSolver:
             return None
         softest = self._softest_motion()
         body, before = self._solver.resists(softest, self._matrix), self._solver.negative_pivots()
+        if body is None and before is None and not self.system.symmetric:  # a small system's hierarchy, each time a new one
+            start = softest.start(softest.loads)
+            body = start is None or not softest.has_turned(start, self._inverse, ITERATIVE)
+            return body and not self._of_border
         if body is None or (body and before and self.system.symmetric):  # what was soft then hides what is soft now
             return None
         if self.system.symmetric:
             return body and not self._of_border
         if before is None:  # a cycle may have negative eigenvalues of its own
-            body = body or not has_turned(softest.vector, self._inverse)[0]
+            body = body or not softest.has_turned(softest.vector, self._inverse, ITERATIVE)
         odd = (not body) + (before or 0) + self._of_border
         return odd % 2 == 0
 
@@ -177,10 +187,8 @@ class LinearSolver:
         """Whether a motion is found that the tangent factorised last does not resist: its determinant hides two of them, as
         a column's that may bend either way. Collective."""
         softest = self._softest_motion()
-        if (start := softest.start(softest.loads)) is None:
-            return False
-        turned, softest.vector = has_turned(start, self._solver.substituted)
-        return turned
+        start = softest.start(softest.loads)
+        return start is not None and softest.has_turned(start, self._solver.substituted, INVERSE)
 
     def _softest_motion(self) -> Softest:
         if self._softest is None:

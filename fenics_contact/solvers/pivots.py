@@ -18,12 +18,14 @@ class PivotWatch:
         self.system, self.linear, self.verdict, self.on_step, self.arcs = system, linear, verdict, on_step, arcs
         self.negative = 0 if system.scales.accepted == 0.0 else None  # not known of a run that is resumed
         self._counted = True  # else one motion was found that is not resisted, and there may be more
-        self._builds = linear.builds
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         now, counted = self._seen()
-        # it was of the iterate that the last tangent was made in, an only one of the state before this step
-        if now is not None and (now != self.negative or report.iterations == 1):
+        if report.iterations == 1 and now == self.negative:  # of the state before this step
+            now, counted = self._seen_in_the_end()
+        # of an iterate, or hidden by those of an older factorisation
+        if now != self.negative if now is not None else self.linear.negative:
+            self.linear.forget()
             now, counted = self._seen_in_the_end()
         if now is not None:
             self._look(now, counted)
@@ -31,8 +33,7 @@ class PivotWatch:
 
     def _seen(self) -> tuple[int | None, bool]:
         """Negative pivots of the last tangent, and whether they were counted. Collective."""
-        fresh, self._builds = self.linear.builds > self._builds, self.linear.builds
-        if fresh and self.linear.negative is not None:
+        if self.linear.fresh and self.linear.negative is not None:
             even = not self.system.symmetric and self.linear.negative == 0
             if even and (self.negative == 2 or self.linear.hides_motions()):  # the softest motion tells no more of two found
                 return 2, False

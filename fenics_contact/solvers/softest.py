@@ -8,8 +8,9 @@ import numpy as np
 from fenics_contact.types import Floats, Mat, Vec
 
 LEAST, MOST = 4, 30  # products
+FIRST = 12  # at least, as long as no motion is known
 NEAR = 0.1  # of the least eigenvalue: error at which it is known well enough
-INVERSE, TURNED = 2, 0.5  # solves, and the error of their eigenvector that is borne
+INVERSE, ITERATIVE = 6, 3  # solves with a tangent, by its factors and by iterations, each of which is as many products
 
 
 class Softest:
@@ -21,7 +22,13 @@ class Softest:
     """
 
     def __init__(self, loads: Vec) -> None:
-        self.loads, self.vector = loads, loads.duplicate()
+        self.loads, self.vector, self.known = loads, loads.duplicate(), False
+
+    def has_turned(self, motion: Vec, solve: Callable[[Vec, Vec], int], most: int) -> bool:
+        """Whether a motion is found that the tangent does not resist, see the function; it is kept."""
+        turned = has_turned(motion, solve, self.vector, most if self.known else FIRST)
+        self.known = True
+        return turned
 
     def start(self, motion: Vec) -> Vec | None:
         """A motion of any length and the vector found last, of length 1; None where the motion is none."""
@@ -39,52 +46,93 @@ class Softest:
         pc.apply(self.loads, right)
         if (start := self.start(right)) is None:
             return True
-        basis, H, lowers = [start], np.zeros((MOST + 1, MOST)), False
-        least, error, weights = 1.0, np.inf, np.ones(1)
+        span, lowers, found = _Span(start, MOST), False, (1.0, np.inf, np.ones(1))
         for j in range(MOST):
-            A.mult(basis[j], force)
-            lowers = lowers or (symmetric and j == 0 and force.dot(basis[0]) < 0.0)
+            A.mult(span.last, force)
+            lowers = lowers or (symmetric and j == 0 and force.dot(start) < 0.0)
             pc.apply(force, right)
-            for _ in range(2):  # what is left may be round-off, which is not orthogonal after once
-                for i, other in enumerate(basis):
-                    part = right.dot(other)
-                    H[i, j] += part
-                    right.axpy(-part, other)
-            H[j + 1, j] = right.norm()
-            if not np.isfinite(H[: j + 2, j]).all():
+            if not span.add(right):
                 break
-            least, error, weights = _least(H, j + 1)
-            if (j + 1 >= LEAST and error <= NEAR * abs(least)) or H[j + 1, j] == 0.0:
+            found = _least(*span.table)
+            if j + 1 >= (LEAST if self.known else FIRST) and found[1] <= NEAR * abs(found[0]):
                 break
-            basis.append(right.copy())
-            basis[-1].scale(1.0 / H[j + 1, j])
-        self.vector.set(0.0)
-        for weight, vector in zip(weights, basis, strict=False):
-            self.vector.axpy(weight, vector)
-        if not self.vector.normalize() > 0.0:
-            self.vector.axpy(1.0, basis[0])
+        span.combine(found[2], self.vector)
+        self.known = True
         if symmetric:  # a proof, whatever the preconditioner
             A.mult(self.vector, force)
             lowers = lowers or force.dot(self.vector) < 0.0
         else:
-            lowers = least < 0.0 and error <= NEAR * abs(least)
-        for vector in (*basis, force, right):
+            lowers = _is_negative(found)
+        for vector in (*span.basis, force, right):
             vector.destroy()
         return not lowers
 
 
-def has_turned(motion: Vec, solve: Callable[[Vec, Vec], int]) -> tuple[bool, Vec]:
-    """Whether the tangent's eigenvalue next to zero, of an eigenvector near a motion, is negative, and that vector: inverse
-    iteration. solve: of a right side and for the solution; negative where that failed. Collective."""
-    along, size, motion = 0.0, 1.0, motion.copy()
-    for _ in range(INVERSE):
-        out = motion.duplicate()
-        if solve(motion, out) < 0:
-            return False, motion
-        along, size = out.dot(motion), out.norm()
-        motion = out
-        motion.scale(1.0 / size)
-    return along < 0.0 and 1.0 - (along / size) ** 2 < TURNED**2, motion
+def has_turned(motion: Vec, solve: Callable[[Vec, Vec], int], vector: Vec, most: int) -> bool:
+    """Whether a tangent has a negative eigenvalue, by Arnoldi's method with its inverse, in which those next to zero are the
+    largest of both signs. motion: a motion in which its eigenvector has a part; solve: of a right side and for the solution,
+    negative where that failed; vector: becomes what is softest, or goes negative; most: solves. Collective."""
+    span, out, softest = _Span(motion.copy(), most), motion.duplicate(), np.ones(1)
+    turned = False
+    for _ in range(most):
+        if solve(span.last, out) < 0 or not span.add(out):
+            break
+        H, size = span.table
+        found, values = _least(H, size), np.linalg.eig(H[:size, :size])
+        turned = _is_negative(found)
+        softest = found[2] if turned else values[1][:, np.abs(values[0]).argmax()].real
+        if turned:
+            break
+    span.combine(softest, vector)
+    for one in (*span.basis, out):
+        one.destroy()
+    return turned
+
+
+class _Span:
+    """Arnoldi's basis of what a product makes of a start of length 1, with at most so many products."""
+
+    def __init__(self, start: Vec, most: int) -> None:
+        self.basis, self._H, self._size = [start], np.zeros((most + 1, most)), 0
+
+    @property
+    def last(self) -> Vec:
+        return self.basis[-1]
+
+    @property
+    def table(self) -> tuple[Floats, int]:
+        """Hessenberg's matrix and the number of products."""
+        return self._H, self._size
+
+    def add(self, product: Vec) -> bool:
+        """Add the product with the last vector, which is changed; False where it is no number, or leads nowhere new."""
+        H, j = self._H, self._size
+        for _ in range(2):  # what is left may be round-off, which is not orthogonal after once
+            for i, other in enumerate(self.basis):
+                part = product.dot(other)
+                H[i, j] += part
+                product.axpy(-part, other)
+        H[j + 1, j] = product.norm()
+        if not np.isfinite(H[: j + 2, j]).all():
+            return False
+        self._size += 1
+        if H[j + 1, j] > 0.0:
+            self.basis.append(product.copy())
+            self.last.scale(1.0 / H[j + 1, j])
+        return bool(H[j + 1, j] > 0.0)
+
+    def combine(self, weights: Floats, vector: Vec) -> None:
+        """A vector of the span, of length 1."""
+        vector.set(0.0)
+        for weight, one in zip(weights, self.basis, strict=False):
+            vector.axpy(weight, one)
+        if not vector.normalize() > 0.0:
+            vector.axpy(1.0, self.basis[0])
+
+
+def _is_negative(found: tuple[float, float, Floats]) -> bool:
+    least, error, _ = found
+    return least < 0.0 and error <= NEAR * abs(least)
 
 
 def _least(H: Floats, size: int) -> tuple[float, float, Floats]:
