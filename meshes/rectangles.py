@@ -9,7 +9,10 @@ Rectangle = tuple[tuple[float, float], tuple[float, float], tuple[int, int]]
 
 
 def build(rectangles: Mapping[str, Rectangle], triangles: bool = False, order: int = 1) -> None:
-    """Structured quadrilaterals, or triangles, of order 1 or 2; rectangles that touch do not share nodes."""
+    """Structured quadrilaterals, or triangles, of order 1 or 2; rectangles that touch do not share nodes.
+
+    rectangles: {name: ((x, y) of the lowest corner, (width, height) [length], (cells along x, along y))}.
+    """
     for name, ((x, y), (width, height), (across, up)) in rectangles.items():
         points = [
             gmsh.model.geo.addPoint(*p, 0.0) for p in ((x, y), (x + width, y), (x + width, y + height), (x, y + height))

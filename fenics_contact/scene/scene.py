@@ -245,7 +245,9 @@ class Scene:
         no resultant and grow with the distance from there: (3,) at t = 1 or function of t."""
         what = f"moment on {quoted(group)}"
         if self.section is not None:
-            raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene state a traction(X, t)")
+            turned = 'tie the curve to a hub, scene.tie(group, hub), and turn that, Motion(moment=(0, 0, M), free="x y rz")'
+            instead = "state a traction(X, t)" if self.section.axisymmetric else turned
+            raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene {instead}")
         self.mesh.refuse_inside(self.groups.facets(group), what)
         self.moments.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
 
