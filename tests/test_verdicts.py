@@ -662,6 +662,46 @@ def test_bodies_that_hold_only_each_other_are_refused():
         solve(scene, **drive)
 
 
+def disc_spring(width=24.5, thick=2.0, rise=4.0, inner=25.5, cells=(16, 3)):
+    """Section of a conical disc, its outer edge below; curves disc_bottom, _right, _top, _left."""
+    slope = np.arctan2(rise, width)
+    along, across = np.array([np.cos(slope), -np.sin(slope)]), np.array([np.sin(slope), np.cos(slope)])
+    corner = np.array([inner, rise])
+    corners = [corner, corner + along * width / np.cos(slope)]
+    corners += [corners[1] + thick * across, corner + thick * across]
+    points = [gmsh.model.geo.addPoint(*at, 0.0) for at in corners]
+    lines = [gmsh.model.geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
+    surface = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
+    for line, count in zip(lines, cells + cells, strict=True):
+        gmsh.model.geo.mesh.setTransfiniteCurve(line, count + 1)
+    gmsh.model.geo.mesh.setTransfiniteSurface(surface)
+    gmsh.model.geo.mesh.setRecombine(2, surface)
+    gmsh.model.geo.synchronize()
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [surface]), "disc")
+    for line, side in zip(lines, ("bottom", "right", "top", "left"), strict=True):
+        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), f"disc_{side}")
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("friction", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
+def test_a_disc_spring_pushed_past_flat_is_at_a_limit_point(friction):
+    """Its section turns nearly as a rigid one, but no body of revolution does so without strain."""
+    body = Body(read_gmsh(disc_spring), "disc", from_elastic(2000.0, 0.3))
+    scene = Scene(body, plane="axisymmetric", accept_locking=True)
+    lid = rigid_plane((0, 6.0, 0), (0, -1, 0), name="lid")
+    scene.contact(("disc_top", "disc_left"), lid, name="l", friction=friction)
+    if friction:
+        scene.fix("disc_right", "y")
+    else:
+        floor = rigid_plane((0, -1e-6, 0), (0, 1, 0), name="floor")
+        scene.contact(("disc_bottom", "disc_right"), floor, name="f")
+    stages = [Stage("seat", move={lid: (0, -0.1, 0)}, steps=1), Stage("push", push={lid: (0, -80.0, 0)}, steps=5)]
+    verdict = solve(scene, stages=stages).verdict
+    assert verdict.kind == "limit point" and "tool 'lid'" in verdict.place, verdict.reason
+    assert "arc length" in verdict.remedy and "damping=True" in verdict.remedy
+
+
 @pytest.mark.parallel
 def test_bodies_drawn_inside_one_another_that_the_first_step_cannot_part():
     """Named as what they are, with the way that brings them there."""

@@ -32,11 +32,15 @@ class Holds:
     ) -> None:
         self.bodies, self.supports, self.contacts = bodies, supports, contacts
         self._supported: list[set[str]] = []  # letters of the axes along which supports and grounds hold each body
+        self.everywhere: list[Floats] = []  # the same sum (3, 3) of the grounds that hold all nodes of each body
         self._ties: list[tuple[ContactTerm, Ints64]] = []  # contacts, and the numbers of the bodies that each touches
         for _, blocks in bodies:
-            spanned = supports.spanned(blocks)
+            spanned, everywhere = supports.spanned(blocks), np.zeros((3, 3))
             for nodes, directions in grounds:
-                spanned = spanned + np.isin(blocks, nodes).sum() * directions
+                held = np.isin(blocks, nodes)
+                spanned = spanned + held.sum() * directions
+                everywhere += directions * comm.allreduce(bool(held.all()), op=MPI.LAND)
+            self.everywhere.append(everywhere)
             self._supported.append(_letters(comm.allreduce(spanned)))
         for contact in contacts:
             met = comm.allreduce(np.array([np.isin(contact.partner.nodes, blocks).sum() for _, blocks in bodies]))

@@ -11,6 +11,7 @@ from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Ints, Ints64, Mat, Vec
 
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
+ALONG = 1e-9  # of a motion's square: a part of it that is not rounding
 ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent be factorised
 
 
@@ -100,11 +101,13 @@ def _iterated(system: System, mode: Motion) -> Motion | None:
 
 
 def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
-    """(owner, Motion, words): six rigid motions of every group of bonded bodies, then the free ones of the tools."""
+    """(owner, Motion, words): six rigid motions of every group of bonded bodies, but those on which all of its nodes are
+    held, as a body of revolution's are along x; then the free ones of the tools."""
     found = []
-    for name, nodes in system.bodies:
+    for (name, nodes), held in zip(system.bodies, system.holds.everywhere, strict=True):
         still = np.zeros_like(system.state.q)
-        found += [(name, Motion(du, still), how) for du, how in zip(_of_body(system, nodes), MOVES, strict=True)]
+        ways = zip(_of_body(system, nodes), MOVES, strict=True)
+        found += [(name, Motion(du, still), how) for du, how in ways if not _goes_along(system, du, held)]
     for i, axis in zip(*np.nonzero(system.tools.free), strict=True):
         dq = np.zeros_like(system.state.q)
         dq[i, axis] = 1.0
@@ -119,6 +122,12 @@ def _carried(system: System, dq: Floats) -> Vec:
         local.set(0.0)
         system.supports.ties.follow(state.poses, state.q, dq, local.array_w)
     return du
+
+
+def _goes_along(system: System, du: Vec, directions: Floats) -> bool:
+    """Whether a motion of unit size has a part along directions, a sum (3, 3) of d d^T. Collective."""
+    moved = du.array_r.reshape(-1, 3)
+    return bool(system.comm.allreduce(float(np.einsum("ni,ij,nj->", moved, directions, moved))) > ALONG)
 
 
 def _of_body(system: System, nodes: Ints64) -> list[Vec]:

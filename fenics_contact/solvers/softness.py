@@ -121,6 +121,8 @@ def _rigid_part(system: System, mode: Motion) -> tuple[str, float, str]:
     for name, motion, words in rigid_motions(system):
         if not motion.dq.any():
             found.setdefault(name, []).append((motion.du.dot(mode.du), motion.du, words))
+    if not found:
+        return "", 0.0, ""
     name = max(found, key=lambda name: sum(amount**2 for amount, _, _ in found[name]))
     rigid, largest = mode.du.duplicate(), max(abs(amount) for amount, _, _ in found[name])
     rigid.set(0.0)
