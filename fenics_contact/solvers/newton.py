@@ -158,7 +158,7 @@ class Newton:
 
     def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force; far from
-        balance, where it would lead to other kinks than the next tangent, unless it lowers it much.
+        balance, where the next increment is shortened unless it lowers it further, if it does not lower it much.
 
         Where Newton converges the tangent has hardly changed, and this costs far less than a new one (Shamanskii 1967), also
         with an iterative solver: no assembly, and a preconditioner that fits. What has changed each such solve learns from
@@ -173,7 +173,8 @@ class Newton:
         report.corrections += 1
         system.update(du, dq)
         corrected = _finite_residual(system)
-        most = size if size < HELD else CORRECTED[False][1] * size
+        shortens = size >= HELD and not system.foresight.settles
+        most = CORRECTED[False][1] * size if shortens else size
         return corrected if corrected < most else _move(system, du, dq, 1.0, 0.0)
 
     def _resampled(self, system: System, size: float) -> float:
