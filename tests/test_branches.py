@@ -250,11 +250,14 @@ class Watched:
     def __init__(self, symmetric, *steps, arcs=True):
         self.symmetric, self.scales, self.still = symmetric, SimpleNamespace(accepted=0.0), lambda: ()
         self.assemble_residual = self.assemble_tangent = self.forget = lambda: None
-        self.fresh, self.negative, self.verdict, self.hides_motions = True, 0, Verdict(), lambda: False
+        self.fresh, self.negative, self.verdict = True, 0, Verdict()
         watch = PivotWatch(self, self, self.verdict, lambda *_: None, arcs)
         for self.negative, self.accepted in steps:
             self.verdict.residuals.append([1e-5, 1e-9])
             watch(StepReport(residuals=[1e-5, 1e-9]), 0.0, True)
+
+    def count_negative(self, before):
+        return self.negative
 
     def solve(self, *_):
         self.negative = self.accepted

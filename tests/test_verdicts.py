@@ -250,22 +250,27 @@ def tipping(drive="force"):
     return scene, {"steps": 8, "method": HELD}
 
 
+def quadrilateral(name, corners, cells, sides):
+    """Quadrilaterals between four corners (x, y), so many along the first and the second side, with a name for each side."""
+    points = [gmsh.model.geo.addPoint(x, y, 0) for x, y in corners]
+    lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+    surface = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
+    for line, count in zip(lines, cells + cells, strict=True):
+        gmsh.model.geo.mesh.setTransfiniteCurve(line, count + 1)
+    gmsh.model.geo.mesh.setTransfiniteSurface(surface)
+    gmsh.model.geo.mesh.setRecombine(2, surface)
+    gmsh.model.geo.synchronize()
+    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [surface]), name)
+    for line, side in zip(lines, sides, strict=True):
+        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), side)
+    gmsh.model.mesh.generate(2)
+
+
 def wedge():
     """Between y = 0 and a slope of 20 degrees that meet at x = 20, which narrows from x = 0 to 12."""
     slope = np.tan(np.radians(20.0))
     corners = [(0, 0), (12, 0), (12, 8 * slope), (0, 20 * slope)]
-    points = [gmsh.model.geo.addPoint(x, y, 0) for x, y in corners]
-    lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-    surface = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
-    for line, cells in zip(lines, (8, 4, 8, 4), strict=True):
-        gmsh.model.geo.mesh.setTransfiniteCurve(line, cells + 1)
-    gmsh.model.geo.mesh.setTransfiniteSurface(surface)
-    gmsh.model.geo.mesh.setRecombine(2, surface)
-    gmsh.model.geo.synchronize()
-    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [surface]), "wedge")
-    for line, name in zip(lines, ("floor", "tip", "slope", "back"), strict=True):
-        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), name)
-    gmsh.model.mesh.generate(2)
+    quadrilateral("wedge", corners, (8, 4), ("floor", "tip", "slope", "back"))
 
 
 def drawn_wedge(drive="forces", penalty=None, **options):
@@ -669,18 +674,7 @@ def disc_spring(width=24.5, thick=2.0, rise=4.0, inner=25.5, cells=(16, 3)):
     corner = np.array([inner, rise])
     corners = [corner, corner + along * width / np.cos(slope)]
     corners += [corners[1] + thick * across, corner + thick * across]
-    points = [gmsh.model.geo.addPoint(*at, 0.0) for at in corners]
-    lines = [gmsh.model.geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
-    surface = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
-    for line, count in zip(lines, cells + cells, strict=True):
-        gmsh.model.geo.mesh.setTransfiniteCurve(line, count + 1)
-    gmsh.model.geo.mesh.setTransfiniteSurface(surface)
-    gmsh.model.geo.mesh.setRecombine(2, surface)
-    gmsh.model.geo.synchronize()
-    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [surface]), "disc")
-    for line, side in zip(lines, ("bottom", "right", "top", "left"), strict=True):
-        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), f"disc_{side}")
-    gmsh.model.mesh.generate(2)
+    quadrilateral("disc", corners, cells, ("disc_bottom", "disc_right", "disc_top", "disc_left"))
 
 
 @pytest.mark.parallel

@@ -293,11 +293,8 @@ class Path:
 
     # -- bifurcations -----------------------------------------------------------------------------------------------
     def _pivots(self) -> float:
-        """Negative pivots of the last tangent, NaN where they are not known; of an unsymmetric one 1 where they are odd, 2
-        where two are found that are hidden, for as long as they are even: what is softest then tells no more of these."""
-        linear, found = self.arc.linear, self.arc.linear.negative
-        if found == 0 and not self.system.symmetric and (self.negative == 2.0 or linear.hides_motions()):
-            return 2.0
+        """Negative pivots of the last tangent, see `LinearSolver.count_negative`; NaN: not known. Collective."""
+        found = self.arc.linear.count_negative(self.negative)
         return np.nan if found is None else float(found)
 
     def _passed(self, arrival: Arrival) -> bool:

@@ -171,24 +171,25 @@ class LinearSolver:
         softest = self._softest_motion()
         body, before = self._solver.resists(softest, self._matrix), self._solver.negative_pivots()
         if body is None and before is None and not self.system.symmetric:  # a small system's hierarchy, each time a new one
-            start = softest.start(softest.loads)
-            body = start is None or not softest.has_turned(start, self._inverse, ITERATIVE)
-            return body and not self._of_border
+            return not (softest.has_turned(self._inverse, ITERATIVE) or self._of_border)
         if body is None or (body and before and self.system.symmetric):  # what was soft then hides what is soft now
             return None
         if self.system.symmetric:
             return body and not self._of_border
         if before is None:  # a cycle may have negative eigenvalues of its own
-            body = body or not softest.has_turned(softest.vector, self._inverse, ITERATIVE)
+            body = body or not softest.has_turned(self._inverse, ITERATIVE, alone=True)
         odd = (not body) + (before or 0) + self._of_border
         return odd % 2 == 0
 
-    def hides_motions(self) -> bool:
-        """Whether a motion is found that the tangent factorised last does not resist: its determinant hides two of them, as
-        a column's that may bend either way. Collective."""
-        softest = self._softest_motion()
-        start = softest.start(softest.loads)
-        return start is not None and softest.has_turned(start, self._solver.substituted, INVERSE)
+    def count_negative(self, before: float | None) -> int | None:
+        """Negative pivots of the tangent factorised last; of an unsymmetric one 2 where its determinant hides motions that
+        it does not resist, as a column's that may bend either way, for as long as it is positive. None: not known.
+
+        before: what this was for the state before; what is softest tells no more of two that were found. Collective.
+        """
+        if self.system.symmetric or self.negative != 0:
+            return self.negative
+        return 2 if before == 2 or self._softest_motion().has_turned(self._solver.substituted, INVERSE) else 0
 
     def _softest_motion(self) -> Softest:
         if self._softest is None:

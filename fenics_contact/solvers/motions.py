@@ -107,7 +107,7 @@ def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
     for (name, nodes), held in zip(system.bodies, system.holds.everywhere, strict=True):
         still = np.zeros_like(system.state.q)
         ways = zip(_of_body(system, nodes), MOVES, strict=True)
-        found += [(name, Motion(du, still), how) for du, how in ways if not _goes_along(system, du, held)]
+        found += [(name, Motion(du, still), how) for du, how in ways if not (held.any() and _goes_along(system, du, held))]
     for i, axis in zip(*np.nonzero(system.tools.free), strict=True):
         dq = np.zeros_like(system.state.q)
         dq[i, axis] = 1.0

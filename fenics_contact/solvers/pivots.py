@@ -24,7 +24,8 @@ class PivotWatch:
         if report.iterations == 1 and now == self.negative:  # of the state before this step
             now, counted = self._seen_in_the_end()
         # of an iterate, or hidden by those of an older factorisation
-        if now != self.negative if now is not None else self.linear.negative:
+        doubtful = bool(self.linear.negative) if now is None else now != self.negative
+        if doubtful:
             self.linear.forget()
             now, counted = self._seen_in_the_end()
         if now is not None:
@@ -34,10 +35,8 @@ class PivotWatch:
     def _seen(self) -> tuple[int | None, bool]:
         """Negative pivots of the last tangent, and whether they were counted. Collective."""
         if self.linear.fresh and self.linear.negative is not None:
-            even = not self.system.symmetric and self.linear.negative == 0
-            if even and (self.negative == 2 or self.linear.hides_motions()):  # the softest motion tells no more of two found
-                return 2, False
-            return self.linear.negative, True
+            now = self.linear.count_negative(self.negative)
+            return now, now == self.linear.negative
         resists = self.linear.resists()  # an older factorisation, or a hierarchy, served
         if resists is None:
             return None, False

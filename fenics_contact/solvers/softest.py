@@ -18,33 +18,27 @@ class Softest:
 
     (Arnoldi 1951, doi:10.1090/qam/42792.) With a multigrid cycle for M, or the factors of an older tangent, most others lie
     near one, and a few products tell. loads: forces in which every motion has a part, zero where supports hold nodes: what
-    they move joins the `vector` found last, so that another motion that softens is not overlooked. Collective.
+    they move joins the vector found last, so that another motion that softens is not overlooked. Collective.
     """
 
     def __init__(self, loads: Vec) -> None:
-        self.loads, self.vector, self.known = loads, loads.duplicate(), False
+        self._loads, self._vector, self._known = loads, loads.duplicate(), False
 
-    def has_turned(self, motion: Vec, solve: Callable[[Vec, Vec], int], most: int) -> bool:
-        """Whether a motion is found that the tangent does not resist, see the function; it is kept."""
-        turned = has_turned(motion, solve, self.vector, most if self.known else FIRST)
-        self.known = True
-        return turned
-
-    def start(self, motion: Vec) -> Vec | None:
+    def _start(self, motion: Vec) -> Vec | None:
         """A motion of any length and the vector found last, of length 1; None where the motion is none."""
         start = motion.copy()
         if not start.normalize() > 0.0:
             return None
-        start.axpy(1.0, self.vector)
+        start.axpy(1.0, self._vector)
         start.normalize()
         return start
 
     def resists(self, A: Mat, pc: Any, symmetric: bool) -> bool:
         """Whether no motion that is found lowers the energy; of an unsymmetric tangent, whether no eigenvalue that is found
         is negative, as one is whose determinant is."""
-        force, right = self.loads.duplicate(), self.loads.duplicate()
-        pc.apply(self.loads, right)
-        if (start := self.start(right)) is None:
+        force, right = self._loads.duplicate(), self._loads.duplicate()
+        pc.apply(self._loads, right)
+        if (start := self._start(right)) is None:
             return True
         span, lowers, found = _Span(start, MOST), False, (1.0, np.inf, np.ones(1))
         for j in range(MOST):
@@ -54,39 +48,45 @@ class Softest:
             if not span.add(right):
                 break
             found = _least(*span.table)
-            if j + 1 >= (LEAST if self.known else FIRST) and found[1] <= NEAR * abs(found[0]):
+            if j + 1 >= (LEAST if self._known else FIRST) and found[1] <= NEAR * abs(found[0]):
                 break
-        span.combine(found[2], self.vector)
-        self.known = True
+        span.combine(found[2], self._vector)
+        self._known = True
         if symmetric:  # a proof, whatever the preconditioner
-            A.mult(self.vector, force)
-            lowers = lowers or force.dot(self.vector) < 0.0
+            A.mult(self._vector, force)
+            lowers = lowers or force.dot(self._vector) < 0.0
         else:
             lowers = _is_negative(found)
         for vector in (*span.basis, force, right):
             vector.destroy()
         return not lowers
 
+    def has_turned(self, solve: Callable[[Vec, Vec], int], most: int, alone: bool = False) -> bool:
+        """Whether a tangent has a negative eigenvalue, by Arnoldi's method with its inverse, in which those next to zero are
+        the largest of both signs; what is softest, or goes negative, is found last then.
 
-def has_turned(motion: Vec, solve: Callable[[Vec, Vec], int], vector: Vec, most: int) -> bool:
-    """Whether a tangent has a negative eigenvalue, by Arnoldi's method with its inverse, in which those next to zero are the
-    largest of both signs. motion: a motion in which its eigenvector has a part; solve: of a right side and for the solution,
-    negative where that failed; vector: becomes what is softest, or goes negative; most: solves. Collective."""
-    span, out, softest = _Span(motion.copy(), most), motion.duplicate(), np.ones(1)
-    turned = False
-    for _ in range(most):
-        if solve(span.last, out) < 0 or not span.add(out):
-            break
-        H, size = span.table
-        found, values = _least(H, size), np.linalg.eig(H[:size, :size])
-        turned = _is_negative(found)
-        softest = found[2] if turned else values[1][:, np.abs(values[0]).argmax()].real
-        if turned:
-            break
-    span.combine(softest, vector)
-    for one in (*span.basis, out):
-        one.destroy()
-    return turned
+        solve: of a right side and for the solution, negative where that failed; most: solves, once a motion is known; alone:
+        of the motion found last, the loads apart. Collective.
+        """
+        start = self._vector.copy() if alone else self._start(self._loads)
+        if start is None:
+            return False
+        most = most if self._known else FIRST
+        span, out, softest, turned = _Span(start, most), start.duplicate(), np.ones(1), False
+        for _ in range(most):
+            if solve(span.last, out) < 0 or not span.add(out):
+                break
+            H, size = span.table
+            found, (values, vectors) = _least(H, size), np.linalg.eig(H[:size, :size])
+            turned = _is_negative(found)
+            softest = found[2] if turned else vectors[:, np.abs(values).argmax()].real
+            if turned:
+                break
+        span.combine(softest, self._vector)
+        self._known = True
+        for one in (*span.basis, out):
+            one.destroy()
+        return turned
 
 
 class _Span:
