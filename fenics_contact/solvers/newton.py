@@ -27,11 +27,12 @@ NEARLY = 1e-4  # of that share, where corrections began above it or following ra
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
-# what share of it: where it is a solve of Krylov's method or contacts are not averages, and where it is a back-substitution
-CORRECTED = {False: (10 * HELD, 0.5), True: (30 * HELD, 0.7)}
+# what share of it: where it is a back-substitution and contacts are averages, where it is one otherwise or takes Krylov's
+# method over a factorisation, and by multigrid, to which a new tangent costs little more than a solve
+SUBSTITUTED, ITERATED, COARSENED = (30 * HELD, 0.7), (10 * HELD, 0.5), (HELD, 0.3)
 # Relative residual of such a solve by multigrid, a tenth of what it has to gain: the tangent is no longer the state's
 # own, so farther is no gain. Over a factorisation iterations are few
-LOOSER = 0.1 * CORRECTED[False][1]
+LOOSER = 0.1 * COARSENED[1]
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
 # Solves within which a step has to have left less than a share HOPE of the force out of balance once, where it began on the
@@ -93,7 +94,7 @@ class Newton:
         report, (du, dq) = StepReport(), system.begin_step(t)
         if not system.condensed:
             self._secants.forget()
-            gain, before, size = CORRECTED[self.linear.substitutes][1], np.inf, _finite_residual(system)
+            gain, before, size = self._corrected(averages=True)[1], np.inf, _finite_residual(system)
             while BELOW * self.tolerance < size < gain * before:
                 before, size = size, self._correct(system, du, dq, size, report)
             if balanced(system, size, self.tolerance):
@@ -104,7 +105,7 @@ class Newton:
     def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, patience: Patience) -> StepReport:
         # the first solve may carry supports and tools, and is taken whole
         foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
-        worth, gain = CORRECTED[self.linear.substitutes and foresight.settles]
+        worth, gain = self._corrected(foresight.settles)
         watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
         owed = du.copy(), dq.copy()
         system.assemble_residual()
@@ -156,6 +157,12 @@ class Newton:
         watch.blame()
         raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
 
+    def _corrected(self, averages: bool) -> tuple[float, float]:
+        """Force out of balance from which on corrections are tried, and the share of it that each has to leave at most."""
+        if self.linear.method == "iterative":
+            return COARSENED
+        return SUBSTITUTED if self.linear.substitutes and averages else ITERATED
+
     def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force; far from
         balance, where the next increment is shortened unless it lowers it further, if it does not lower it much.
@@ -174,7 +181,7 @@ class Newton:
         system.update(du, dq)
         corrected = _finite_residual(system)
         shortens = size >= HELD and not system.foresight.settles
-        most = CORRECTED[False][1] * size if shortens else size
+        most = ITERATED[1] * size if shortens else size
         return corrected if corrected < most else _move(system, du, dq, 1.0, 0.0)
 
     def _resampled(self, system: System, size: float) -> float:
