@@ -359,10 +359,11 @@ def test_nodes_that_find_no_state_jump_to_where_they_stick_and_it_is_said(steps)
     """A node that touches again beside the rim slips, and that lifts it off; Gauss points, which do not, tell the force."""
     jumped, smooth = squashed("nodes", steps=steps).require(), squashed(3, steps=20).require()
     said = [note for note in jumped.verdict.notes if "in short steps too; the state jumped by" in note]
-    assert said and all("contact 'floor' at (9.375, 0, 0)" in note for note in said)
+    assert len(said) == 1 and "contact 'floor' at (9.375, 0, 0)" in said[0]
     assert not any("state jumped" in note for note in smooth.verdict.notes)
     assert jumped.column("lid_force_y_N")[-1] == pytest.approx(smooth.column("lid_force_y_N")[-1], rel=5e-3)
-    assert jumped.summary["damping"]["jumps"] == len(said) and jumped.summary["damping"]["work_share"] < 2e-3
+    more = [int(note.split()[0]) for note in jumped.verdict.notes if ": the state jumped, by " in note]
+    assert jumped.summary["damping"]["jumps"] == len(said) + sum(more) and jumped.summary["damping"]["work_share"] < 2e-3
     assert "damping_work_Nmm" not in jumped.history[-1]  # its work is part of the energy that is not accounted for
     error, work = (np.abs(jumped.column(f"{name}_Nmm")[-1]) for name in ("energy_error", "external_work"))
     assert error < 2e-3 * work

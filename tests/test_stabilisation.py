@@ -163,7 +163,35 @@ def test_the_first_step_takes_springs_where_what_failed_pressed():
     """Nothing pressed before, though the iterate that failed does."""
     system = block(0.0, 0.3, 0.0).system(None, None)
     report = Held(Following(Stumbling(system))).step(system, 1.0)
-    assert "nothing held body 'box' (stumbled)" in report.notes[0] and system.grounding.engaged
+    assert "nothing held body 'box' along x, y, z (stumbled)" in report.notes[0] and system.grounding.engaged
+
+
+def test_an_iterate_gone_astray_tells_nothing_of_what_holds():
+    """Back in the accepted state forces and motions are compared with its own again, and the plane holds the block."""
+    system = block(0.0, 0.3).system(None, None, stabilise=True)
+    Following(Newton(LinearSolver(system))).step(system, 1.0)
+    system.trail.commit()
+    balance, far = system.scales.balance, system.new_vector()
+    far.array_w[::3] = 1e6 * np.arange(1.0, 1.0 + len(far.array_r[::3]))
+    system.update(far, np.zeros_like(system.state.q))
+    system.assemble_residual()
+    assert system.scales.balance > 1e6 * balance
+    system.trail.rollback()
+    assert system.scales.balance == balance and not system.acceptance.loose()
+
+
+def test_the_note_says_along_which_axes_nothing_holds():
+    """A block between smooth plates: they press it along z, and the wall that it may lean on is far away along y."""
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 1))
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("xmin", "x")
+    lid = rigid_plane((0, 0, 1.0), (0, 0, -1), name="lid")
+    scene.contact("zmin", rigid_plane(), name="floor")
+    scene.contact("zmax", lid, name="top")
+    scene.contact("ymin", rigid_plane((0, -0.5, 0), (0, 1, 0), name="side"), name="wall")
+    result = solve(scene, move={lid: (0, 0, -0.05)}, steps=3).require()
+    (note,) = (note for note in result.verdict.notes if "nothing held" in note)
+    assert "nothing held body 'box' along y" in note, note
 
 
 def test_springs_that_are_too_soft_to_solve_with_become_stiffer():

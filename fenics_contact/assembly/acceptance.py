@@ -26,13 +26,14 @@ class Acceptance:
             found = found or term.findings.objection(self._state)
         return found or self.adrift()
 
-    def loose(self) -> set[int]:
-        """Numbers of the bodies that contacts alone hold, and whose contacts do not press in this state. Collective."""
+    def loose(self) -> dict[int, str]:
+        """{number of a body: letters of the axes along which neither supports nor contacts that press in this state hold
+        it}, where there are such. Collective."""
         if not self._holds.reliant:
-            return set()
+            return {}
         # a force that an unbalanced one may be as large as holds nothing
         least = max(ALLOWED * self._scales.largest, TOLERANCE * self._scales.balance)
-        return set(self._holds.loose(lambda contact: contact.forces.holding(self._state, least)))
+        return self._holds.loose(lambda contact: contact.forces.holding(self._state, least))
 
     def adrift(self) -> Finding | None:
         """None, or the Finding that a body has lost what holds it: then any place is in balance, and none is the answer.
@@ -40,5 +41,6 @@ class Acceptance:
         if self._grounding is None or self._grounding.engaged or not (loose := self.loose()):
             return None
         names = ", ".join(self._holds.bodies[i][0] for i in sorted(loose))
+        along = " and ".join(sorted(set("".join(loose.values()))))
         remedy = "solve(..., method=Method(stabilise=True)), fix a surface, or end the path before"
-        return Finding(RIGID_MOTION, "no contact that could hold it presses any more", f"body '{names}'", remedy)
+        return Finding(RIGID_MOTION, f"no contact that could hold it along {along} presses", f"body '{names}'", remedy)

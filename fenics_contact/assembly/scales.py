@@ -1,7 +1,6 @@
 """How large forces are in a run, and what they can be known to: by that a state is judged to be in balance."""
 
 import numpy as np
-from petsc4py import PETSc
 
 from fenics_contact.types import Vec
 
@@ -40,7 +39,9 @@ class Scales:
     @property
     def moved(self) -> float:
         """The largest displacement of a node along an axis [length]. Collective."""
-        return float(self._displacement.norm(PETSc.NormType.NORM_INFINITY))
+        # no norm of PETSc's: it keeps the one it knows, and an array that is written past it changes nothing
+        here = np.abs(self._displacement.array_r).max(initial=0.0)
+        return float(max(self._displacement.comm.tompi4py().allgather(here)))
 
     @property
     def balance(self) -> float:
@@ -56,8 +57,8 @@ class Scales:
         self.farthest = max(self.farthest, self.moved)
 
     def rollback(self) -> None:
-        """Back to the accepted state: the stiffness of an iterate gone astray must not loosen what counts as balance."""
-        self.stiffness = self._accepted_stiffness
+        """Back to the accepted state: forces and stiffness of an iterate astray must not loosen what counts as balance."""
+        self.forces, self.stiffness = 0.0, self._accepted_stiffness
 
     def resume(self, accepted: float, stiffness: float) -> None:
         """Go on from what another run had at its accepted state."""

@@ -10,7 +10,7 @@ from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import JUMPED, StepFailed
 from fenics_contact.types import Array, Floats
 
 FIRST = 1.0  # damping at first, over E V / L^2 of a body of volume V and size L: about its own stiffness
@@ -121,10 +121,9 @@ def _driven(system: System, goal: float) -> Floats:
 
 def _conclude(system: System, report: StepReport, way: float, scale: float) -> None:
     """What the jump was, in the report; steps go on from its end alone. way: how far it went [length]."""
-    report.jumped = True
+    report.jumped, report.way = True, way
     report.notes = [
-        f"the state jumped by {way:.3g} with loads and drives held; where several states may follow it is the one that slow "
-        "motion comes to"
+        f"the state jumped by {way:.3g} {JUMPED}; where several states may follow it is the one that slow motion comes to"
     ]
     system.scales.accepted = scale
     system.trail.accepted.clear()

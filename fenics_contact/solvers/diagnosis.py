@@ -171,7 +171,7 @@ def _lifted(system: System, goal: float | None) -> Finding | None:
 def _pressed_apart(system: System) -> Finding | None:
     """A finding if bodies and tools lie inside one another before anything has been loaded: the first step must press them
     apart in one go, which is no small change. Collective."""
-    if len(system.trail.accepted) > 1 or system.vector.norm() > 0.0:
+    if len(system.trail.accepted) > 1 or system.scales.moved > 0.0:
         return None
     return next((found for contact in system.contacts if (found := contact.findings.drawn_inside(system.state))), None)
 

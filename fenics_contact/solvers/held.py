@@ -7,7 +7,7 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.report import Stepper, StepReport
-from fenics_contact.solvers.verdict import NO_HELP, StepFailed
+from fenics_contact.solvers.verdict import NO_HELP, SPRUNG, StepFailed
 
 LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap of ten sizes of a body takes tens
 
@@ -73,27 +73,30 @@ class Held:
         springs.engaged = False
         system.begin_step(t)
         loaded = _loaded(system)
-        resting, reason = system.acceptance.loose(), "nothing pressed on it before"
-        loose = set() if resting & loaded else resting
+        resting, when, wrong = system.acceptance.loose(), " as the step began", None
+        loose = {} if resting.keys() & loaded else resting
         if not loose or system.trail.last.t == 0.0:  # before that nothing presses yet, and the first step may change that
             try:
                 report = self.stepper.step(system, t)
-                if not (wrong := system.acceptance.adrift()):
+                wrong = system.acceptance.adrift()
+                if not wrong:
                     self._said = False
                     return report
                 failure = StepFailed.of(wrong)
             except StepFailed as tried:
                 failure = tried
-            loose, reason = system.acceptance.loose() | resting, str(failure)
-            if failure.finding.kind in NO_HELP or not loose or loose & loaded:
+            loose = system.acceptance.loose() | resting
+            if failure.finding.kind in NO_HELP or not loose or loose.keys() & loaded:
                 raise failure
+            # what an iterate has let go, balance may hold
+            when = f" ({failure})" if wrong or resting else f" on the way to balance, which was not found ({failure})"
         system.trail.rollback()
         springs.engaged = True
         report = self.stepper.step(system, t)
         if not self._said:
-            names = " and ".join(f"'{system.bodies[i][0]}'" for i in sorted(loose))
-            how = "soft springs did, which pull no more, as in the steps after it until something presses"
-            report.notes.append(f"nothing held body {names} ({reason}): {how}")
+            names = " and ".join(f"body '{system.bodies[i][0]}' along {', '.join(loose[i])}" for i in sorted(loose))
+            how = f"{SPRUNG}, which pull no more, as in the steps after it until contacts do"
+            report.notes.append(f"nothing held {names}{when}: {how}")
         self._said = True
         return report
 

@@ -11,9 +11,9 @@ class StepReport:
     """What a step took: tangents, the out-of-balance norm over the force scale after each tangent and the correction that
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over what is allowed; raises:
-    how often the step was solved again with other penalties; jumped: damped motion has carried it there; unkept: what is
-    left of augmented contacts' errors, by name, "" where nothing is that matters; raised: by name what is to be said of
-    penalties raised beneath multipliers."""
+    how often the step was solved again with other penalties; jumped: damped motion has carried it there, by `way` [length];
+    unkept: what is left of augmented contacts' errors, by name, "" where nothing is that matters; raised: by name what is to
+    be said of penalties raised beneath multipliers."""
 
     iterations: int = 0
     residuals: list[float] = field(default_factory=list)
@@ -23,6 +23,7 @@ class StepReport:
     misfits: list[float] = field(default_factory=list)
     raises: int = 0
     jumped: bool = False
+    way: float = 0.0
     unkept: dict[str, str] = field(default_factory=dict)
     raised: dict[str, str] = field(default_factory=dict)
 

@@ -10,7 +10,9 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
 NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that springs, multipliers or another way to the solution do not mend
-SHORTENED = "increments shortened"  # how the notes on such steps end
+SHORTENED, JUMPED, SPRUNG = "increments shortened", "with loads and drives held", "soft springs did"  # words of notes
+# Kinds of notes that steps have in common, by words of theirs: the first is a note, and how many more there are another one
+ALIKE = {SHORTENED: SHORTENED, JUMPED: "the state jumped", SPRUNG: "soft springs held what nothing else did"}
 GREW = 1.5  # times what was said of a term first: what is worse later is worth a note at the end
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
@@ -36,9 +38,9 @@ class Verdict:
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
     not had yet; remarked: by name or place of terms and bodies and by kind what has been said of them: its size, the
-    greatest one since, and the note on that; repeated: by kind of notes that steps have in common, how many and the last of
-    them; resumed: numbers of the last steps before the run was killed and gone on with; smallest: step [t] below which none
-    is tried; longest: largest step [t] to try next, endless while no step failed.
+    greatest one since, and the note on that; repeated: by kind of notes that steps have in common, how many, the last of
+    them, and size and step of the greatest; resumed: numbers of the last steps before the run was killed and gone on with;
+    smallest: step [t] below which none is tried; longest: largest step [t] to try next, endless while no step failed.
     """
 
     converged: bool = True
@@ -57,7 +59,7 @@ class Verdict:
     causes: dict[str, int] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
     remarked: dict[str, dict[str, tuple[float, float, str]]] = field(default_factory=dict)
-    repeated: dict[str, tuple[int, str]] = field(default_factory=dict)
+    repeated: dict[str, tuple[int, str, float, str]] = field(default_factory=dict)
     resumed: list[int] = field(default_factory=list)
     smallest: float = 0.0
     longest: float = math.inf
@@ -79,9 +81,10 @@ class Verdict:
         on, and on why steps were cut back."""
         remarks = [one for kinds in self.remarked.values() for one in kinds.values()]
         notes = [worse for first, most, worse in remarks if most > GREW * first]
-        for kind, (count, step) in self.repeated.items():
+        for kind, (count, step, size, where) in self.repeated.items():
             if more := count - 1:
-                notes.append(f"{more} more step{'s' * (more > 1)}, the last one {step}: {kind}")
+                worst = f", by {size:.3g} at most in {where}" if size > 0.0 else ""
+                notes.append(f"{more} more step{'s' * (more > 1)}, the last one {step}: {kind}{worst}")
         if not self.causes:
             return notes
         most = sorted(self.causes.items(), key=lambda cause: -cause[1])
@@ -97,7 +100,7 @@ class Verdict:
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
         for note in report.said:
-            self.note(note, SHORTENED if note.endswith(SHORTENED) else "")
+            self.note(note, next((kind for words, kind in ALIKE.items() if words in note), ""), report.way)
         for term in system.terms:
             self.remark_on(term.name, term.findings.remarks(system.state, system.scales.noise))
 
@@ -119,11 +122,13 @@ class Verdict:
         """The step accepted last, in words."""
         return f"step {len(self.residuals)} to t = {self.t:.6g}"
 
-    def note(self, words: str, kind: str = "") -> None:
-        """Note what was found in the step accepted last; of a kind once: what is more of it is counted, and in the log."""
-        count, _ = self.repeated.get(kind, (0, ""))
+    def note(self, words: str, kind: str = "", size: float = 0.0) -> None:
+        """Note what was found in the step accepted last; of a kind once: what is more of it is counted, and in the log.
+        size: of it [length], to tell where it is greatest."""
+        count, _, most, where = self.repeated.get(kind, (0, "", 0.0, ""))
         if kind:
-            self.repeated[kind] = count + 1, self._step
+            most, where = (size, self._step) if size > most else (most, where)
+            self.repeated[kind] = count + 1, self._step, most, where
         (self.said if count else self.notes).append(f"{self._step}: {words}")
 
     def remark(self, words: Mapping[str, str]) -> None:
