@@ -40,6 +40,7 @@ from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.snaps import snapped
+from fenics_contact.solvers.softness import arcs
 from fenics_contact.solvers.verdict import StepFailed
 
 pytestmark = pytest.mark.parallel
@@ -218,9 +219,15 @@ def test_a_snap_within_a_step_is_said():
     """One step of the whole load ends in balance beyond the limit point, which it has at 0.1169 of it."""
     result = solve(loaded_dome(), steps=1).require()
     (note,) = (note for note in result.verdict.notes if "passed through a snap" in note)
+    assert "follow the path by arc length, or take shorter steps; where one fails, let damping carry it on" in note
     assert "damping=True" in note and 0.1169 - 1 / 64 < float(note.split("near t = ")[1].split()[0]) < 0.1169
     moderate = solve(loaded_dome(), steps=[0.05, 0.1]).require()
     assert [note for note in moderate.verdict.notes if "steps= go to t = 0.1" not in note] == []
+
+
+def test_no_arc_length_is_named_where_springs_are_asked_for():
+    named = [arcs(build(loaded_dome(), stabilise=stabilise).system) for stabilise in (True, False)]
+    assert named == [[], ["follow the path by arc length"]]
 
 
 def steps_taken(monkeypatch):

@@ -35,7 +35,7 @@ from fenics_contact import (
 from fenics_contact.meshes import box, dome, rectangles, two_blocks
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.holding import sliding
-from fenics_contact.solvers.softness import fold_ahead
+from fenics_contact.solvers.softness import fold_ahead, moved_instead
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.studies.punch import punched_plate
 
@@ -517,6 +517,18 @@ def test_remedy_cures(name):
         result = solve(scene, **{"steps": 5} | options)
         assert result.converged, result.verdict.reason
         assert not any("snap" in note for note in result.verdict.notes)
+
+
+@pytest.mark.parallel
+def test_only_what_is_pushed_is_to_be_moved_instead():
+    """A hub that is free to turn, and that nothing turns, is not pushed."""
+    scene = cube()
+    scene.fix("xmin")
+    hub, ball = rigid_hub("hub", (2, 1, 1)), rigid_sphere(2.0, (1, 1, 4), name="ball")
+    scene.tie("xmax", hub)
+    scene.contact("zmax", ball, name="c")
+    system = solve(scene, move={hub: Motion(free="ry")}, push={ball: (0, 0, -0.05)}, steps=1).require().system
+    assert moved_instead(system) == ["move tool 'ball' instead of pushing"]
 
 
 @pytest.mark.parallel

@@ -237,7 +237,7 @@ def energy_notes(
             f"most of that in steps that turn a tool by up to {math.degrees(turned):.0f} degrees: forces that turn along "
             "do their work on an arc, which is missed by the square of the angle"
         )
-    carried = "" if "damping" in has else " (Method(damping=True) carries it)"
+    carried = "" if "damping" in has else " (Method(damping=True) carries it where a step fails there)"
     lessened = "" if "penetration" in has else " (penetration= lessens that)"
     return [
         f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step{carried} "

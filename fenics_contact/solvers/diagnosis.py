@@ -28,7 +28,7 @@ from fenics_contact.solvers.holding import (
     slipping_away,
     turns_freely,
 )
-from fenics_contact.solvers.softness import damping, soft_motion
+from fenics_contact.solvers.softness import damping, moved_instead, pushed, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
@@ -79,17 +79,11 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         if goal is None or goal - system.trail.last.t > LONG:
             return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
         # more steps would not be shorter ones; a force near the most that contacts can take may have no balance ahead
-        ways = [*damping(system), *_moved_instead(system), known.remedy]
+        ways = [*damping(system), *moved_instead(system), known.remedy]
         return known._replace(remedy=" or ".join(ways))
     if found is None and known.kind == RIGID_MOTION:  # one word for both: whether a step finds balance there is round-off
         found = _letting_go(system)
     return found or known
-
-
-def _moved_instead(system: System) -> list[str]:
-    """The advice to move what forces push, in a list, where a tool is pushed."""
-    names = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(system.tools.free.any(axis=1))]
-    return [f"move {' and '.join(names)} instead of pushing"] if names else []
 
 
 def _unbalanced(system: System) -> str:
@@ -181,9 +175,8 @@ def _on_few_points(system: System) -> Finding | None:
     for contact in system.contacts:
         if contact.master_name not in system.tools.names:
             continue
-        free = system.tools.free[system.tools.names.index(contact.master_name)]
         points = system.comm.allreduce(int(np.count_nonzero(contact.statuses())))
-        if free.any() and 0 < points <= FEW:
+        if pushed(system)[system.tools.names.index(contact.master_name)] and 0 < points <= FEW:
             text = f"tool '{contact.master_name}' rests on {points} of the slave surface's points alone, and slides off them"
             remedy = "take more of them, points=3 (Gauss points), or mesh the place more finely"
             return Finding(RIGID_MOTION, text, f"contact '{contact.name}'", remedy)

@@ -9,7 +9,7 @@ from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
-from fenics_contact.solvers.softness import AHEAD, damping, fold_ahead, load_change
+from fenics_contact.solvers.softness import AHEAD, arcs, damping, fold_ahead, load_change
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
 
@@ -82,9 +82,11 @@ def snapped(system: System, goal: float) -> str | None:
             f"loads or drives jump near t = {low[0]:.6g}, and the state with them by {largest:.3g}: where it could come to "
             "rest in several places it is Newton's choice; let them change over a time of some steps"
         )
+    # damping acts where a step fails, and this one has not
+    shorter = f"take shorter steps; where one fails, {(*damping(system), 'damping carries it on')[0]}"
     return (
         f"it has passed through a snap: near t = {low[0]:.6g} the state jumped by {largest:.3g}; where it came to rest is "
-        f"Newton's choice: {', or '.join(['follow it by arc length', *damping(system)])}; and take shorter steps"
+        f"Newton's choice: {', or '.join([*arcs(system), shorter])}"
     )
 
 

@@ -13,7 +13,7 @@ from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
 from fenics_contact.solvers.newton import relative_residual
 from fenics_contact.solvers.verdict import StepFailed
-from fenics_contact.types import Floats, Vec
+from fenics_contact.types import Bools, Floats, Vec
 
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
@@ -158,9 +158,8 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     if not gone and (now >= FOLDED * unloaded or step > NEAR):
         return None
     name, place, largest = _where(system, mode)
-    going = np.linalg.norm(mode.dq, axis=1)
-    tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going > TAKEN * largest)]
-    instead = [f"move {' and '.join(tools)} instead of pushing"] if tools else []
+    going = np.linalg.norm(mode.dq, axis=1) > TAKEN * largest
+    tools, instead = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going)], moved_instead(system, going)
     if gone:
         text = "its softest motion resists less than nothing: it goes on by itself, and no balance has been found ahead"
         return Finding(LIMIT_POINT, text, ", ".join(tools), " or ".join([*instead, *damping(system)])) if tools else None
@@ -170,7 +169,7 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
             return None
         text += " where a contact's status changes"
     text = f"its softest motion keeps {now / unloaded:.2g} of the stiffness it has unloaded: {text}"
-    ways = ["follow the path by arc length", *instead]
+    ways = [*arcs(system), *instead]
     if not tools and _loaded(system):
         ways.append("prescribe a displacement in place of the load")
     ways += damping(system)
@@ -208,6 +207,23 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
 def damping(system: System) -> list[str]:
     """The advice to let damping carry the bodies on, in a list, where that has not been asked for."""
     return [] if system.damped else ["let damping carry it on: solve(..., method=Method(damping=True))"]
+
+
+def arcs(system: System) -> list[str]:
+    """The advice to follow the path by arc length, in a list, where the scene allows that."""
+    return [] if system.stabilised or system.fluids else ["follow the path by arc length"]
+
+
+def pushed(system: System) -> Bools:
+    """Whether forces or moments act on tools (tools,) at the accepted state or from there on."""
+    t = system.trail.last.t
+    return np.any([system.tools.forces(t), system.tools.forces(t + LOAD_PROBE)], axis=(0, 2))
+
+
+def moved_instead(system: System, among: Bools | bool = True) -> list[str]:
+    """The advice to move those of the tools (tools,) `among` which are pushed, in a list, where there are such."""
+    tools = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(pushed(system) & among)]
+    return [f"move {' and '.join(tools)} instead of pushing"] if tools else []
 
 
 def _loaded(system: System) -> bool:
