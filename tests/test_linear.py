@@ -11,7 +11,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, read_gmsh, rigid_plane, rigid_punch, solve
+from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import box, punch_plate
 from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import reuse
@@ -128,6 +128,42 @@ def test_no_petsc_error_escapes(linear):
     solver = LinearSolver(system, linear)
     with pytest.raises(LinearFailure):
         solver.solve(np.zeros(len(system.supports.dofs)), np.zeros((0, 3)))
+
+
+def pressed():
+    """A slender bar pressed past its buckling load, and straight: its tangent resists some motions by less than nothing."""
+    scene = Scene(Body(read_gmsh(box.build, size=(1.0, 1.0, 8.0), cells=(2, 2, 12)), "box", neo_hooke(1.0, 3.0)))
+    scene.fix("zmin")
+    scene.traction("xmax", (1.0, 0.3, 0.2))
+    system = scene.system()
+    system.state.u.x.array.reshape(-1, 3)[:, 2] = -0.005 * system.space.tabulate_dof_coordinates()[:, 2]
+    system.begin_step(1.0)
+    system.assemble_residual()
+    system.assemble_tangent()
+    return system
+
+
+@pytest.mark.parallel
+def test_the_iterative_solver_solves_where_the_tangent_is_indefinite():
+    """As on Newton's way at a kink: conjugate gradients end there, and each end costs a step cut back."""
+    system, found = pressed(), []
+    for method in ("direct", "iterative"):
+        solver = LinearSolver(system, method)
+        found.append(solver.solve(*system.still(), tolerance=1e-8)[0])
+        assert method == "iterative" or solver.negative > 0
+    found[1].axpy(-1.0, found[0])
+    assert found[1].norm() < 1e-5 * found[0].norm()  # 1e-8 of the forces, times the tangent's condition
+
+
+@pytest.mark.parallel
+def test_to_factorise_is_the_remedy_where_iterations_do_not_suffice(monkeypatch):
+    """Whoever states the iterative solver has no other one that takes over."""
+    monkeypatch.setattr(reuse, "LONGEST", 2)
+    scene = block(2)
+    scene.traction("zmax", (0.0, 0.0, -0.05))
+    verdict = solve(scene, steps=1, method=Method(linear="iterative")).verdict
+    assert verdict.remedy.startswith("let the linear solver factorise"), verdict.reason
+    assert solve(scene, steps=1, method=Method(linear="auto")).converged
 
 
 @pytest.mark.parallel

@@ -144,7 +144,6 @@ def test_reuse_does_not_change_results(scene, monkeypatch):
 @pytest.mark.serial
 def test_modes_that_fade_where_penalties_hold(monkeypatch):
     """Rigid-body modes that know nothing of supports and contacts take more than half as many iterations again."""
-    monkeypatch.setattr(reuse, "LONGEST_IF_SMALL", 400)
     counts = {}
     for name, sweeps in (("rigid", 0), ("soft", linear.SWEEPS)):
         monkeypatch.setattr(linear, "SWEEPS", sweeps)

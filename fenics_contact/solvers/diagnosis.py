@@ -6,6 +6,7 @@ from fenics_contact.assembly.finding import (
     COMES_IN,
     CRUSHING,
     CYCLING,
+    LIMIT_POINT,
     LOST,
     MEMORY,
     OUT_OF_STEPS,
@@ -28,6 +29,7 @@ from fenics_contact.solvers.holding import (
     slipping_away,
     turns_freely,
 )
+from fenics_contact.solvers.linear import FACTORISE
 from fenics_contact.solvers.softness import damping, moved_instead, pushed, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -68,6 +70,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
+        if found and found.kind == LIMIT_POINT and known.remedy == FACTORISE:
+            found = found._replace(remedy=" or ".join([FACTORISE, found.remedy]))
     if found is None and known.kind == COMES_IN:
         return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):

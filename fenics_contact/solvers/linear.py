@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.finding import MEMORY, MOVES, RIGID_MOTION
+from fenics_contact.assembly.finding import MEMORY, MOVES, RIGID_MOTION, UNKNOWN
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.choice import Choice, foreseen_costs
@@ -32,6 +32,9 @@ LOOSE = 1e-12
 # this resistance, round-off of either sign, tells the direction of a path and not how far the tool goes.
 GRIPPED, LEAST = 1e-6, 1e-15
 
+# Iterations of a solve up to SMALL unknowns, where a factorisation costs no more, and may take over
+LONGEST_IF_SMALL, SMALL = 100, 30_000
+FACTORISE = 'let the linear solver factorise: solve(..., method=Method(linear="auto"))'
 ROUGHLY = 1e-2  # relative residual of solves that tell whether an eigenvalue is negative
 
 Side = tuple[Vec, Floats, Floats, Floats]  # right-hand side, tools' one (tools, 6), du on the supports' dofs, dq
@@ -82,6 +85,8 @@ class LinearSolver:
         trials = choice if choice and not afresh and size > REUSE_ABOVE else method
         rows = Rows(system.comm, size, system.supports.owned)
         self._solver = ReusingSolver(rows, system.symmetric, trials, modes, system.timers, afresh)
+        if size <= SMALL and not self._forced:
+            self._solver.longest = LONGEST_IF_SMALL
 
     @property
     def method(self) -> str:
@@ -289,10 +294,8 @@ class LinearSolver:
         if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
             text = f"the direct solver could not get the memory it needs (MUMPS {code})"
             return text, MEMORY, "", 'use method=Method(linear="iterative"), more ranks on more machines, or a coarser mesh'
-        if reason == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT:
-            return ('the tangent does not resist every motion, which linear="iterative" takes for granted and "direct" not',)
         if self.method == "iterative":
-            return (f'the iterative linear solver stopped (PETSc\'s reason {reason}), where linear="auto" would factorise',)
+            return f"the iterative linear solver stopped (PETSc's reason {reason})", UNKNOWN, "", FACTORISE
         return (f"the {self.method} linear solver failed (reason {reason}): the tangent is singular",)
 
 

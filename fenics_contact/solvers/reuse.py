@@ -45,8 +45,9 @@ AGGREGATION = {
     "mg_levels_pc_type": "jacobi",
 }
 LONGEST = 400  # iterations of a solve with a new preconditioner
-LONGEST_IF_SMALL = 100  # the same up to SMALL unknowns, where a factorisation costs no more than that
-SMALL = 30_000
+# PETSc's reasons where a symmetric tangent, or the cycle made of it, does not resist every motion, as on Newton's way at a
+# kink: conjugate gradients end there, and GMRES takes an iteration or two more for each such motion
+INDEFINITE = (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
 
 
 def digits_of(tolerance: float) -> float:
@@ -94,7 +95,8 @@ class ReusingSolver:
     near_null_space: function of the matrix, and of itself as one that multiplies faster, to PETSc's NullSpace, for the
     latter. The matrix is one of blocks; what is factorised or coarsened is a copy by scalars, made when it is due;
     multigrid's finest level smooths with the matrix itself, which may have changed since. builds,
-    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; afresh: reuse nothing.
+    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; longest: most iterations of a
+    solve with a new preconditioner; afresh: reuse nothing.
     """
 
     def __init__(
@@ -111,7 +113,7 @@ class ReusingSolver:
         self._all, self._near_null_space, size = rows, near_null_space, rows.size
         self.builds = self.iterations = self._cause = self._space = 0
         self.anew = size <= REUSE_ABOVE or afresh  # for each tangent
-        self._longest = LONGEST if size > SMALL else LONGEST_IF_SMALL
+        self.longest = LONGEST
         self._copy: Mat = None  # what is coarsened
         self._rows: FreeRows | None = None  # what is factorised
         self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
@@ -177,9 +179,10 @@ class ReusingSolver:
         if self._near_null_space is not None:
             scalars.setNearNullSpace(self._near_null_space(matrix, self._blocks.mat))
         pc, self._relaxation = multigrid(self._blocks, scalars, PREFIX)
-        self._krylov = self._fresh = self._ksp(pc, "cg" if self.symmetric else "gmres")
+        self._general = self._ksp(pc, "gmres")
+        self._krylov = self._fresh = self._ksp(pc, "cg") if self.symmetric else self._general
         self._copy = pc.getOperators()[1]
-        self._objects = (self._krylov, pc, self._blocks)
+        self._objects = (self._krylov, self._general, pc, self._blocks)
         self._fresh.setOperators(self._blocks.mat, self._copy)
         self._fresh.setUp()
         scalars.destroy()
@@ -216,7 +219,7 @@ class ReusingSolver:
             if not kept and (error := self._build(matrix, pattern)):
                 return error
             longest = self.choice.longest(self.method) if self.choice else None
-            reason = self._run(self._fresh, matrix, pattern, rhs, out, (tolerance, longest or self._longest))
+            reason = self._run(self._fresh, matrix, pattern, rhs, out, (tolerance, longest or self.longest))
         return reason
 
     def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
@@ -294,6 +297,8 @@ class ReusingSolver:
                 return error
         iterations, reason = ksp.getIterationNumber(), ksp.getConvergedReason()
         self.iterations += iterations
+        if self.method == "iterative" and ksp is not self._general and reason in INDEFINITE:
+            return self._run(self._general, matrix, pattern, rhs, out, until)
         if self._reuse is not None:
             self._reuse.solved(iterations, tolerance)
         return reason
