@@ -367,6 +367,20 @@ def snapping():
     return scene, {"move": {tool: (0, 0, -2.0)}, "method": Method(smallest_step=2e-3)}
 
 
+def arch_let_go(damping=False):
+    """Half a clamped arch that a tool presses through: it lets go of the tool and snaps away, for no force holds it back."""
+    mesh = read_gmsh(rectangles.build, rectangles={"arch": ((0.0, 0.0), (20.0, 0.3), (10, 1))})
+    x = mesh.domain.geometry.x
+    x[:, 1] += 8.0 * np.cos(np.pi * x[:, 0] / 40.0)
+    scene = Scene(Body(mesh, "arch", from_elastic(10.0, 0.3)), degree=2, plane="strain")
+    scene.fix("arch_xmin", "x")
+    scene.fix("arch_xmax")
+    tool = rigid_cylinder(3.0, point=(0, 11.3, 0), axis=(0, 0, 1), name="tool")
+    scene.contact("arch_ymax", tool, name="c")
+    method = Method(damping=damping, smallest_step=None if damping else 1e-4)
+    return scene, {"move": {tool: (0, -12, 0)}, "steps": 24, "method": method}
+
+
 CATALOGUE = {
     "limit point": (crushed, "limit point", "body 'box'", "arc length"),
     "inverted": (squeezed_through, "element inverted", "body 'box' at (", "mesh the place more finely"),
@@ -442,6 +456,7 @@ CATALOGUE = {
         "body 'box' at (",
         "let damping carry it on: solve(..., method=Method(damping=True))",
     ),
+    "arch": (arch_let_go, "limit point", "contact 'c'", "let damping carry it on: solve(..., method=Method(damping=True))"),
     "loose half": (loose_half, "rigid-body motion", "body 'box", "stabilise=True"),
     "edge": (over_the_edge, "projection lost", "contact 'c' at (", "larger where the slave leaves"),
     "cycling": (lambda: stumbling(0.1), "status cycling", "contact 'floor' at (1.5, 0.5, ", "take more steps"),
@@ -506,6 +521,7 @@ CURES = {
     "on a node": [lambda: on_a_node(3, None)],
     "pushed over a limit": [lambda: pushed_through("move")],
     "tipping": [lambda: tipping("prescribe")],
+    "arch": [lambda: arch_let_go(damping=True)],
 }
 
 

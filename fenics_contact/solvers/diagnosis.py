@@ -29,7 +29,7 @@ from fenics_contact.solvers.holding import (
     slipping_away,
     turns_freely,
 )
-from fenics_contact.solvers.linear import FACTORISE
+from fenics_contact.solvers.linear import FACTORISE, LinearSolver
 from fenics_contact.solvers.softness import damping, moved_instead, pushed, soft_motion
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -39,6 +39,7 @@ LONG = 1e-2  # of the load: a step above that may still be too long for Newton's
 FEW = 4  # points: the corners of one facet; between them a tool finds nothing that holds it
 # Of the largest force of the run: a contact that presses less is about to let go; steps are cut to 1e-4 of their first size
 FADED = 1e-3
+GONE = 1e-9  # times the penalties of a contact: as if it were not there, with the last of its force
 LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 
 
@@ -72,6 +73,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         found = soft_motion(system, goal)
         if found and found.kind == LIMIT_POINT and known.remedy == FACTORISE:
             found = found._replace(remedy=" or ".join([FACTORISE, found.remedy]))
+    if found is None and known.kind == CYCLING and goal is not None:
+        found = _snaps_off(system, known.place)
     if found is None and known.kind == COMES_IN:
         return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):
@@ -137,6 +140,29 @@ def _letting_go(system: System) -> Finding | None:
     if not system.stabilised:
         remedy = "fix a surface, end the path before, or solve(..., method=Method(stabilise=True))"
     return Finding(RIGID_MOTION, text, f"body '{names}'", remedy)
+
+
+def _snaps_off(system: System, place: str) -> Finding | None:
+    """A finding if the contacts of a place hardly press any more, and the bodies do not resist every motion where these
+    leave them: they snap away, to where no short step leads. Collective."""
+    if len(system.trail.accepted) < 2 or system.holds.reliant or system.vector.getSize() > LARGEST:
+        return None
+    least = FADED * system.scales.accepted
+    faint = [c for c in system.contacts if f"'{c.name}'" in place and not c.forces.holding(system.state, least)]
+    if not faint:
+        return None
+    system.assemble_residual()
+    system.assemble_tangent(trials={c: c.penalties.stiffened(system.state, GONE) for c in faint})
+    linear = LinearSolver(system, "direct", afresh=True)
+    try:
+        linear.solve(*system.still())
+    except StepFailed:
+        return None
+    if not linear.count_negative(None):
+        return None
+    names = ", ".join(f"contact '{c.name}'" for c in faint)
+    text = f"what is left of its force is less than {FADED:g} of the largest so far, and without it the bodies snap away"
+    return Finding(LIMIT_POINT, text, names, " or ".join([*damping(system), "end the path before"]))
 
 
 def _inverts_ahead(system: System, goal: float | None) -> bool:
