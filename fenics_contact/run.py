@@ -164,6 +164,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         turned = widest_turn(kept.history, scene.units, list(travel))
         has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contacts))
         kept.remark(energy_notes(summary["energy"], taken, scene.units, built.overlaps, turned, has))
+    verdict.order()
     return summary
 
 

@@ -11,6 +11,7 @@ from fenics_contact import (
     Motion,
     Scene,
     Stage,
+    Units,
     coulomb,
     neo_hooke,
     read_gmsh,
@@ -20,6 +21,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
+from fenics_contact.output.history import sparse_notes
 
 pytestmark = pytest.mark.parallel
 SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}
@@ -161,6 +163,12 @@ def test_a_contact_that_few_nodes_carry_is_told(cells):
     scene.contact("upper_ymin", "lower_ymax", name="c")
     notes = [note for note in solve(scene, steps=1).require().verdict.notes if "greatest load" in note]
     assert len(notes) == (cells == (1, 1)) and all("'c': 2 slave nodes carry" in note for note in notes)
+
+
+def test_contacts_that_few_nodes_carry_are_one_note():
+    row = {f"{name}_{of}": 2.0 for name in ("top", "bot") for of in ("load_N", "active_points", "peak_pressure_MPa")}
+    (note,) = sparse_notes([row], {"top": 1.0, "bot": 1.0}, 3, Units())
+    assert all(f"contact '{name}': 2 slave nodes carry" in note for name in ("top", "bot")) and note.count("mesh the") == 1
 
 
 @pytest.mark.parametrize("cells, said", [(10, 1), (40, 0)])

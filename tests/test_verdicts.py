@@ -32,11 +32,12 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.assembly.finding import CYCLING
 from fenics_contact.meshes import box, dome, rectangles, two_blocks
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead, moved_instead
-from fenics_contact.solvers.verdict import StepFailed
+from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.studies.punch import punched_plate
 
 COMM = MPI.COMM_WORLD
@@ -631,6 +632,28 @@ def test_cycling_is_resolved_by_smaller_steps_and_said():
     sizes = np.diff(result.column("t"), prepend=0.0)
     smallest = int(sizes.argmin())
     assert sizes[smallest] < 0.06 and sizes[smallest:].max() > 3.0 * sizes[smallest]
+
+
+@pytest.mark.serial
+def test_notes_on_the_result_come_before_those_on_what_was_overcome():
+    cut, jumped, cuts, sunk = (
+        "step to t = 1 cut back: x",
+        "step 3 to t = 1: it jumped",
+        "2 cut-backs, which leave",
+        "it sinks",
+    )
+    verdict = Verdict(notes=[cut, jumped, f"{cuts} nothing in the result: x", sunk])
+    verdict.order()
+    assert verdict.notes == [jumped, sunk, cut, f"{cuts} nothing in the result: x"]
+
+
+@pytest.mark.serial
+def test_steps_that_are_cut_back_alike_are_one_note():
+    verdict = Verdict()
+    for i in range(3):
+        verdict.cut(StepFailed("the status of 1 point repeats", CYCLING, f"contact 'c' at {i}"), f"step to t = {i}")
+    assert len(verdict.notes) == 1 and len(verdict.said) == 2
+    assert verdict.last_notes() == ["3 cut-backs, which leave nothing in the result: status cycling (3 of 3)"]
 
 
 @pytest.mark.parallel

@@ -167,10 +167,10 @@ def greatest_loads(history: Sequence[HistoryRow], contacts: Sequence[str], units
 
 
 def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, float], most: int, units: Units) -> list[str]:
-    """A note for each of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest, and
+    """A note on those of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest, and
     not zero; by name the area of the slave [length^2]. Not where three or more, which would show how pressure varies, carry
     the same pressure all over it."""
-    notes = []
+    few = []
     for name, area in contacts.items():
         plain = plain_name(name)
         heaviest = max(history, key=lambda row: row[f"{plain}_load_{units.force}"])
@@ -178,12 +178,12 @@ def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, float], m
         even = carrying >= BETWEEN and heaviest[f"{plain}_load_{units.force}"] > (1.0 - EVEN) * whole
         if carrying <= most and not even:
             carry = "node carries" if carrying == 1 else "nodes carry"
-            notes.append(
-                f"contact '{name}': {carrying:.0f} slave {carry} all of its greatest load: so few know pressures and "
-                "friction roughly, and what sticks or slips may be chance; mesh the slave more finely where it touches, or "
-                "let the finer side be the slave"
-            )
-    return notes
+            few.append(f"contact '{name}': {carrying:.0f} slave {carry} all of its greatest load")
+    advice = (
+        "so few know pressures and friction roughly, and what sticks or slips may be chance; mesh the slave more finely "
+        "where it touches, or let the finer side be the slave"
+    )
+    return [f"{', '.join(few)}: {advice}"] if few else []
 
 
 def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Sequence[str]) -> float:

@@ -13,6 +13,8 @@ NO_HELP = (MEMORY, TOO_STIFF)  # kinds of failure that springs, multipliers or a
 SHORTENED, JUMPED, SPRUNG = "increments shortened", "with loads and drives held", "soft springs did"  # words of notes
 # Kinds of notes that steps have in common, by words of theirs: the first is a note, and how many more there are another one
 ALIKE = {SHORTENED: SHORTENED, JUMPED: "the state jumped", SPRUNG: "soft springs held what nothing else did"}
+# Words of notes on what was overcome, of which nothing is in the result: they come last
+OVERCOME = (" cut back: ", " nothing in the result: ", "to which the result belongs", SHORTENED)
 GREW = 1.5  # times what was said of a term first: what is worse later is worth a note at the end
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
@@ -71,8 +73,8 @@ class Verdict:
         self.cuts += 1
         self.causes[cause] = self.causes.get(cause, 0) + 1
         line = f"{what} cut back: {reason}, {place}" if place else f"{what} cut back: {reason}"
-        if kind == CYCLING and not any(" cut back: " in note and note.endswith(place) for note in self.notes):
-            self.notes.append(line)  # of each place once: the log has the others
+        if kind == CYCLING and not any(" cut back: " in note for note in self.notes):
+            self.notes.append(line)  # the first one: the log has the others
         else:
             self.said.append(line)
 
@@ -91,6 +93,10 @@ class Verdict:
         times = "cut-back, which leaves" if self.cuts == 1 else "cut-backs, which leave"
         why = ", ".join(f"{cause} ({count} of {self.cuts})" for cause, count in most)
         return [*notes, f"{self.cuts} {times} nothing in the result: {why}"]
+
+    def order(self) -> None:
+        """Put the notes on what changes the result before those on what was overcome."""
+        self.notes.sort(key=lambda note: any(words in note for words in OVERCOME))
 
     def accept(self, report: StepReport, system: System) -> None:
         """A step has been accepted, which took what its report says; terms may remark on the state. Collective."""
