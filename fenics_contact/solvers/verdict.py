@@ -40,7 +40,7 @@ class Verdict:
     factorisation, and updates of multipliers; residuals: per accepted step, the out-of-balance share after each solve;
     notes: what was resolved on the way; causes: number of cut-backs by what failed; said: a line for each that the log has
     not had yet; remarked: by name or place of terms and bodies and by kind what has been said of them: its size, the
-    greatest one since, and the note on that; repeated: by kind of notes that steps have in common, how many, the last of
+    greatest one since, and the note on that; common: by kind of notes that steps have in common, how many, the last of
     them, and size and step of the greatest; resumed: numbers of the last steps before the run was killed and gone on with;
     smallest: step [t] below which none is tried; longest: largest step [t] to try next, endless while no step failed.
     """
@@ -61,7 +61,7 @@ class Verdict:
     causes: dict[str, int] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
     remarked: dict[str, dict[str, tuple[float, float, str]]] = field(default_factory=dict)
-    repeated: dict[str, tuple[int, str, float, str]] = field(default_factory=dict)
+    common: dict[str, tuple[int, str, float, str]] = field(default_factory=dict)
     resumed: list[int] = field(default_factory=list)
     smallest: float = 0.0
     longest: float = math.inf
@@ -83,7 +83,7 @@ class Verdict:
         on, and on why steps were cut back."""
         remarks = [one for kinds in self.remarked.values() for one in kinds.values()]
         notes = [worse for first, most, worse in remarks if most > GREW * first]
-        for kind, (count, step, size, where) in self.repeated.items():
+        for kind, (count, step, size, where) in self.common.items():
             if more := count - 1:
                 worst = f", by {size:.3g} at most in {where}" if size > 0.0 else ""
                 notes.append(f"{more} more step{'s' * (more > 1)}, the last one {step}: {kind}{worst}")
@@ -131,10 +131,10 @@ class Verdict:
     def note(self, words: str, kind: str = "", size: float = 0.0) -> None:
         """Note what was found in the step accepted last; of a kind once: what is more of it is counted, and in the log.
         size: of it [length], to tell where it is greatest."""
-        count, _, most, where = self.repeated.get(kind, (0, "", 0.0, ""))
+        count, _, most, where = self.common.get(kind, (0, "", 0.0, ""))
         if kind:
             most, where = (size, self._step) if size > most else (most, where)
-            self.repeated[kind] = count + 1, self._step, most, where
+            self.common[kind] = count + 1, self._step, most, where
         (self.said if count else self.notes).append(f"{self._step}: {words}")
 
     def remark(self, words: Mapping[str, str]) -> None:
