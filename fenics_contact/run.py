@@ -28,6 +28,8 @@ from fenics_contact.output.history import (
     energy_summary,
     greatest_loads,
     limit_points,
+    node_notes,
+    node_summary,
     penalty_lines,
     penalty_notes,
     penalty_summary,
@@ -52,6 +54,7 @@ from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.solvers.augmented import ASTRAY, misfits
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.node_error import lifted, node_error, sunk
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import sensitivities
 from fenics_contact.solvers.verdict import Verdict
@@ -140,16 +143,17 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(sparse_notes(kept.history, areas, 3 if scene.section else 4, scene.units))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
-        error, chords = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {})
+        error, chords, nodes = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {}, {})
     travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
+    summary["node_error"] = node_summary(nodes, scene.units)
     astray = [term.name for term, error in misfits(system).items() if error > ASTRAY] if verdict.converged else []
     if not any(
         contact.findings.misstated(system.state) for contact in system.contacts
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
-    kept.remark(chord_notes(summary["chord_error"], scene.units))
+    kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]
     summary["energy"] = energy_summary(
@@ -191,12 +195,19 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         kept.bar.close()
 
 
-def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, dict[str, tuple[float, float]]]:
-    """What the penalties cost, None if not to be had, and by contact what straight cells do, see `chord_error`."""
-    found = sensitivities(system, solver, [stiffer(system), *([rounder(system)] if is_round(system) else [])])
+Shares = dict[str, tuple[float, float]]
+
+
+def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, Shares, Shares]:
+    """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
+    `chord_error` and `node_error`. Collective."""
+    round_, deep = is_round(system), sunk(system)
+    varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
+    found = sensitivities(system, solver, varied)
     if found is None:
-        return None, {}
-    return penalty_error(system, found[0]), chord_error(system, found[1]) if len(found) > 1 else {}
+        return None, {}, {}
+    chords = chord_error(system, found[1]) if round_ else {}
+    return penalty_error(system, found[0]), chords, node_error(system, deep, found[-1]) if deep else {}
 
 
 def _started(start: object, scene: Scene) -> Start | None:

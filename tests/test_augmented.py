@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import gmsh
 import numpy as np
 import pytest
 from by_node import displacements
@@ -471,3 +472,63 @@ def test_where_a_side_sinks_in_most_is_said_at_the_end():
     first, worst = (note for note in solve(scene, steps=3).require().verdict.notes if "a node that is no slave" in note)
     assert first.startswith("step 1 to") and "lies 0.1 inside 'wall'" in first
     assert worst.startswith("step 2 to t = 0.666667, where this is worst: ") and "lies 0.25 inside 'wall'" in worst
+
+
+def disc_spring(down, cells, degree=2, points=None, stabilise=False):
+    """A cone whose lower outer and upper inner corners touch planes: both faces at a corner are slaves."""
+    rise = np.arctan(2.8 / 24.5)
+    along, up = np.array([-np.cos(rise), np.sin(rise)]), 3.5 * np.array([np.sin(rise), np.cos(rise)])
+    outer = np.array([50.0, 0.0])
+    inner = outer + 24.5 / np.cos(rise) * along
+    corners = [inner, outer, outer + up, inner + up]
+
+    def draw():
+        geo = gmsh.model.geo
+        points = [geo.addPoint(*place, 0.0) for place in corners]
+        sides = [geo.addLine(points[i - 1], points[i]) for i in range(4)]  # the inner end first
+        face = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        for side, count in zip(sides, (4, cells, 4, cells), strict=True):
+            geo.mesh.setTransfiniteCurve(side, count + 1)
+        geo.mesh.setTransfiniteSurface(face)
+        geo.mesh.setRecombine(2, face)
+        geo.synchronize()
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), "disc")
+        for name, tags in (("below", sides[1:3]), ("above", [sides[0], sides[3]])):
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, tags), name)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(degree)
+
+    scene = Scene(Body(read_gmsh(draw), "disc", from_elastic(206e3, 0.3)), plane="axisymmetric", degree=degree)
+    floor, lid = rigid_plane((0, 0, 0), (0, 1, 0)), rigid_plane((0, corners[3][1], 0), (0, -1, 0), name="lid")
+    scene.contact("below", floor, points=points, name="c")
+    scene.contact("above", lid, points=points, name="l")
+    return solve(scene, move={lid: (0.0, -down, 0.0)}, steps=2, method=Method(stabilise=stabilise)).require()
+
+
+def missed(result):
+    found = result.summary["node_error"].get("c", {}).get("load_change_over_load", 0.0)
+    return found, [note for note in result.verdict.notes if note.startswith("contact 'c': nodes lie up to")]
+
+
+@pytest.mark.parametrize("down, cells", [(0.4, 8), (0.4, 16), (0.2, 16)])
+def test_the_load_that_a_corner_below_the_first_gauss_point_misses_is_said(down, cells):
+    """The corner touches first, and lies deep beside the travel where it is shallow beside a cell."""
+    result = disc_spring(down, cells)
+    share, notes = missed(result)
+    loads = [r.history[-1]["c_load_N"] for r in (result, disc_spring(down, 64, degree=1, points="nodes"))]
+    true = loads[1] / loads[0] - 1.0
+    assert true > 0.05 and share == pytest.approx(true, rel=0.35)
+    assert len(notes) == 1 and f"off by about {share:.0%}" in notes[0] and not said_of_nodes(result)
+    held = disc_spring(down, cells, stabilise=True)
+    # springs that hold nothing in the end hold no rates either; gaps change by 1e-5 of what points and nodes do: 2 % is left
+    assert missed(held)[0] == pytest.approx(share, rel=0.05)
+
+
+def test_nodes_that_lie_as_deep_as_the_points_beside_them_miss_nothing():
+    """A flat face, and a round tool far into one."""
+    for tool in (rigid_plane((0, 0, 4.0), (0, 0, -1)), rigid_sphere(20.0, (4.0, 4.0, 24.0))):
+        scene = Scene(Body(read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2)), "box", RUBBER))
+        scene.fix("zmin")
+        scene.contact("zmax", tool, points=2, name="c")
+        share, notes = missed(solve(scene, move={tool: (0.0, 0.0, -1.0)}, steps=3).require())
+        assert abs(share) < 0.02 and not notes

@@ -1,6 +1,7 @@
 """Stabilisation of bodies and tools that nothing holds yet: soft springs whose far ends follow until they pull no more."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,6 +91,15 @@ class Grounding(SpringTerm):
             return False
         self.share = self._softest = min(self.share / SOFTER, SHARE)
         return True
+
+    @contextmanager
+    def faint(self) -> Iterator[None]:
+        """Springs are as soft as they become meanwhile: what is asked is how the bodies give way by themselves."""
+        share, self.share = self.share, min(self.share, LEAST * SHARE)
+        try:
+            yield
+        finally:
+            self.share = share
 
     def commit(self, state: State) -> None:
         if not self._engaged:

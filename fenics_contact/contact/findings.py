@@ -11,11 +11,13 @@ import numpy as np
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note
+from fenics_contact.contact.between_points import node_depth, sunk
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
 from fenics_contact.contact.trial import DRAWN
 from fenics_contact.kernels.status import SLIP, STICK
+from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -181,22 +183,6 @@ def _depth_note(contact: Contact, state: State) -> Remark | None:
     return Remark(depth, f"{place} lies {depth:.3g} inside {where}: {remedy}")
 
 
-def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
-    """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not, the
-    place of one deeper than `above` [length].
-
-    Zero where points are nodes themselves, which the penetration measures. Collective.
-    """
-    s, comm = contact.surface, state.comm
-    if s.gradients is None or s.corners:
-        return 0.0, ""
-    near = (contact.places.bare(contact.places.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
-    nodes, first = np.unique(s.nodes[near], return_index=True)
-    X = s.X[near].reshape(-1, 3)[first]
-    depth, place = worst(contact, comm, -contact.places.node_gaps(state, nodes, X), X, above)
-    return max(depth, 0.0), place
-
-
 def _depth_beside(contact: Contact, state: State, above: float) -> tuple[float, str, bool]:
     """Depth [length] and place of the deepest node off the slave surface, the place of one deeper than `above` [length], and
     whether it is an inner one of its body; zero where that is not looked for. Collective."""
@@ -340,6 +326,10 @@ class Findings:
         if contact.paired:
             kinds["out of its cell"] = _cell_note
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
+
+    def sunk(self, state: State) -> Floats:
+        """See `between_points.sunk`. Collective."""
+        return sunk(self._contact, state)
 
     def misstated(self, state: State) -> Finding | None:
         """The penalty that is stated is far from the stiffness of the bodies."""

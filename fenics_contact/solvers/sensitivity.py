@@ -1,6 +1,7 @@
 """How forces and pressures of contacts change with what these are evaluated with: first derivatives in an accepted state."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ def sensitivities(system: System, linear: LinearSolver, varied: Sequence[Vary]) 
     """
     if not system.contacts:
         return None
-    with system.foresight.as_accepted():
+    with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
         if (rates := _rates(system, linear, varied)) is None:
             return None
         found = [_along(system, vary, *rate) for vary, rate in zip(varied, rates, strict=True)]
