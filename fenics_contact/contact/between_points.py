@@ -14,6 +14,8 @@ from fenics_contact.types import Floats
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
+HEIGHT = 1.5  # of an arc over its side, times its mean
+
 
 def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[float, str]:
     """Depth [length] and place of the deepest node of the facets with Gauss points that have a partner, touching or not, the
@@ -33,12 +35,17 @@ def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[
 
 def sunk(contact: Contact, state: State) -> Floats:
     """How much deeper (ne, nq) [length] than its deepest point a node of the facet lies, of those that touch; zero where
-    points are nodes themselves. Collective."""
+    points are nodes themselves.
+
+    Not counted is what a round master's facets cut off, of which the chord error tells: bodies that fit have nodes as deep
+    in its chords, and points on them that are as far out. Collective.
+    """
     s = contact.surface
     if s.gradients is None or s.corners:
         return np.zeros(s.area.shape)
     response = contact.response(state)
     touches, point = (response.status != OPEN).any(axis=1), (-response.gap).max(axis=1, initial=0.0)
     gaps = contact.places.node_gaps(state, s.nodes.ravel(), s.X.reshape(-1, 3)).reshape(s.nodes.shape)
-    deeper = np.where(touches, np.maximum(-gaps.min(axis=1, initial=np.inf) - point, 0.0), 0.0)
+    chords = np.abs(contact.places.cut_off(state) - s.cut_off).max(axis=1, initial=0.0)
+    deeper = np.where(touches, np.maximum(-gaps.min(axis=1, initial=np.inf) - point - HEIGHT * chords, 0.0), 0.0)
     return np.repeat(deeper[:, None], s.area.shape[1], axis=1)
