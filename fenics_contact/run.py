@@ -56,7 +56,7 @@ from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.node_error import lifted, node_error, sunk
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
-from fenics_contact.solvers.sensitivity import sensitivities
+from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
 from fenics_contact.values import SceneError, shown
@@ -203,7 +203,8 @@ def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None
     `chord_error` and `node_error`. Collective."""
     round_, deep = is_round(system), sunk(system)
     varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
-    found = sensitivities(system, solver, varied)
+    # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
+    found = sensitivities(system, solver, varied, LINEAR * min(deep.part, 1.0) if deep else LINEAR)
     if found is None:
         return None, {}, {}
     chords = chord_error(system, found[1]) if round_ else {}

@@ -37,15 +37,18 @@ class Sensitivity(NamedTuple):
     tools: Floats
 
 
-def sensitivities(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list[Sensitivity] | None:
+def sensitivities(
+    system: System, linear: LinearSolver, varied: Sequence[Vary], tolerance: float = LINEAR
+) -> list[Sensitivity] | None:
     """Of each parameter s, by one factorisation: K du/ds = -dR/ds, and dF/ds along it; None where the tangent is singular.
 
-    The whole residual is differenced: a fluid's share goes by what the contacts press with. Collective.
+    tolerance: relative residual of an iterative solve. The whole residual is differenced: a fluid's share goes by what the
+    contacts press with. Collective.
     """
     if not system.contacts:
         return None
     with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
-        if (rates := _rates(system, linear, varied)) is None:
+        if (rates := _rates(system, linear, varied, tolerance)) is None:
             return None
         found = [_along(system, vary, *rate) for vary, rate in zip(varied, rates, strict=True)]
         system.assemble_residual()  # the state itself is what the terms remember
@@ -83,7 +86,9 @@ def _out_of_balance(system: System, trials: Trials) -> tuple[Vec, Floats]:
     return system.residual_vector.copy(), system.tool_residual.copy()
 
 
-def _rates(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list[tuple[Floats, Floats]] | None:
+def _rates(
+    system: System, linear: LinearSolver, varied: Sequence[Vary], tolerance: float
+) -> list[tuple[Floats, Floats]] | None:
     """du/ds, a local array, and dq/ds of the tools' coordinates by each parameter; None where the tangent is singular."""
     trials = [[{term: vary(term, s) for term in system.contacts} for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
     sides = []
@@ -96,7 +101,7 @@ def _rates(system: System, linear: LinearSolver, varied: Sequence[Vary]) -> list
         system.assemble_residual()
         system.assemble_tangent()
     try:
-        return [(_local(system, du), dq) for du, dq in linear.solve_sides(sides, LINEAR)]
+        return [(_local(system, du), dq) for du, dq in linear.solve_sides(sides, tolerance)]
     except LinearFailure:
         return None
     finally:
