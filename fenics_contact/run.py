@@ -61,6 +61,10 @@ from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
 from fenics_contact.values import SceneError, shown
 
+Shares = dict[str, tuple[float, float]]
+
+FAINT = 1e-6  # of the greatest load of all contacts: one that never carries more has what Newton's method leaves
+
 
 @ends_together
 def solve(
@@ -137,7 +141,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
         kept.remark([note for note in unmet if note])
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
-        loaded = [c for c in system.contacts if loads[c.name] > noise]
+        least = max(noise, FAINT * max(loads.values(), default=0.0))
+        loaded = [c for c in system.contacts if loads[c.name] > least]
         at_nodes = [c for c in loaded if c.surface.gradients is None or c.surface.corners]
         areas = {c.name: system.comm.allreduce(float(c.surface.area.sum())) for c in at_nodes}
         kept.remark(sparse_notes(kept.history, areas, 3 if scene.section else 4, scene.units))
@@ -193,9 +198,6 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         raise
     finally:
         kept.bar.close()
-
-
-Shares = dict[str, tuple[float, float]]
 
 
 def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, Shares, Shares]:

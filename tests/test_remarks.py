@@ -165,6 +165,21 @@ def test_a_contact_that_few_nodes_carry_is_told(cells):
     assert len(notes) == (cells == (1, 1)) and all("'c': 2 slave nodes carry" in note for note in notes)
 
 
+@pytest.mark.parametrize(("way", "told"), [(1e-9, 0), (1e-3, 1)])
+def test_a_contact_that_carries_next_to_nothing_is_not_said_to_be_carried_by_few_nodes(way, told):
+    ways = {"pressed": 0.1, "touched": way}
+    drawn = {"pressed": ((0.0, 0.0), (2.0, 2.0), (4, 4)), "touched": ((5.0, 0.0), (2.0, 2.0), (1, 1))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, SOFT) for name in drawn), plane="strain")
+    lids = {name: rigid_plane((0, 2, 0), (0, -1, 0), name=name) for name in drawn}
+    for name, lid in lids.items():
+        scene.fix(f"{name}_ymin")
+        scene.contact(f"{name}_ymax", lid, name=name, points="nodes")
+    result = solve(scene, move={lid: (0, -ways[name], 0) for name, lid in lids.items()}, steps=1).require()
+    assert result.history[-1]["touched_load_N"] > 0.0
+    assert sum("'touched': 2 slave nodes carry" in note for note in result.verdict.notes) == told
+
+
 def test_contacts_that_few_nodes_carry_are_one_note():
     row = {f"{name}_{of}": 2.0 for name in ("top", "bot") for of in ("load_N", "active_points", "peak_pressure_MPa")}
     (note,) = sparse_notes([row], {"top": 1.0, "bot": 1.0}, 3, Units())
