@@ -81,6 +81,15 @@ def test_an_edge_between_nodes_is_named_with_how_deep_it_lies(kind, degree):
         assert depth(note) == pytest.approx(0.4 + result.column("top")[-1], abs=2e-3)
 
 
+@pytest.mark.parametrize("kind", ["body", "tool"])
+def test_what_lies_between_nodes_that_do_not_reach_it_is_not_said_to_end_away(kind):
+    """A blunt edge in the middle of a facet, whose mean gap is open."""
+    result = pressed(kind, cells=3, down=0.1, wide=4.0).require()
+    assert not result.column("c_load_N").any()
+    (note,) = said(result, "never closed")
+    assert depth(note) == pytest.approx(0.1, abs=1e-6) and "away" not in note
+
+
 def test_the_remedy_helps_and_says_no_more_at_the_end():
     result = pressed("body", cells=60, steps=8).require()
     assert abs(result.column("floor_ymin_reaction_y_N")[-1]) == pytest.approx(0.576, rel=0.03)

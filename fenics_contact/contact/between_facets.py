@@ -27,6 +27,7 @@ HIDDEN, PIERCED = 0.15, 0.3
 # Likewise: an edge of 90 degrees that meets the middle of a facet is held from half of it on, and on fine facets goes on
 # from there; what is deeper and held by nothing has come in, and so has what no surface of such facets follows
 COME_IN, DROWNED = 0.75, 1.0
+UNREACHED = 0.01  # likewise, of a contact that is open at all its points: what facets cut off of each other is less
 FINER = "mesh the slave there more finely, with cells of a quarter of how deep it is to go"
 
 
@@ -130,6 +131,20 @@ def _note(contact: Contact, state: State, above: float, least: float) -> Remark 
     off = "a third or more" if above == PIERCED else "2 ... 20 %"
     there = f"{part:.0%} of the force acts there, and may be off by {off}" if np.isfinite(part) else "nothing presses yet"
     return Remark(most, f"{place}: {text}, {most:.0%} of the side of the slave's facet; {there}: {remedy}")
+
+
+def unheld_facets(contact: Contact, state: State) -> str | None:
+    """None, or that a contact is open at all its points while the surfaces lie in each other between them. Collective."""
+    if (found := contact.places.crossed(state)) is None:
+        return None
+    depth = np.where(found.depth > UNREACHED * found.size, found.depth, 0.0)
+    sag, place = worst(contact, state.comm, depth, found.X, 0.0)
+    if sag <= 0.0:
+        return None
+    deepest = found.slaves[depth >= sag]
+    ours, master = state.comm.allreduce(bool(deepest.any()), op=MPI.LOR), contact.master_name
+    inside = f"a slave node lies {sag:.3g} inside '{master}'" if ours else f"'{master}' lies {sag:.3g} inside the slave"
+    return f"{place} never closed, though {inside}, between points that do not reach each other: {FINER}"
 
 
 def led_in_note(contact: Contact, state: State) -> Remark | None:

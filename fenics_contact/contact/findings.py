@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note
+from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note, unheld_facets
 from fenics_contact.contact.between_points import node_depth, sunk
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
@@ -358,7 +358,7 @@ class Findings:
         comm, search = state.comm, contact.places.search
         if comm.allreduce(int(contact.trial.history.met.sum())) and not 0.0 < greatest <= noise:
             return None
-        if note := unheld(contact, state):
+        if note := unheld(contact, state) or unheld_facets(contact, state):
             return note
         nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
         beyond = "more than " if nearest >= search else ""
