@@ -20,6 +20,7 @@ from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
+    Carried,
     Summary,
     chord_notes,
     chord_summary,
@@ -143,9 +144,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
         least = max(noise, FAINT * max(loads.values(), default=0.0))
         loaded = [c for c in system.contacts if loads[c.name] > least]
-        at_nodes = [c for c in loaded if c.surface.gradients is None or c.surface.corners]
-        areas = {c.name: system.comm.allreduce(float(c.surface.area.sum())) for c in at_nodes}
-        kept.remark(sparse_notes(kept.history, areas, 3 if scene.section else 4, scene.units))
+        carried = {c.name: _carried_by(c, scene, system) for c in loaded}
+        kept.remark(sparse_notes(kept.history, carried, scene.units))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords, nodes = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {}, {})
@@ -198,6 +198,15 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         raise
     finally:
         kept.bar.close()
+
+
+def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
+    """How few points carry a contact roughly: nodes of a facet or two, fewer Gauss points than a facet has. Collective."""
+    s, few = contact.surface, 3 if scene.section else 4
+    area = system.comm.allreduce(float(s.area.sum()))
+    if s.gradients is None or s.corners:
+        return Carried(area, few)
+    return Carried(area, s.area.shape[1] - 1, "Gauss point")
 
 
 def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, Shares, Shares]:

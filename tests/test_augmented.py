@@ -510,7 +510,7 @@ def missed(result):
     return found, [note for note in result.verdict.notes if note.startswith("contact 'c': nodes lie up to")]
 
 
-@pytest.mark.parametrize("down, cells", [(0.4, 8), (0.4, 16), (0.2, 16)])
+@pytest.mark.parametrize("down, cells", [(0.4, 8), *(pytest.param(d, 16, marks=pytest.mark.slow) for d in (0.4, 0.2))])
 def test_the_load_that_a_corner_below_the_first_gauss_point_misses_is_said(down, cells):
     """The corner touches first, and lies deep beside the travel where it is shallow beside a cell."""
     result = disc_spring(down, cells)

@@ -610,6 +610,12 @@ def test_a_start_overlapped(mesh, out, kind):
     refused(lambda: solved(scene(0.6), out=out), f"'{name}'", "0.6 inside", "outwards")
 
 
+def test_a_bore_that_is_stated_as_a_shaft(mesh, out):
+    scene = held(mesh)
+    scene.contact("zmax", rigid_cylinder(30.0, (0, 0, 0)), name="top")
+    refused(lambda: solved(scene, out=out), "'top'", "inside", "hollow=True")
+
+
 @pytest.mark.parametrize("gap", [0.0, 0.1])
 def test_a_plane_that_looks_away_from_the_body(mesh, out, gap):
     scene = held(mesh)

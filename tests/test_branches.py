@@ -107,6 +107,14 @@ def test_a_run_resumed_at_a_bifurcation_goes_on_along_its_branch(tmp_path):
 
 
 @pytest.mark.parallel
+def test_a_branch_that_begins_beyond_the_end_of_the_path_is_said_not_to_be_taken():
+    steps = ArcSteps(until=Load(0.5 * critical()), first=0.3, branch=Branch("xmax", "x", -1.0))
+    result = solve(cube(), steps=steps).require()
+    (note,) = (note for note in result.verdict.notes if "the branch has not been taken" in note)
+    assert "bifurcation 1 has not been met, but 0" in note and not result.column("bifurcation").any()
+
+
+@pytest.mark.parallel
 def test_a_bifurcation_that_is_passed_is_said():
     result = solve(cube(), steps=ArcSteps(until=Load(2.1), first=0.1, largest=1e-5)).require()
     t, negative = result.column("t"), result.column("negative_pivots")

@@ -361,7 +361,8 @@ def squashed(points, **options):
     return solve(scene, move={lid: (0.0, -5.0, 0.0)}, **options)
 
 
-@pytest.mark.parametrize("steps", [20, pytest.param(33, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [20, 33])
 def test_nodes_that_find_no_state_jump_to_where_they_stick_and_it_is_said(steps):
     """A node that touches again beside the rim slips, and that lifts it off; Gauss points, which do not, tell the force."""
     jumped, smooth = squashed("nodes", steps=steps).require(), squashed(3, steps=20).require()

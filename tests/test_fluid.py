@@ -361,6 +361,7 @@ def between_hubs(**options):
     return solve(scene, stages=stages, record=corner, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parallel
 def test_a_fluid_that_runs_through_a_seal_is_said_and_damping_carries_the_bodies_on():
     """It was "no convergence" without a cause, and damping did not let the fluid in while the bodies moved. Along the wet

@@ -19,7 +19,7 @@ SHARE = 1e-2  # stiffness of the springs over E V / L^2 of a body of volume V an
 SOFTER = 0.25  # change of stiffness where the springs pull as before: nothing has been met yet
 LEAST = 1e-6  # of that stiffness
 FAR = 10.0  # sizes of the bodies: no gap is wider
-CLOSER = "close the gap, fix a surface, or turn the load towards the contact"
+CLOSER = "close gaps, hold what tips over or rolls, fix a surface, or turn the load towards the contact"
 
 
 class Grounding(SpringTerm):
@@ -134,7 +134,7 @@ class Carrying(Silent):
     def trouble(self, state: State) -> Finding | None:
         if not self._springs.carries:
             return None
-        text = "the stabilisation still carries the load: no contact has been met that holds the bodies"
+        text = "the stabilisation still carries the load: no contact that has been met holds the bodies"
         remedy = CLOSER
         if single := [f"'{name}'" for name in self._springs.passed()]:
             remedy = f"take points=3 in contact {' and '.join(single)}, for a tool passes between single ones; or {remedy}"

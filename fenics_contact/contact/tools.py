@@ -97,6 +97,11 @@ class RigidTool(Tool):
         return self.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION)
 
     @property
+    def solid(self) -> bool:
+        """Whether it is a ball or a cylinder, and not all around one."""
+        return self.kind in (rigid_shapes.SPHERE, rigid_shapes.CYLINDER) and self.shape[0] > 0.0
+
+    @property
     def reach(self) -> float:
         """Largest length of which gaps are differences [length]."""
         return float(max(np.abs(self.origin).max(), self.extent))

@@ -9,7 +9,7 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -168,22 +168,30 @@ def greatest_loads(history: Sequence[HistoryRow], contacts: Sequence[str], units
     return {name: max((row[column] for row in history), default=0.0) for name, column in columns.items()}
 
 
-def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, float], most: int, units: Units) -> list[str]:
-    """A note on those of these contacts, met by nodes, that no more than so many nodes carry where its load is greatest, and
-    not zero; by name the area of the slave [length^2]. Not where three or more, which would show how pressure varies, carry
-    the same pressure all over it."""
+class Carried(NamedTuple):
+    """Of a contact, what tells whether few points carry it: area of its slave [length^2], up to how many points are few, and
+    what they are, in words."""
+
+    area: float
+    few: int
+    points: str = "slave node"
+
+
+def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, Carried], units: Units) -> list[str]:
+    """A note on those of these contacts that no more than so many points carry where its load is greatest, and not zero.
+    Not where three or more, which would show how pressure varies, carry the same pressure all over it."""
     few = []
-    for name, area in contacts.items():
+    for name, (area, most, points) in contacts.items():
         plain = plain_name(name)
         heaviest = max(history, key=lambda row: row[f"{plain}_load_{units.force}"])
         carrying, whole = heaviest[f"{plain}_active_points"], area * heaviest[f"{plain}_peak_pressure_{units.pressure}"]
         even = carrying >= BETWEEN and heaviest[f"{plain}_load_{units.force}"] > (1.0 - EVEN) * whole
         if carrying <= most and not even:
-            carry = "node carries" if carrying == 1 else "nodes carry"
-            few.append(f"contact '{name}': {carrying:.0f} slave {carry} all of its greatest load")
+            carry = f"{points} carries" if carrying == 1 else f"{points}s carry"
+            few.append(f"contact '{name}': {carrying:.0f} {carry} all of its greatest load")
     advice = (
-        "so few know pressures and friction roughly, and what sticks or slips may be chance; mesh the slave more finely "
-        "where it touches, or let the finer side be the slave"
+        "so few know the force, pressures and friction roughly, and what sticks or slips may be chance; mesh more finely "
+        "where bodies touch"
     )
     return [f"{', '.join(few)}: {advice}"] if few else []
 

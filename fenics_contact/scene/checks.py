@@ -188,7 +188,8 @@ def refuse_across(contacts: Sequence[ContactTerm], state: State) -> None:
         if max(state.comm.allgather(leaning)) > LEANING:
             raise SceneError(
                 f"contact '{contact.name}': '{contact.master_name}' is not the same on both sides of the plane z = 0 of the "
-                "mesh; centre it there, lay a cylinder along z, turn the normal of a plane into the plane"
+                "mesh; centre it there, lay a cylinder along z, turn into the plane: the normal of a plane, direction= of a "
+                "punch, along= and up= of a profile"
             )
 
 
@@ -320,6 +321,8 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
                 more = ", or state its points the other way round: a profile is the tool on their right"
             if isinstance(tool, RigidTool) and tool.flat and behind > at_surface:
                 more = ", or turn its normal round: it points out of the tool, towards the body"
+            if isinstance(tool, RigidTool) and tool.solid:
+                more = ", or state hollow=True where the body lies within it"
             raise SceneError(f"{where}; move its starting place outwards, or name all surfaces it meets as slaves{more}")
         if across:
             raise SceneError(

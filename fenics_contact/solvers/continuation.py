@@ -140,6 +140,9 @@ class Path:
             verdict.stop(found._replace(remedy=found.remedy.replace("solve(...", "solve(..., steps=20")), t)
         else:
             verdict.converged, verdict.reason = True, "reached " + ", then ".join(self.reached)
+            if self.fork and self.bifurcations < self.fork.number:
+                met = f"bifurcation {self.fork.number} has not been met, but {self.bifurcations}"
+                verdict.note(f"the branch has not been taken: {met}; go farther, or keep the arcs shorter, largest=")
 
     def _follow_leg(self, on_step: OnStep) -> None:
         """Continue, after a first leg turning round, until a target is reached. StepFailed where there is no way."""
