@@ -204,7 +204,7 @@ def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
     """How few points carry a contact roughly: nodes of a facet or two, fewer Gauss points than a facet has. Collective."""
     s, few = contact.surface, 3 if scene.section else 4
     area = system.comm.allreduce(float(s.area.sum()))
-    if s.gradients is None or s.corners:
+    if s.at_nodes:
         return Carried(area, few)
     return Carried(area, s.area.shape[1] - 1, "Gauss point")
 

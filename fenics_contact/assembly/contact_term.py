@@ -84,6 +84,11 @@ class ContactSurface(Protocol):
     linear: bool
 
     @property
+    def at_nodes(self) -> bool:
+        """Whether points are nodes, or the corners that nodes are in; else they are Gauss points."""
+        ...
+
+    @property
     def count(self) -> int: ...
 
 

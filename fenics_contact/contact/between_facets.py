@@ -99,12 +99,19 @@ def _part_there(contact: Contact, state: State, found: Sunk, which: Bools) -> fl
 def _in_words(contact: Contact, state: State, found: Sunk, values: Floats) -> tuple[str, str, str]:
     """(place, what lies how deep, remedy) of the place with the largest of values (n,). Collective."""
     most, place = worst(contact, state.comm, values, found.X)
-    here, master = values >= most, contact.master_name
-    sag = max(state.comm.allgather(found.sag[here].max(initial=0.0)))
-    if not state.comm.allreduce(bool(found.slaves[here].any()), op=MPI.LOR):
-        return place, f"'{master}' lies {sag:.3g} inside the slave between its nodes", FINER
-    remedy = FINER if contact.partner.grounded else f"let '{master}' be the slave, or round the edge"
-    return place, f"a slave node lies {sag:.3g} inside '{master}'", remedy
+    here = values >= most
+    text, ours = _lies(contact, state, max(state.comm.allgather(found.sag[here].max(initial=0.0))), found.slaves[here])
+    if not ours:
+        return place, f"{text} between its nodes", FINER
+    return place, text, FINER if contact.partner.grounded else f"let '{contact.master_name}' be the slave, or round the edge"
+
+
+def _lies(contact: Contact, state: State, sag: float, slaves: Bools) -> tuple[str, bool]:
+    """What lies how deep in the other, in words, and whether it is a node of the slave, as these of all ranks tell.
+    Collective."""
+    if state.comm.allreduce(bool(slaves.any()), op=MPI.LOR):
+        return f"a slave node lies {sag:.3g} inside '{contact.master_name}'", True
+    return f"'{contact.master_name}' lies {sag:.3g} inside the slave", False
 
 
 def hidden_note(contact: Contact, state: State) -> Remark | None:
@@ -141,9 +148,7 @@ def unheld_facets(contact: Contact, state: State) -> str | None:
     sag, place = worst(contact, state.comm, depth, found.X, 0.0)
     if sag <= 0.0:
         return None
-    deepest = found.slaves[depth >= sag]
-    ours, master = state.comm.allreduce(bool(deepest.any()), op=MPI.LOR), contact.master_name
-    inside = f"a slave node lies {sag:.3g} inside '{master}'" if ours else f"'{master}' lies {sag:.3g} inside the slave"
+    inside, _ = _lies(contact, state, sag, found.slaves[depth >= sag])
     return f"{place} never closed, though {inside}, between points that do not reach each other: {FINER}"
 
 

@@ -24,7 +24,7 @@ def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[
     Zero where points are nodes themselves, which the penetration measures. Collective.
     """
     s, comm = contact.surface, state.comm
-    if s.gradients is None or s.corners:
+    if s.at_nodes:
         return 0.0, ""
     near = (contact.places.bare(contact.places.feet(state)) < 1.0).reshape(s.area.shape).any(axis=1)
     nodes, first = np.unique(s.nodes[near], return_index=True)
@@ -41,7 +41,7 @@ def sunk(contact: Contact, state: State) -> Floats:
     in its chords, and points on them that are as far out. Collective.
     """
     s = contact.surface
-    if s.gradients is None or s.corners:
+    if s.at_nodes:
         return np.zeros(s.area.shape)
     response = contact.response(state)
     touches, point = (response.status != OPEN).any(axis=1), (-response.gap).max(axis=1, initial=0.0)

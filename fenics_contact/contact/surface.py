@@ -99,6 +99,11 @@ class SlaveSurface:
     between: Between | None = None
 
     @property
+    def at_nodes(self) -> bool:
+        """Whether points are nodes, or the corners that nodes are in; else they are Gauss points."""
+        return self.gradients is None or self.corners
+
+    @property
     def count(self) -> int:
         """Number of slave points on this rank."""
         return self.area.size
