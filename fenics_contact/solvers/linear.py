@@ -1,5 +1,6 @@
 """Linear solves with a System's tangent: elimination of supports, choice of solver, the tools' border."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,7 +81,7 @@ class LinearSolver:
         self._pivot: float | None = None
         self._matrix: Mat = None  # with the supports eliminated
         self._border: _Border | None = None  # of the last tangent
-        modes = lambda matrix, product: _soft_modes(system, matrix, product)  # noqa: E731
+        modes = partial(_soft_modes, system)
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = choice if choice and not afresh and size > REUSE_ABOVE else method
         rows = Rows(system.comm, size, system.supports.owned)
@@ -346,12 +347,12 @@ class _Held:
         return self._scale * (self._right.T @ motions), unheld
 
 
-def _soft_modes(system: System, matrix: Mat, product: Mat) -> Any:
+def _soft_modes(system: System, matrix: Mat) -> Any:
     """Near-null space of the eliminated tangent: rigid motions of the deformed mesh that fade where something holds them.
 
     Where a penalty or a support holds a node the motions cost energy, and a coarse grid made from them can correct nothing
     around it: a frictional punch then takes hundreds of iterations, or fails. Jacobi's relaxation takes them away there and
-    leaves them alone elsewhere, where the tangent hardly resists them. product: the matrix, which may multiply faster.
+    leaves them alone elsewhere, where the tangent hardly resists them.
     """
     owned = system.space.dofmap.index_map.size_local
     X = system.space.tabulate_dof_coordinates()[:owned] + system.vector.array_r.reshape(-1, 3)
@@ -372,7 +373,7 @@ def _soft_modes(system: System, matrix: Mat, product: Mat) -> Any:
     force = step.duplicate()
     for i, vector in enumerate(vectors):
         for _ in range(SWEEPS):
-            product.mult(vector, force)
+            matrix.mult(vector, force)
             force.pointwiseMult(force, step)
             vector.axpy(-1.0, force)
         for other in vectors[:i]:

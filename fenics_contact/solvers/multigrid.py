@@ -6,6 +6,7 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.block_operator import Blocks
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
+from fenics_contact.assembly.petsc_memory import HANDLE, called
 from fenics_contact.types import Mat
 
 # Before and after the correction from below: by Gauss-Seidel, down and up, on the finest level; by Chebyshev on the others
@@ -20,22 +21,29 @@ OPTIONS = {
 }
 
 
-def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, GaussSeidel | None]:
-    """A V-cycle as PC of the hierarchy that PETSc makes of a matrix by scalars, and what must live as long.
-
-    blocks: the matrix that the finest level smooths with, rounded; scalars: with the near null space, needed no more
-    afterwards. Options with `prefix` reach PETSc's aggregation, those with `prefix` + "cycle_" the cycle; another PC that
-    they name is made of `scalars` as it is, and nothing else must live. Raises PETSc.Error. Collective.
-    """
+def hierarchy_of(scalars: Mat, prefix: str) -> Any:
+    """PETSc's smoothed aggregation of a matrix by scalars with its near null space, as PC, or another one that options with
+    `prefix` name. Raises PETSc.Error. Collective."""
     hierarchy = PETSc.PC().create(scalars.comm)
     hierarchy.setOptionsPrefix(prefix)
     hierarchy.setType("gamg")
     hierarchy.setOperators(scalars)
     hierarchy.setFromOptions()
     hierarchy.setUp()
+    return hierarchy
+
+
+def multigrid(hierarchy: Any, blocks: Blocks, prefix: str) -> tuple[Any, GaussSeidel | None]:
+    """A V-cycle as PC of the levels of `hierarchy_of`, whose matrix by scalars is needed no more then, and what must live as
+    long.
+
+    blocks: the same matrix, which the finest level smooths with, rounded. Options with `prefix` + "cycle_" reach the cycle.
+    A hierarchy without levels, or another PC, is returned as it is, and nothing else must live. Raises PETSc.Error.
+    Collective.
+    """
     if hierarchy.getType() != "gamg" or (levels := hierarchy.getMGLevels()) < 2:
         return hierarchy, None
-    cycle = PETSc.PC().create(scalars.comm)
+    cycle = PETSc.PC().create(hierarchy.comm)
     cycle.setOptionsPrefix(prefix + "cycle_")
     cycle.setType("mg")
     cycle.setMGLevels(levels)
@@ -58,6 +66,7 @@ def multigrid(blocks: Blocks, scalars: Mat, prefix: str) -> tuple[Any, GaussSeid
             relaxation = GaussSeidel(smoother.getPC(), blocks, RELAXED)
         else:
             matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
+            called("MatProductClear", HANDLE(matrix.handle))  # it keeps the finer matrix and half-way products: 1.8 kB a row
             smoother.setOperators(matrix)
             if level:
                 smoother.getPC().setType("jacobi")

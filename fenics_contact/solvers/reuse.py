@@ -11,7 +11,7 @@ from fenics_contact.assembly.block_operator import Blocks, raise_stopped
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
 from fenics_contact.solvers.choice import Choice
 from fenics_contact.solvers.free_rows import FreeRows, Rows
-from fenics_contact.solvers.multigrid import multigrid
+from fenics_contact.solvers.multigrid import hierarchy_of, multigrid
 from fenics_contact.solvers.softest import Softest
 from fenics_contact.timing import Timers
 from fenics_contact.types import Mat, Solver, Vec
@@ -92,11 +92,10 @@ class ReusingSolver:
 
     method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation), or
     the Choice that is asked for the method of each new preconditioner;
-    near_null_space: function of the matrix, and of itself as one that multiplies faster, to PETSc's NullSpace, for the
-    latter. The matrix is one of blocks; what is factorised or coarsened is a copy by scalars, made when it is due;
-    multigrid's finest level smooths with the matrix itself, which may have changed since. builds,
-    iterations: counts of factorisations (or hierarchies) and of Krylov iterations so far; longest: most iterations of a
-    solve with a new preconditioner; afresh: reuse nothing.
+    near_null_space: function of the matrix to PETSc's NullSpace, for the latter. The matrix is one of blocks; what is
+    factorised or coarsened is a copy by scalars, made when it is due; multigrid's finest level smooths with the matrix
+    itself, which may have changed since. builds, iterations: counts of factorisations (or hierarchies) and of Krylov
+    iterations so far; longest: most iterations of a solve with a new preconditioner; afresh: reuse nothing.
     """
 
     def __init__(
@@ -104,7 +103,7 @@ class ReusingSolver:
         rows: Rows,
         symmetric: bool,
         method: str | Choice,
-        near_null_space: Callable[[Mat, Mat], Any] | None,
+        near_null_space: Callable[[Mat], Any] | None,
         timers: Timers,
         afresh: bool = False,
     ) -> None:
@@ -173,12 +172,15 @@ class ReusingSolver:
         if self.comm.size == 1 and not options.hasName("matptap_via"):
             options["matptap_via"] = "rap"
         self._drop()
-        scalars, self._blocks = matrix.convert("aij", out=PETSc.Mat()), Blocks(matrix)
-        self._objects = (self._blocks,)
+        scalars = matrix.convert("aij", out=PETSc.Mat())
         scalars.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
+        scalars.setOption(PETSc.Mat.Option.USE_INODES, False)  # products by them take thrice as long
         if self._near_null_space is not None:
-            scalars.setNearNullSpace(self._near_null_space(matrix, self._blocks.mat))
-        pc, self._relaxation = multigrid(self._blocks, scalars, PREFIX)
+            scalars.setNearNullSpace(self._near_null_space(scalars))
+        hierarchy = hierarchy_of(scalars, PREFIX)
+        self._blocks = Blocks(matrix)  # after what takes the most memory
+        self._objects = (self._blocks,)
+        pc, self._relaxation = multigrid(hierarchy, self._blocks, PREFIX)
         self._general = self._ksp(pc, "gmres")
         self._krylov = self._fresh = self._ksp(pc, "cg") if self.symmetric else self._general
         self._copy = pc.getOperators()[1]
