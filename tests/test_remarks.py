@@ -199,6 +199,36 @@ def test_contacts_that_few_nodes_carry_are_one_note():
     assert note.count("mesh more finely") == 1
 
 
+def round_on_pad(cells, of_pad):
+    """Half a round body, `cells` across, that touches a pad of cells 4 / of_pad wide."""
+    rectangles.build({"body": ((0.0, 0.0), (1.0, 1.0), (cells, 4)), "pad": ((0.0, -4.0), (4.0, 4.0), (of_pad, of_pad))})
+    body = gmsh.model.getPhysicalGroups(2)
+    for group in body:
+        if gmsh.model.getPhysicalName(*group) == "body":
+            tags, x = gmsh.model.mesh.getNodesForPhysicalGroup(*group)
+            for tag, place in zip(tags, x.reshape(-1, 3), strict=True):
+                gmsh.model.mesh.setNode(tag, place + [0.0, place[0] ** 2 / 4.0, 0.0], [])
+
+
+@pytest.mark.parametrize(
+    ("cells", "of_pad", "stiff", "told"),
+    [(16, 8, 100.0, True), (4, 24, 100.0, False), (16, 8, 1.0, False)],
+    ids=["coarse master", "fine master", "as soft"],
+)
+def test_a_stiff_slave_on_facets_as_wide_as_the_contact_is_told(cells, of_pad, stiff, told):
+    mesh = read_gmsh(round_on_pad, cells=cells, of_pad=of_pad)
+    bodies = Body(mesh, "body", neo_hooke(stiff, 2.0 * stiff)), Body(mesh, "pad", neo_hooke(1.0, 2.0))
+    scene = Scene(*bodies, plane="strain")
+    for name in ("body", "pad"):
+        scene.fix(f"{name}_xmin", "x")
+    scene.fix("pad_ymin", "y")
+    scene.prescribe("body_ymax", "y", -0.1)
+    scene.contact("body_ymin", "pad_ymax", name="c")
+    result = solve(scene, steps=1).require()
+    notes = [note for note in result.verdict.notes if "within facets of the master" in note]
+    assert bool(notes) == told, (result.verdict.notes, result.column("c_peak_pressure_MPa"), result.line("c", "x"))
+
+
 @pytest.mark.parametrize("cells, said", [(10, 1), (40, 0)])
 def test_a_master_narrower_than_the_slave_s_cells_is_told(cells, said):
     """A stiff pin 0.8 wide on a pad: with cells of 1 the force is 10 % too great, with cells of 0.25 5 %."""

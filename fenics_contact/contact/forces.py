@@ -8,7 +8,7 @@ import numpy as np
 
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import allowed
-from fenics_contact.contact.measures import contact_measures, stored_energy
+from fenics_contact.contact.measures import contact_measures, stored_energy, within_facets
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Floats
@@ -43,6 +43,10 @@ class Forces:
     def measures(self, state: State) -> dict[str, Any]:
         """Sums over all ranks, see `contact_measures`."""
         return contact_measures(self._contact, state)
+
+    def within_facets(self, state: State) -> float:
+        """See `measures.within_facets`. Collective."""
+        return within_facets(self._contact, state)
 
     def resultants(self, state: State) -> tuple[Floats, Floats]:
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.on_facets import PlacesOnFacets
 from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
@@ -56,6 +57,20 @@ def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
         "points": int(sums[18]),
         "penetration": _penetration(contact, state, response, h.shift),
     }
+
+
+def within_facets(contact: Contact, state: State) -> float:
+    """Share of the mean squares of a contact's pressures over facets of the master, each of these counted alike, that varies
+    within them: what facets resolve varies from one to the next. Zero of tools of formulas. Collective."""
+    if not isinstance(contact.places, PlacesOnFacets):
+        return 0.0
+    points, facets, areas = contact.places.meets(contact.places.feet(state))
+    pressure = np.maximum(contact.forces.split_traction(state)[0].ravel()[points], 0.0)
+    comm, weights = state.comm, (areas, areas * pressure, areas * pressure**2)
+    count = max(comm.allgather(int(facets.max(initial=-1)))) + 1
+    area, load, squares = comm.allreduce(np.array([np.bincount(facets, each, count) for each in weights]))
+    means, squares = (np.divide(of, area, out=np.zeros(count), where=area > 0.0) for of in (load, squares))
+    return float(1.0 - means @ means / squares.sum()) if squares.any() else 0.0
 
 
 def _penetration(contact: Contact, state: State, response: Response, shift: Floats) -> float:

@@ -8,10 +8,10 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.contact.pairing import Pairing, seek_along, seek_in_sight
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
-from fenics_contact.kernels.closest_point import Projection
+from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.coverage import Sight
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.types import Floats
+from fenics_contact.types import Bools, Floats
 
 
 class MortarFeet(NamedTuple):
@@ -29,6 +29,12 @@ class MortarFeet(NamedTuple):
     @property
     def projection(self) -> Projection:
         return self.met[:6]
+
+    @property
+    def seated(self) -> Bools:
+        """Which of the samples around each slave node (ns, J) have a foot."""
+        table = self.samples.table
+        return (table >= 0) & (self.projection[1] != NONE)[table]
 
     def pairs(self, facets: Surface, anchors: kernel.Anchors) -> kernel.Pairs:
         """Samples and the master's facets, as kernels/mortar.py takes them."""

@@ -45,7 +45,7 @@ class NodeAnchors:
         s, slip = feet.samples, np.zeros_like(slips)
         some = np.flatnonzero(renewed & slips.any(axis=1))
         table = s.table[some]
-        share = np.where(self._places.seated(feet)[some], s.share[some] * feet.met[6][table], 0.0)
+        share = np.where(feet.seated[some], s.share[some] * feet.met[6][table], 0.0)
         # a mean of P(n_q) slip is shorter than the slip where normals differ
         n, whole = feet.projection[5][table], np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
         along = np.einsum("nj,njc,njd->ncd", share, n, n)
@@ -63,7 +63,7 @@ class NodeAnchors:
         slips, stuck = T / self._laws.stick(averaged, trial), status == STICK
         slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
         anchors = trial.history.anchors
-        missing = self._places.seated(feet) & (own(anchors)[0][feet.samples.anchor, 0] < 0)
+        missing = feet.seated & (own(anchors)[0][feet.samples.anchor, 0] < 0)
         return self._behind(feet, anchors, ~stuck | missing.any(axis=1), slips), slid[:, None]
 
     def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:

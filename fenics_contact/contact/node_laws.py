@@ -40,7 +40,7 @@ class NodeLaws:
         if not len(parts):
             return law
         at_samples = np.einsum("qi,qic->qc", parts[facet], feet.coords[self._places.facets[0][facet]])
-        share = np.where(self._places.seated(feet), feet.samples.share, 0.0)
+        share = np.where(feet.seated, feet.samples.share, 0.0)
         return law._replace(directions=np.einsum("nj,njc->nc", share, at_samples[feet.samples.table]))
 
     def leading(self, feet: MortarFeet, friction: Friction) -> tuple[Floats, Ints64]:

@@ -21,7 +21,7 @@ from fenics_contact.kernels.coverage import Ends, beyond_edges, coverage, surfac
 from fenics_contact.kernels.normals import CREASE
 from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.timing import Timers
-from fenics_contact.types import Array, Bools, Floats
+from fenics_contact.types import Array, Bools, Floats, Ints64
 
 Project = Callable[[Floats, Floats, Floats], Projection]
 
@@ -134,10 +134,11 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         found = self.sights.pairing.far(feet.points, -feet.projection[5], feet.coords, search)
         return self._covered(feet.points, feet.coords, found)[:6]
 
-    def seated(self, feet: MortarFeet) -> Bools:
-        """Which of the samples around each slave node (ns, J) have a foot."""
-        table = feet.samples.table
-        return (table >= 0) & (feet.projection[1] != NONE)[table]
+    def meets(self, feet: MortarFeet) -> tuple[Ints64, Ints64, Floats]:
+        """Numbers (n,) of nodes, and of the master's facets that samples around them face, with what areas (n,)."""
+        node, sample = np.nonzero(feet.seated)
+        table, share = feet.samples.table, feet.samples.share
+        return node, feet.projection[0][table[node, sample]], share[node, sample]
 
     def normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (ns, 1, 3) along which pressure acts on this rank's slave nodes; zero without a partner."""

@@ -98,6 +98,10 @@ class PlacesOnFacets(Generic[Feet]):
         led = np.einsum("na,nac->nc", N[:, 0], feet.coords[self.facets[0][facet[deep]]])
         return -gap[deep], feet.points[deep], led
 
+    def meets(self, feet: Feet) -> tuple[Ints64, Ints64, Floats]:
+        """Numbers (n,) of points, and of the master's facets that they face, with what areas (n,) [length^2]."""
+        raise NotImplementedError
+
     def farthest(self, feet: Feet) -> float:
         """How far away partners can be, or are looked for at most where all facets would make long lists [length]."""
         if len(feet.points) * len(self.facets[0]) <= LISTED:

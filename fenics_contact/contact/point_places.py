@@ -134,6 +134,11 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         """Unit directions (ne, nq, 3) in which this rank's slave points look for the master: their normals. Collective."""
         return self._point_normals(state.u.x.array).reshape((*self.surface.area.shape, 3))
 
+    def meets(self, feet: FacetFeet) -> tuple[Ints64, Ints64, Floats]:
+        """Numbers (n,) of points, and of the master's facets that they face, with what areas (n,) [length^2]."""
+        at = np.flatnonzero(feet.projection[1] != NONE)
+        return at, feet.projection[0][at], self.surface.area.ravel()[at]
+
     def bare(self, feet: FacetFeet, far: bool = False) -> Floats:
         """Shares (n,) of the points' areas without a partner; far: however far away it is."""
         found = self.far(feet, self.farthest(feet)) if far else feet.projection

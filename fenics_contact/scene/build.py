@@ -69,6 +69,7 @@ if TYPE_CHECKING:  # which asks for its System here
 
 Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and what it follows
 
+HARDER = 3.0  # times Young's modulus of the master: slaves as stiff as that, or less, give way to its facets
 ROUNDED = 1e-12  # of a fluid's largest pressure: a function of nodes' places is rounded as these are
 
 
@@ -297,9 +298,16 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
     return found
 
 
+def harder_slaves(scene: "Scene") -> list[str]:
+    """Names of the contacts whose slave is HARDER times as stiff as the body that is its master, or more. Collective."""
+    modulus = _modulus_by_cell(scene)
+    stiffness = [[_hardest(scene, of, modulus) for of in (stated.slave, stated.master)] for stated in scene.contacts]
+    return [c.name for c, (slave, master) in zip(scene.contacts, stiffness, strict=True) if slave >= HARDER * master]
+
+
 def _hardest(scene: "Scene", master: Tool | tuple[str, ...], modulus: Floats) -> float:
-    """Young's modulus beneath a master [pressure]: of two bodies pressed together the softer one gives way, whichever is the
-    slave. Collective."""
+    """Young's modulus beneath surfaces, or a tool's [pressure]: of two bodies pressed together the softer one gives way,
+    whichever is the slave. Collective."""
     if isinstance(master, Tool):
         return np.inf
     cells, _ = compat.cells_of_exterior_facets(scene.mesh.domain, scene.mesh.facets(*master))
