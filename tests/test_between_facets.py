@@ -81,6 +81,15 @@ def test_an_edge_between_nodes_is_named_with_how_deep_it_lies(kind, degree):
         assert depth(note) == pytest.approx(0.4 + result.column("top")[-1], abs=2e-3)
 
 
+def test_of_what_two_nodes_carry_no_few_percents_are_promised():
+    """They have 71 % less than a floor of 60 cells, where the edge lies a quarter of a facet deep."""
+    coarse, fine = (pressed("tool", cells=cells, down=0.26, wide=2.0, steps=2).require() for cells in (7, 60))
+    forces = [result.column("floor_ymin_reaction_y_N")[-1] for result in (coarse, fine)]
+    assert forces[0] / forces[1] < 0.5
+    note = said(coarse, "inside the slave between its nodes")[-1]
+    assert "may be off by most of itself" in note
+
+
 @pytest.mark.parametrize("kind", ["body", "tool"])
 def test_what_lies_between_nodes_that_do_not_reach_it_is_not_said_to_end_away(kind):
     """A blunt edge in the middle of a facet, whose mean gap is open."""

@@ -27,6 +27,7 @@ HIDDEN, PIERCED = 0.15, 0.3
 # Likewise: an edge of 90 degrees that meets the middle of a facet is held from half of it on, and on fine facets goes on
 # from there; what is deeper and held by nothing has come in, and so has what no surface of such facets follows
 COME_IN, DROWNED = 0.75, 1.0
+SEVERAL = 4  # points that press: with 1 ... 3 of them forces of a tool beside an edge so deep were off by up to 81 %
 UNREACHED = 0.01  # likewise, of a contact that is open at all its points: what facets cut off of each other is less
 FINER = "mesh the slave there more finely, with cells of a quarter of how deep it is to go"
 
@@ -135,8 +136,12 @@ def _note(contact: Contact, state: State, above: float, least: float) -> Remark 
     if above == PIERCED and not np.isfinite(part):
         return None  # the other note has said so
     place, text, remedy = _in_words(contact, state, found, share)
-    off = "a third or more" if above == PIERCED else "2 ... 20 %"
-    there = f"{part:.0%} of the force acts there, and may be off by {off}" if np.isfinite(part) else "nothing presses yet"
+    if not np.isfinite(part):
+        there = "nothing presses yet"
+    else:
+        carrying = state.comm.allreduce(np.count_nonzero(contact.response(state).status != OPEN))
+        off = "a third or more" if above == PIERCED else "2 ... 20 %" if carrying >= SEVERAL else "most of itself"
+        there = f"{part:.0%} of the force acts there, and may be off by {off}"
     return Remark(most, f"{place}: {text}, {most:.0%} of the side of the slave's facet; {there}: {remedy}")
 
 
