@@ -84,7 +84,8 @@ def penalty_summary(error: dict[str, Any] | None, tools: Sequence[str], units: U
     """What grows as the penalties do, under names that carry units, and as shares of what was computed; {} if not known.
 
     Changes of a contact's force, a resultant, and of its load, the pressure integrated over its surface, are shares of the
-    load: a ring closed on a shaft has no resultant. A share of None: more than a first order in 1/penalty can tell.
+    load: a ring closed on a shaft has no resultant. A share of None: more than a first order in 1/penalty can tell. opening:
+    with how much of the load points would pull by then, which open before.
     """
     if error is None:
         return {}
@@ -96,6 +97,7 @@ def penalty_summary(error: dict[str, Any] | None, tools: Sequence[str], units: U
             f"load_{units.force}": load,
             "force_change_over_load": float(np.linalg.norm(e["force_change"])) / load if load > 0.0 else 0.0,
             "load_change_over_load": e["load_change"] / load if load > 0.0 else 0.0,
+            "opening_over_load": e["opening"] / load if load > 0.0 else 0.0,
             f"peak_pressure_{units.pressure}": peak,
             f"peak_pressure_at_{units.length}": e["peak_at"],
             "peak_pressure_change_share": e["peak_change"] / peak
@@ -284,6 +286,9 @@ def penalty_notes(
     has what balance and multipliers have left, of which the penalties may hold all; astray: contacts that end far from
     their penetration=, of which no first order tells what that costs.
 
+    Where points that would pull, and open before, have most of the change, few carry, and no first order tells what the
+    penalties cost.
+
     Penalties are springs in series with the bodies: of stiffnesses e and k they lose k / (k + e) of the load to first order,
     and k / e in truth.
     """
@@ -293,7 +298,7 @@ def penalty_notes(
         if name in astray:
             text = "its force may be far off, for it ends far from the penetration= asked for"
             notes.append(f"contact '{name}': {text}; {KEPT}")
-        elif share * load > COSTLY * max(load, COSTLY * greatest[name]):
+        elif share * load > COSTLY * max(load, COSTLY * greatest[name]) and e["opening_over_load"] < MOST * share:
             about = f"about {share / (1.0 - share):.1%}" if share < SOFT else f"more than {SOFT / (1.0 - SOFT):.0%}"
             notes.append(f"contact '{name}': its penalties change the force by {about} of the load; {STIFFER}")
     for name, gone in travel.items() if summary else ():

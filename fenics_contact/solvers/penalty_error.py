@@ -34,8 +34,8 @@ def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
     "angle_change": (tools, 3)}.
 
     Of a contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
-    load_change; peak pressure, peak_at, its reference position, and peak_change, None where it is too great for a first
-    order. What is round-off, or less than a balance leaves, is zero. Collective.
+    load_change; opening, with what points would pull by then, which open before; peak pressure, peak_at, its reference
+    position, and peak_change, None where it is too great for a first order. What is round-off, or less than a balance leaves, is zero. Collective.
     """
     out, least = {}, least_load(system)
     for term in system.contacts:
@@ -44,7 +44,9 @@ def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
         peak = highest.value if highest else 0.0
         after = max(system.comm.allgather((change.pressure + change.to_pressure).max(initial=0.0)))
         grown = after - peak if abs(after - peak) <= UNSETTLED * peak else None
+        pulls = np.minimum(change.pressure + change.to_pressure, 0.0) @ term.surface.area.ravel()
         pressed = {"load": change.load, "load_change": change.to_load, "peak": peak, "peak_change": grown}
+        pressed["opening"] = -float(system.comm.allreduce(pulls))
         if not change.load > least:  # nothing presses there
             pressed = dict.fromkeys(pressed, 0.0)
         force = change.to_force if change.load > least else np.zeros(3)
