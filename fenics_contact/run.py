@@ -18,9 +18,9 @@ from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
+from fenics_contact.output.carrying import Carried, sparse_notes, unresolved_notes
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
-    Carried,
     Summary,
     chord_notes,
     chord_summary,
@@ -34,10 +34,8 @@ from fenics_contact.output.history import (
     penalty_lines,
     penalty_notes,
     penalty_summary,
-    sparse_notes,
     stages_line,
     stages_summary,
-    unresolved_notes,
     widest_turn,
 )
 from fenics_contact.output.names import energy_unit

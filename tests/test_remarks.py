@@ -21,7 +21,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
-from fenics_contact.output.history import Carried, sparse_notes
+from fenics_contact.output.carrying import Carried, sparse_notes
 
 pytestmark = pytest.mark.parallel
 SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}

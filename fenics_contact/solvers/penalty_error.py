@@ -35,7 +35,8 @@ def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
 
     Of a contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
     load_change; opening, with what points would pull by then, which open before; peak pressure, peak_at, its reference
-    position, and peak_change, None where it is too great for a first order. What is round-off, or less than a balance leaves, is zero. Collective.
+    position, and peak_change, None where it is too great for a first order. What is round-off, or less than a balance
+    leaves, is zero. Collective.
     """
     out, least = {}, least_load(system)
     for term in system.contacts:
