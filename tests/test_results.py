@@ -26,7 +26,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.meshes import box, tool_surfaces, two_blocks
+from fenics_contact.meshes import box, rectangles, tool_surfaces, two_blocks
 from fenics_contact.output.chains import chains
 from fenics_contact.output.columns import Columns
 from fenics_contact.output.energies import Energies
@@ -488,6 +488,30 @@ def test_ends_of_a_zone_are_found_within_a_cell(a):
     (start, end), *others = zones(parabola(a, 41), Units())
     assert not others
     np.testing.assert_allclose([2.0 - start, end - 2.0], a, atol=0.01)
+
+
+@pytest.mark.parametrize("solid", [False, True])
+def test_a_line_at_degree_2_has_the_middles_of_facets(solid):
+    """Where these carry most: corners alone would show another load than the contact's."""
+    if solid:
+        mesh, up, sizes = read_gmsh(box.build, size=(4.0, 1.0, 1.0), cells=(4, 1, 1)), 2, {}
+    else:
+        mesh, up, sizes = (
+            read_gmsh(rectangles.build, rectangles={"b": ((0.0, 0.0), (4.0, 1.0), (4, 1))}),
+            1,
+            {"plane": "strain"},
+        )
+    (bottom, top), normal = (("zmin", "zmax") if solid else ("b_ymin", "b_ymax")), -np.eye(3)[up]
+    scene = Scene(Body(mesh, "box" if solid else "b", RUBBER), degree=2, **sizes)
+    scene.fix(bottom)
+    lid = rigid_plane(-normal, normal, name="lid")
+    scene.contact(top, lid, name="lid", points=3)
+    result = solve(scene, move={lid: 0.05 * normal}, steps=1).require()
+    line = result.line("lid", "x", cut={"y": 0.5} if solid else None)
+    np.testing.assert_allclose(line["x_reference_mm"], np.linspace(0.0, 4.0, 9), atol=1e-12)
+    if not solid:  # Simpson's rule
+        load = line["pressure_MPa"] @ [1, 4, 2, 4, 2, 4, 2, 4, 1] * np.ptp(line["x_mm"]) / 24.0
+        assert load == pytest.approx(result.column("lid_load_N")[-1], rel=0.02)
 
 
 def test_line_of_a_contact_and_its_pressure():

@@ -26,7 +26,7 @@ def line(surface: SlaveNodes, along: Along, cut: Mapping[str, float] | None, uni
     surfaces one facet wide: their lower side, and in a plane scene all of it. SceneError, on all ranks, for another axis, a
     plane that misses the surface, and for a surface that is no line.
     """
-    values, corners = _values(surface), surface.skin.corners
+    values, corners = _values(surface), surface.rings
     if surface.skin.section is not None:
         if cut is not None:
             raise SceneError(f"cut = {cut}: in a plane scene the slave surface is a line itself; leave it out")
@@ -109,7 +109,7 @@ def _values(surface: SlaveNodes) -> Floats:
 
 def _between(surface: SlaveNodes, values: Floats, ends: Array, share: Floats) -> Floats:
     """Values between the nodes with keys (n, 2), a share (n,) of the way from the first to the second."""
-    nodes = np.unique(surface.skin.corners)
+    nodes = np.unique(surface.rings)
     keys = surface.keys()[nodes]
     order = np.argsort(keys)
     first, second = (values[nodes[order[np.searchsorted(keys[order], ends[:, i])]]] for i in (0, 1))

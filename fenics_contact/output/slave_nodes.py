@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.facet_points import Skin, skin_of
+from fenics_contact.assembly.facet_points import RINGS, Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
@@ -57,7 +57,10 @@ class Zone:
 
 
 class SlaveNodes:
-    """Nodal values of one contact, the same on any number of ranks. facets: those of the slave on this rank."""
+    """Nodal values of one contact, the same on any number of ranks. facets: those of the slave on this rank.
+
+    rings (n, 2 ... 4): nodes around these, or around the parts of those of degree 2 between all nodes that have pressures.
+    """
 
     def __init__(self, system: System, contact: ContactTerm, facets: Ints, section: Section | None = None) -> None:
         self.contact, self._system, space = contact, system, system.space
@@ -67,6 +70,7 @@ class SlaveNodes:
         bare = section if compat.degree(space) == 2 and not s.linear else None
         self._share = (s.area * _over_depth(s.a, s.X, bare))[..., None] * _lumped(s.a, s.X)
         self._lumped = _of_corners(self.skin) if s.linear else _lumped(self.skin.N, self.skin.X)
+        self.rings = _rings(self.skin, s.linear)
         self._over_depth = _over_depth(self.skin.N, self.skin.X, bare)
         self._reference = space.tabulate_dof_coordinates()
         self._owned = space.dofmap.index_map.size_local
@@ -190,6 +194,22 @@ def _of_corners(skin: Skin) -> Floats:
     shares = np.zeros_like(skin.N)
     shares[:, :, : skin.linear.shape[2]] = skin.linear
     return shares
+
+
+def _rings(skin: Skin, linear: bool) -> Ints:
+    """Nodes (n, 2 ... 4) around the facets; of those of degree 2 whose middles have pressures of their own, around their
+    halves or quarters. linear: corners alone have pressures, and so it is on triangles, see `_lumped`."""
+    nodes, corners, X = skin.nodes, skin.corners, skin.X
+    if linear or nodes.shape[1] not in (3, 9):
+        return corners
+    if nodes.shape[1] == 3 and corners.shape[1] == 2:
+        return np.concatenate([nodes[:, [0, 2]], nodes[:, [2, 1]]])
+    around = X[:, RINGS["hexahedron"]]
+    between = 0.5 * (around + np.roll(around, -1, axis=1))
+    nearest = np.argmin(np.linalg.norm(between[:, :, None] - X[:, None, 4:8], axis=3), axis=2)
+    middles = np.take_along_axis(nodes[:, 4:8], nearest, axis=1)
+    quarters = [corners, middles, np.broadcast_to(nodes[:, 8:], corners.shape), np.roll(middles, 1, axis=1)]
+    return np.stack(quarters, axis=2).reshape(-1, 4)
 
 
 def _lumped(N: Floats, X: Floats) -> Floats:
