@@ -221,3 +221,16 @@ def test_a_bore_of_straight_cells_on_a_round_pin(points, off):
         assert abs(true) > 0.1 and 0.5 < change / true < 1.5  # the mean over facets, of which points touch the deepest parts
     else:
         assert change == 0.0 and abs(true) < 0.02
+
+
+@pytest.mark.parametrize("points", ["nodes", 3])
+def test_middles_of_degree_2_on_straight_cells_are_off_by_the_height_of_the_arc(points):
+    """They are what touches in a bore, at nodes as at Gauss points: no mean over the facet."""
+    mesh = read_gmsh(ring_sector.build, radii=(BORE, 4.0), cells=(3, 12), order=1, name="hub", prefix="hub_")
+    scene = Scene(Body(mesh, "hub", from_elastic(E, NU)), plane="strain", degree=2)
+    scene.fix("hub_ymin", "y")
+    scene.fix("hub_xmin", "x")
+    pin = rigid_cylinder(BORE + 1e-3, (0, 0, 0), (0, 0, 1), name="pin")
+    scene.contact("hub_inner", pin, name="fit", points=points)
+    found = solve(scene, steps=1).require().summary["chord_error"]["fit"]["cut_off_mm"]
+    assert found == pytest.approx(BORE * (1.0 - np.cos(np.pi / 4.0 / 12)), rel=0.02)

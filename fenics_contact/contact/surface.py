@@ -157,7 +157,7 @@ def slave_surface(
         nodes, a, area, means = _gather_to_nodes(space, nodes, a, area, means)
         key = node_keys(space)[nodes[:, 0]]
     exact = degree == 1 and points in ("nodes", "corners")  # corners lie on the round surface
-    cut_off = np.zeros(area.shape) if exact else _cut_off(space, facets, section, nodes, a, not isinstance(points, str))
+    cut_off = np.zeros(area.shape) if exact else _cut_off(space, facets, section, nodes, a, points != "averages")
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     return SlaveSurface(
         nodes, np.ascontiguousarray(a), area, X[nodes], *means, tallest, key, cut_off, dense, tangents, points == "corners",
