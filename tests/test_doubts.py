@@ -77,3 +77,12 @@ def test_loads_in_other_units_than_moduli():
     stages = [Stage("lid", move={lid: (0.0, -0.1, 0.0)}), Stage("load", pressures={"strip_xmax": 0.5})]
     scene.pressure("strip_xmax", 0.01)
     assert "Young's modulus of all bodies" not in "\n".join(solve(scene, steps=1, stages=stages).verdict.notes)
+
+
+@pytest.mark.parametrize("side, told", [("strip_ymin", True), ("strip_xmax", False)])
+def test_a_force_on_a_side_that_is_fixed_all_over(side, told):
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (4.0, 1.0), (4, 1))})
+    scene = Scene(Body(mesh, "strip", RUBBER), plane="strain")
+    scene.fix("strip_ymin")
+    scene.force(side, (0.0, -0.01, 0.0))
+    assert (f"'{side}' moves nothing" in notes(scene)[1]) == told

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.system import System
@@ -39,6 +40,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_frictions(scene),
         *_penalties(system),
         *_pressed(scene, [load for load in loads if not load.shape]),
+        *_idle(scene, system, loads),
         *_heavy(scene, system, stated, [load for load in loads if load.group]),
     ]
 
@@ -83,6 +85,17 @@ def _pressed(scene: "Scene", pressures: Sequence[Load]) -> list[str]:
                     'which is kept out there, is stated with where="open"'
                 )
     return notes
+
+
+def _idle(scene: "Scene", system: System, loads: Sequence[Load]) -> list[str]:
+    """Of loads on surfaces that supports hold all over, in every direction. Collective."""
+    found, owned = dict[str, tuple[str, ...]](), scene.space.dofmap.index_map.size_local
+    for load in loads:
+        if load.group:
+            nodes = scene.mesh.nodes(scene.space, *load.group)
+            if not system.comm.allreduce(bool(system.supports.free(nodes[nodes < owned]).any()), op=MPI.LOR):
+                found[called(load.word, load.group)] = load.group
+    return [f"{name} moves nothing: supports hold all nodes of that surface in every direction" for name in found]
 
 
 def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
