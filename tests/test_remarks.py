@@ -13,14 +13,16 @@ from fenics_contact import (
     Stage,
     Units,
     coulomb,
+    from_elastic,
     neo_hooke,
     read_gmsh,
+    rigid_cone,
     rigid_hub,
     rigid_plane,
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, rectangles, ring_sector, two_blocks
+from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
 from fenics_contact.output.carrying import Carried, sparse_notes
 
 pytestmark = pytest.mark.parallel
@@ -379,3 +381,15 @@ AROUND = {
     "x": lambda s: 0.3 * (np.cos(3.0 * s) - 1.0 + np.sin(3.0 * s)),
     "y": lambda s: 0.3 * (np.sin(3.0 * s) - np.cos(3.0 * s) + 1.0),
 }
+
+
+def test_a_cone_pressed_in_one_step_misses_no_energy_but_the_trapezoid_s():
+    """A third of the work done, and a little more at large strain: force grows with the square of the way."""
+    mesh = read_gmsh(graded_rectangle.build, width=20.0, height=20.0, mesh_size=0.3, fine=2.0, growth=1.25)
+    scene = Scene(Body(mesh, "block", from_elastic(10.0, 0.3)), plane="axisymmetric")
+    scene.fix("block_ymin", "y")
+    cone = rigid_cone(half_angle=math.radians(80.0), apex=(0, 0, 0), direction=(0, -1, 0), name="cone")
+    scene.contact("block_ymax", cone, name="c")
+    result = solve(scene, move={cone: (0.0, -0.4, 0.0)}, steps=1).require()
+    assert result.summary["energy"]["error_share"] > 1 / 3
+    assert not [note for note in result.verdict.notes if note.startswith("energy")], result.verdict.notes

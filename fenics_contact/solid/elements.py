@@ -76,7 +76,7 @@ def locking_notes(degree: int, simplices: str, materials_by_body: Mapping[str, M
         return []
     ratios = {body: _bulk_over_shear(material) for body, material in materials_by_body.items()}
     return [
-        f"body '{body}', K / mu = {ratio:.3g}: its {simplices} of degree 1 lock where it is bonded, and less where it bends: "
+        f"body '{body}', K / mu = {ratio:.3g}: its {simplices} of degree 1 lock where it is bonded, less where it bends: "
         "with 4 cells across a bonded part by 3 % at K / mu of 2, 10 % at 5, 20 % at 10; element='mixed' with degree=2 does "
         f"not, nor with {BRICKS[simplices]}"
         for body, ratio in ratios.items()
