@@ -256,7 +256,8 @@ def counter_clockwise(label: str, nodes: Ints64, tags: Array) -> Ints64:
     clockwise = turn.sum(axis=1) < 0.0
     bad = np.flatnonzero(~(np.where(clockwise[:, None], -turn, turn) > 0.0).all(axis=1))
     if bad.size:
-        raise ValueError(f"{bad.size} folded or flat elements, the first is element {tags[bad[0]]}; mesh the surface again")
+        remedy = "give the surface a width and a height" if np.ptp(x, axis=(0, 1)).min() == 0.0 else "mesh the surface again"
+        raise ValueError(f"{bad.size} folded or flat elements, the first is element {tags[bad[0]]}; {remedy}")
     return np.where(clockwise[:, None], nodes[:, _TURNED[label]], nodes)
 
 

@@ -18,6 +18,8 @@ def build(
     at: where on the top the cells are small, `mesh_size` up to the distance `fine` from there [lengths]; growth: size of
     each cell beyond over that of its neighbour; order 2: with nodes on the middle of the sides.
     """
+    if not min(width, height, mesh_size) > 0.0:
+        raise ValueError(f"width = {width}, height = {height}, mesh_size = {mesh_size}: give lengths greater than 0")
     ways = {length: _ways(length, mesh_size, fine, growth) for length in (at, width - at, height) if length > 0.0}
     across = [at - way for way in reversed(ways.get(at, []))] + [at] + [at + way for way in ways[width - at]]
     points = [gmsh.model.geo.addPoint(x, 0.0, 0.0) for x in across]

@@ -892,3 +892,10 @@ def test_an_element_beyond_the_axis_is_found():
     found = system.acceptance.objection()
     assert found is not None and "goes through the axis" in found.reason
     assert not np.isfinite(system.assemble_residual())
+
+
+@pytest.mark.parametrize("graded", [False, True])
+def test_a_rectangle_without_height_is_refused_with_what_it_lacks(graded):
+    drawn = {"width": 4.0, "height": 0.0} if graded else {"rectangles": {"pad": ((0.0, 0.0), (4.0, 0.0), (4, 2))}}
+    with pytest.raises(SceneError, match="height"):
+        read_gmsh(graded_rectangle.build if graded else rectangles.build, **drawn)
