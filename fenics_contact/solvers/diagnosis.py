@@ -30,7 +30,7 @@ from fenics_contact.solvers.holding import (
     turns_freely,
 )
 from fenics_contact.solvers.linear import FACTORISE, LinearSolver
-from fenics_contact.solvers.softness import damping, moved_instead, pushed, soft_motion
+from fenics_contact.solvers.softness import damping, moved_instead, pushed, soft_motion, topples_ahead
 from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
@@ -75,6 +75,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
             found = found._replace(remedy=" or ".join([FACTORISE, found.remedy]))
     if found is None and known.kind == CYCLING and goal is not None:
         found = _snaps_off(system, known.place)
+    if found is None and known.kind in (UNKNOWN, CYCLING) and goal is not None and system.vector.getSize() <= LARGEST:
+        found = topples_ahead(system, goal)
     if found is None and known.kind == COMES_IN:
         return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):

@@ -1,5 +1,7 @@
 """The motion that a tangent resists least, and what it says: a tool sinks in, a part is loose or topples, a path folds."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -29,6 +31,8 @@ STIFFENS = 10.0
 LOOSE = 1e-9  # of what its nodes resist each alone: round-off, and what softest() adds, are a thousandth of it
 RIGID = 0.99  # share of a motion's square that rigid motions of bodies make up, above which it is one
 STILL = 1e-3  # of a motion: what moves supports by more is not one that they leave free
+TAKES_PART = 0.1  # of the square of the bodies' motions: a body of less is not named
+TIPPED = 1e-3  # of the bodies' size: what goes farther in a step of so little load has nothing to stop it
 TOPPLES = 1e-3  # of what its nodes resist each alone: less holds no body upright
 
 
@@ -93,13 +97,48 @@ def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | 
         return Finding(RIGID_MOTION, text, f"body '{name}' around {place}", remedy)
     if not now < TOPPLES * alone or not system.contacts:
         return None
-    name, part, how = _rigid_part(system, mode)
+    return _toppling(system, mode)
+
+
+def _toppling(system: System, mode: Motion) -> Finding | None:
+    """A finding if a motion that nothing resists is one of bodies as rigid ones. Collective."""
+    names, part, how = _rigid_part(system, mode)
     if part < RIGID:
         return None
-    text = f"what touches body '{name}' does not hold it: it {how} with hardly any resistance, or topples"
-    return Finding(
-        RIGID_MOTION, text, f"body '{name}'", "fix a surface, use a symmetry plane, or support it by another contact"
-    )
+    place, these = (f"body '{names[0]}'", "it") if len(names) == 1 else (f"bodies '{', '.join(names)}'", "them")
+    text = f"what touches {place} does not hold {these}: toppling, or a motion that {how}, meets hardly any resistance"
+    return Finding(RIGID_MOTION, text, place, f"fix a surface, use a symmetry plane, or support {these} by another contact")
+
+
+def topples_ahead(system: System, goal: float) -> Finding | None:
+    """A finding if bodies topple at one of the first iterates of a step to `goal`, which goes far though it is short: in the
+    accepted state more points touch than press once they tip, all of them before the first load. Collective."""
+    if not system.holds.reliant or not system.contacts or goal - system.trail.last.t > NEAR:
+        return None
+    u, q, _ = system.trail.last
+    found = None
+    for _ in _iterates(system, goal):
+        far = system.way_from(u, q) > TIPPED * system.extent
+        soft = _soft(system) if far else None
+        if soft and soft[1] < TOPPLES * soft[2] and (found := _toppling(system, soft[0])):
+            break
+    system.trail.rollback()
+    return found
+
+
+def _iterates(system: System, goal: float) -> Iterator[float]:
+    """Take the system to the first iterates of a step to `goal`: of each the share of the force out of balance; ends where
+    the next is none. Collective."""
+    linear = LinearSolver(system, "direct", afresh=True)
+    du, dq = system.begin_step(goal)
+    for _ in range(SOLVES):
+        try:
+            solve_once(system, linear, du, dq)
+            left = relative_residual(system)
+        except StepFailed:
+            return
+        yield left
+        du, dq = np.zeros_like(du), np.zeros_like(dq)
 
 
 def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> bool:
@@ -113,24 +152,28 @@ def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> boo
     return _rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
 
 
-def _rigid_part(system: System, mode: Motion) -> tuple[str, float, str]:
-    """(body, share, words): the body whose rigid motions make up the greatest share of a motion's square; the share is zero
-    where they would carry supports along. Collective."""
+def _rigid_part(system: System, mode: Motion) -> tuple[list[str], float, str]:
+    """(bodies, share, words): the bodies whose rigid motions together make up this share of a motion's square, but for those
+    whose supports these would carry along. Collective."""
     found: dict[str, list[tuple[float, Vec, str]]] = {}
-    square = max(mode.du.dot(mode.du), 1e-300)
     for name, motion, words in rigid_motions(system):
         if not motion.dq.any():
             found.setdefault(name, []).append((motion.du.dot(mode.du), motion.du, words))
-    if not found:
-        return "", 0.0, ""
-    name = max(found, key=lambda name: sum(amount**2 for amount, _, _ in found[name]))
-    rigid, largest = mode.du.duplicate(), max(abs(amount) for amount, _, _ in found[name])
-    rigid.set(0.0)
-    for amount, motion, _ in found[name]:
-        rigid.axpy(amount, motion)
-    carried = max(system.comm.allgather(np.abs(system.supports.held(rigid.array_r)).max(initial=0.0)))
-    share = 0.0 if carried > STILL * rigid.norm(PETSc.NormType.NORM_INFINITY) else rigid.dot(rigid) / square
-    return name, share, ", ".join(words for amount, _, words in found[name] if abs(amount) > 0.3 * largest)
+    squares = {}
+    for name, parts in found.items():
+        rigid = mode.du.duplicate()
+        rigid.set(0.0)
+        for amount, motion, _ in parts:
+            rigid.axpy(amount, motion)
+        carried = max(system.comm.allgather(np.abs(system.supports.held(rigid.array_r)).max(initial=0.0)))
+        if carried <= STILL * rigid.norm(PETSc.NormType.NORM_INFINITY):
+            squares[name] = rigid.dot(rigid)
+    total = sum(squares.values())
+    names = [name for name, square in squares.items() if square > TAKES_PART * total]
+    ways = [(abs(amount), words) for name in names for amount, _, words in found[name]]
+    largest = max(ways, default=(0.0, ""))[0]
+    how = ", ".join(dict.fromkeys(words for amount, words in ways if amount > 0.3 * largest))
+    return names, total / max(mode.du.dot(mode.du), 1e-300), how
 
 
 def _where(system: System, mode: Motion) -> tuple[str, str, float]:
@@ -183,23 +226,17 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
     At such a kink the load path folds back and no rate announces it: on its one side the tangent leads over the kink, on
     the other one back.
     """
-    linear, found = LinearSolver(system, "direct", afresh=True), False
-    du, dq = system.begin_step(goal)
-    try:
-        for _ in range(SOLVES):
-            solve_once(system, linear, du, dq)
-            du, dq = np.zeros_like(du), np.zeros_like(dq)
-            if not relative_residual(system) < NEAR:
-                break
-            system.assemble_tangent()
-            soft = softest(system)
-            if soft is None:
-                break
-            if soft.dot(resistance(system, soft, system.matrix)) < 0.0:
-                found = mode.dot(soft) ** 2 > ALIKE * mode.dot(mode) * soft.dot(soft)
-                break
-    except StepFailed:
-        pass
+    found = False
+    for left in _iterates(system, goal):
+        if not left < NEAR:
+            break
+        system.assemble_tangent()
+        soft = softest(system)
+        if soft is None:
+            break
+        if soft.dot(resistance(system, soft, system.matrix)) < 0.0:
+            found = mode.dot(soft) ** 2 > ALIKE * mode.dot(mode) * soft.dot(soft)
+            break
     system.trail.rollback()
     return found
 
