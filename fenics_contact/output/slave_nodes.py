@@ -200,9 +200,10 @@ def _rings(skin: Skin, linear: bool) -> Ints:
     """Nodes (n, 2 ... 4) around the facets; of those of degree 2 whose middles have pressures of their own, around their
     halves or quarters. linear: corners alone have pressures, and so it is on triangles, see `_lumped`."""
     nodes, corners, X = skin.nodes, skin.corners, skin.X
-    if linear or nodes.shape[1] not in (3, 9):
+    kind = (corners.shape[1], nodes.shape[1])
+    if linear or kind not in ((2, 3), (4, 9)):
         return corners
-    if nodes.shape[1] == 3 and corners.shape[1] == 2:
+    if kind == (2, 3):
         return np.concatenate([nodes[:, [0, 2]], nodes[:, [2, 1]]])
     around = X[:, RINGS["hexahedron"]]
     between = 0.5 * (around + np.roll(around, -1, axis=1))
