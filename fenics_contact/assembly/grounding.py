@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.spring_term import Springs, SpringTerm
-from fenics_contact.assembly.term import Silent, State
+from fenics_contact.assembly.term import Findings, State
 from fenics_contact.types import Array, Bools
 
 if TYPE_CHECKING:  # it has one of these
@@ -125,7 +125,7 @@ class Grounding(SpringTerm):
         return [contact.name for contact in self._system.contacts if _single(contact.surface)]
 
 
-class Carrying(Silent):
+class Carrying(Findings):
     """What ails springs that hold what nothing else does."""
 
     def __init__(self, springs: Grounding) -> None:

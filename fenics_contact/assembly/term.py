@@ -57,22 +57,29 @@ class State:
 
 
 class Findings(Protocol):
-    """What ails a term at a state. Collective."""
+    """What ails a term at a state: by default nothing, as of forms, which compute no differences of coordinates and whose
+    ills are found in the tangent. Collective."""
 
     def objection(self, state: State) -> Finding | None:
         """None, or the Finding why this state, evaluated last, must not be accepted though it is in balance."""
+        return None
 
     def trouble(self, state: State) -> Finding | None:
         """None, or the Finding that keeps the step after this accepted state from converging."""
+        return None
 
     def remarks(self, state: State, noise: float) -> dict[str, Remark]:
         """{kind: what is to be said of an accepted state}."""
-        ...
+        return {}
+
+
+class Healthy(Findings):
+    """Of a term that nothing ails."""
 
 
 class Term(Protocol):
     """A part of the virtual power. Evaluation depends on the state, of a contact on its trial too; only commit writes
-    history.
+    history, of which by default there is none.
 
     symmetric: is its tangent so; condensed: has it unknowns of its own that are condensed out, for which
     add_followed_residual gives the residual at the values that they have by the last tangent's linearisation, where
@@ -89,33 +96,44 @@ class Term(Protocol):
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
 
-    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
+    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+        """By default the residual: there are no other unknowns."""
+        self.add_residual(state, residual, tool_residual)
 
     def couplings(self, state: State) -> Ints64 | None:
         """None while the couplings given last, at first none, suffice; else keys row * N + column of global blocks.
 
         They come on top of the cells' own. Called on all ranks before every tangent; another rank may have other keys.
         """
+        return None
 
     def tangent(self, state: State) -> Blocks:
         """Blocks of the tangent."""
+        ...
 
-    def commit(self, state: State) -> None: ...
+    def commit(self, state: State) -> None:
+        """Keep what the next step needs of this accepted state."""
+        return
 
     def rollback(self) -> None:
         """Back to what the last accepted step left."""
+        return
 
     def history(self) -> dict[str, Array]:
         """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
+        return {}
 
     def restore(self, values: dict[str, Array], state: State) -> None:
         """Take up what history gave, for this rank's elements, at the accepted state."""
+        return
 
     def statuses(self) -> Array:
         """Status codes (n,) of this rank's points at the state evaluated last."""
+        return np.empty(0, dtype=int)
 
     def spots(self) -> Floats:
         """Reference positions (n, 3) of these points."""
+        return np.empty((0, 3))
 
 
 class Energy(NamedTuple):
@@ -127,22 +145,7 @@ class Energy(NamedTuple):
     by_field: Sequence[tuple[Function, Form]] = ()
 
 
-class Silent:
-    """Findings of a term that nothing ails: forms compute no differences of coordinates, and what they suffer from is found
-    in the tangent."""
-
-    def objection(self, state: State) -> Finding | None:
-        """None."""
-
-    def trouble(self, state: State) -> Finding | None:
-        """None."""
-
-    def remarks(self, state: State, noise: float) -> dict[str, Remark]:
-        """Nothing."""
-        return {}
-
-
-class FormTerm:
+class FormTerm(Term):
     """A term given by UFL forms: `residual` (linear) and, unless it does not depend on u, `tangent` (bilinear).
 
     Each is a form or a list of forms to be summed; quadrature rules that differ go into forms of their own, for FFCx 0.5
@@ -152,7 +155,7 @@ class FormTerm:
 
     condensed = False
     key: Ints64 = np.empty(0, dtype=np.int64)
-    findings: Findings = Silent()
+    findings: Findings = Healthy()
 
     def __init__(
         self,
@@ -175,10 +178,6 @@ class FormTerm:
         for form in self._residuals:
             form.add(residual)
 
-    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
-        """The residual: there are no other unknowns."""
-        self.add_residual(state, residual, tool_residual)
-
     def strain_energy(self) -> float:
         """Of this rank's cells at the present displacement [force x length]; zero of a term without."""
         return 0.0 if self._energy is None else compat.assemble_scalar(self._energy)
@@ -194,30 +193,8 @@ class FormTerm:
             compat.assemble_vector(rates[-1], rate)
         return np.concatenate(ratios), np.concatenate(rates)
 
-    def couplings(self, state: State) -> None:
-        """None: the cells' own couplings are the pattern's base."""
-
     def tangent(self, state: State) -> Blocks:
         return Blocks(forms=tuple(self._tangents))
-
-    def commit(self, state: State) -> None:
-        """Forms keep no history."""
-
-    def rollback(self) -> None:
-        """Nothing to take back."""
-
-    def history(self) -> dict[str, Array]:
-        """None to keep."""
-        return {}
-
-    def restore(self, values: dict[str, Array], state: State) -> None:
-        """Nothing to take up."""
-
-    def statuses(self) -> Array:
-        return np.empty(0, dtype=int)
-
-    def spots(self) -> Floats:
-        return np.empty((0, 3))
 
 
 def _listed(forms: Form | list[Form] | None) -> list[Form]:
