@@ -65,7 +65,7 @@ class Recorder:
             if folder and not (keeper and keeper.resumed):
                 self._start_anew(folder)
             so_far = self.columns.energies(self.history)
-            self.results, self.view = Results(scene, system, built.loads, so_far), View(scene, system)
+            self.results, self.view = Results(scene, system, built.loads, so_far, built.harder), View(scene, system)
             self.writer = None
             if folder:
                 fields = Fields(scene, system, self.results.surfaces)

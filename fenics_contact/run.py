@@ -44,7 +44,7 @@ from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
-from fenics_contact.scene.build import Built, build, harder_slaves
+from fenics_contact.scene.build import Built, build
 from fenics_contact.scene.drives import turning
 from fenics_contact.scene.fingerprint import refuse_unlike, stages_told, statement
 from fenics_contact.scene.functions import Drive
@@ -145,8 +145,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         loaded = [c for c in system.contacts if loads[c.name] > least]
         carried = {c.name: _carried_by(c, scene, system) for c in loaded}
         kept.remark(sparse_notes(kept.history, carried, scene.units))
-        harder = [name for name in harder_slaves(scene) if name in carried]
-        kept.remark(unresolved_notes({name: kept.results.within_facets[name][1] for name in harder}))
+        within = {name: share for name, (_, share) in kept.results.within_facets.items() if name in carried}
+        kept.remark(unresolved_notes(within))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords, nodes = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {}, {})

@@ -496,11 +496,8 @@ def test_a_line_at_degree_2_has_the_middles_of_facets(solid):
     if solid:
         mesh, up, sizes = read_gmsh(box.build, size=(4.0, 1.0, 1.0), cells=(4, 1, 1)), 2, {}
     else:
-        mesh, up, sizes = (
-            read_gmsh(rectangles.build, rectangles={"b": ((0.0, 0.0), (4.0, 1.0), (4, 1))}),
-            1,
-            {"plane": "strain"},
-        )
+        mesh = read_gmsh(rectangles.build, rectangles={"b": ((0.0, 0.0), (4.0, 1.0), (4, 1))})
+        up, sizes = 1, {"plane": "strain"}
     (bottom, top), normal = (("zmin", "zmax") if solid else ("b_ymin", "b_ymax")), -np.eye(3)[up]
     scene = Scene(Body(mesh, "box" if solid else "b", RUBBER), degree=2, **sizes)
     scene.fix(bottom)

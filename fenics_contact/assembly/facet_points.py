@@ -12,6 +12,7 @@ from fenics_contact.types import Floats, Ints, Mesh, Space
 
 # a facet's corners one after the other around it; dolfinx numbers quadrilaterals like a grid
 RINGS = {"hexahedron": [0, 1, 3, 2], "tetrahedron": [0, 1, 2], "quadrilateral": [0, 1], "triangle": [0, 1]}
+MIDDLES = [4, 6, 7, 5]  # of the sides of a hexahedron's ring, at degree 2: sides are numbered like a grid, too
 ACROSS = np.array([0.0, 0.0, 1.0])  # a plane mesh
 
 

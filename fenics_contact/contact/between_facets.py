@@ -139,8 +139,8 @@ def _note(contact: Contact, state: State, above: float, least: float) -> Remark 
     if not np.isfinite(part):
         there = "nothing presses yet"
     else:
-        carrying = state.comm.allreduce(np.count_nonzero(contact.response(state).status != OPEN))
-        off = "a third or more" if above == PIERCED else "2 ... 20 %" if carrying >= SEVERAL else "most of itself"
+        several = contact.forces.measures(state)["active"] >= SEVERAL
+        off = "a third or more" if above == PIERCED else "2 ... 20 %" if several else "most of itself"
         there = f"{part:.0%} of the force acts there, and may be off by {off}"
     return Remark(most, f"{place}: {text}, {most:.0%} of the side of the slave's facet; {there}: {remedy}")
 

@@ -60,17 +60,25 @@ class StepResult:
 
 
 class Results:
-    """Measures a scene's System. loads: terms of dead loads and pressures alone; so_far: Energies of a resumed run.
+    """Measures a scene's System. loads: terms of dead loads and pressures alone; so_far: Energies of a resumed run; watched:
+    names of contacts.
 
-    within_facets: of each contact its greatest load so far [force], and what of its pressure varied within facets of the
+    within_facets: of each of these its greatest load so far [force], and what of its pressure varied within facets of the
     master then, see `measures.within_facets`.
     """
 
-    def __init__(self, scene: Solved, system: System, loads: Sequence[Term], so_far: Energies | None = None) -> None:
+    def __init__(
+        self,
+        scene: Solved,
+        system: System,
+        loads: Sequence[Term],
+        so_far: Energies | None = None,
+        watched: Sequence[str] = (),
+    ) -> None:
         self.system = system
         self.surfaces = surfaces_of(scene, system)
         self.reactions = Reactions(scene, system)
-        self.within_facets = dict.fromkeys((surface.contact.name for surface in self.surfaces), (0.0, 0.0))
+        self.within_facets = dict.fromkeys(watched, (0.0, 0.0))
         self._balance = EnergyBalance(system, loads, so_far, scene.section)
 
     @property
@@ -115,6 +123,6 @@ class Results:
         (slip, mean_slip), contact = m["slip"], surface.contact.name
         work, error = energies.friction.get(contact, 0.0), energies.pressures[contact]
         here = {name: m[name] for name in names} | vars(zone)
-        if m["load"] > self.within_facets[contact][0]:
+        if contact in self.within_facets and m["load"] > self.within_facets[contact][0]:
             self.within_facets[contact] = m["load"], surface.contact.forces.within_facets(self.system.state)
         return ContactResult(**here, slip=slip, mean_slip=mean_slip, friction_work=work, normal_work_error=error)

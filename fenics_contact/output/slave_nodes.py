@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.facet_points import RINGS, Skin, skin_of
+from fenics_contact.assembly.facet_points import MIDDLES, Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
@@ -199,16 +199,13 @@ def _of_corners(skin: Skin) -> Floats:
 def _rings(skin: Skin, linear: bool) -> Ints:
     """Nodes (n, 2 ... 4) around the facets; of those of degree 2 whose middles have pressures of their own, around their
     halves or quarters. linear: corners alone have pressures, and so it is on triangles, see `_lumped`."""
-    nodes, corners, X = skin.nodes, skin.corners, skin.X
+    nodes, corners = skin.nodes, skin.corners
     kind = (corners.shape[1], nodes.shape[1])
     if linear or kind not in ((2, 3), (4, 9)):
         return corners
     if kind == (2, 3):
         return np.concatenate([nodes[:, [0, 2]], nodes[:, [2, 1]]])
-    around = X[:, RINGS["hexahedron"]]
-    between = 0.5 * (around + np.roll(around, -1, axis=1))
-    nearest = np.argmin(np.linalg.norm(between[:, :, None] - X[:, None, 4:8], axis=3), axis=2)
-    middles = np.take_along_axis(nodes[:, 4:8], nearest, axis=1)
+    middles = nodes[:, MIDDLES]
     quarters = [corners, middles, np.broadcast_to(nodes[:, 8:], corners.shape), np.roll(middles, 1, axis=1)]
     return np.stack(quarters, axis=2).reshape(-1, 4)
 

@@ -76,7 +76,8 @@ ROUNDED = 1e-12  # of a fluid's largest pressure: a function of nodes' places is
 @dataclass(frozen=True)
 class Built:
     """A System, what is to be said of its start, terms of its loads alone, fluids too; all loads by name as functions of t,
-    and the size of the displacement to begin with; overlaps: names of the contacts that overlap at the start."""
+    and the size of the displacement to begin with; overlaps: names of the contacts that overlap at the start; harder: of
+    those whose slave is HARDER times as stiff as the body that is its master, or more."""
 
     system: System
     notes: list[str]
@@ -84,6 +85,7 @@ class Built:
     driven: list[tuple[str, Path]]
     start: list[float]
     overlaps: list[str]
+    harder: list[str]
 
 
 def build(
@@ -141,7 +143,7 @@ def build(
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
     of_loads = [*dead, *follower, *fluids, *fields.terms]
-    return Built(system, notes, of_loads, driven, [_size(system)], [] if start else overlaps)
+    return Built(system, notes, of_loads, driven, [_size(system)], [] if start else overlaps, _harder(scene))
 
 
 def _start(
@@ -298,8 +300,8 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
     return found
 
 
-def harder_slaves(scene: "Scene") -> list[str]:
-    """Names of the contacts whose slave is HARDER times as stiff as the body that is its master, or more. Collective."""
+def _harder(scene: "Scene") -> list[str]:
+    """See `Built`. Collective."""
     modulus = _modulus_by_cell(scene)
     stiffness = [[_hardest(scene, of, modulus) for of in (stated.slave, stated.master)] for stated in scene.contacts]
     return [c.name for c, (slave, master) in zip(scene.contacts, stiffness, strict=True) if slave >= HARDER * master]
