@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import box, punch_plate
 from fenics_contact.solvers import linear as linear_solver
-from fenics_contact.solvers import reuse
+from fenics_contact.solvers import factors, reuse
 from fenics_contact.solvers.choice import EARLIEST, ENOUGH, OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
@@ -58,7 +58,8 @@ def test_a_failed_factorisation_leaves_nothing(symmetric):
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
     """What MUMPS foresees is too little now and then on several ranks: no sign of a singular matrix."""
-    monkeypatch.setattr(reuse, "WORKSPACE", (-90, 100))
+    monkeypatch.setattr(factors, "WORKSPACE", (-90, 100))
+    monkeypatch.setattr(factors, "PLAIN", 0)
     system = block(4).system()
     system.assemble_tangent()
     regular = system.matrix.copy()
@@ -72,6 +73,48 @@ def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
         rest.axpy(-1.0, right)
         assert rest.norm() < 1e-12 * right.norm()
     assert solver.builds == 2 and solver.mumps_code() == 0  # the second solve has the first one's
+
+
+def small_matrix(dense, symmetric):
+    """A matrix of 3x3 blocks of these numbers, for one process, and a solver of such."""
+    matrix = PETSc.Mat().createBAIJ(dense.shape, 3, comm=MPI.COMM_SELF)
+    matrix.setUp()
+    for i in range(0, len(dense), 3):
+        for j in range(0, len(dense), 3):
+            matrix.setValuesBlocked([i // 3], [j // 3], dense[i : i + 3, j : j + 3])
+    matrix.assemble()
+    return matrix, ReusingSolver(Rows(MPI.COMM_SELF, len(dense)), symmetric, "direct", None, Timers())
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("negative", [0, 1, 2, 5])
+def test_pivots_of_petscs_own_factorisation_have_the_signs_of_eigenvalues(symmetric, negative):
+    """As many negative ones as the matrix has eigenvalues, and of an unsymmetric one its determinant's sign."""
+    random = np.random.default_rng(negative)
+    turn, _ = np.linalg.qr(random.normal(size=(30, 30)))
+    values = np.linspace(1.0, 2.0, 30) * np.where(np.arange(30) < negative, -1.0, 1.0)
+    dense = turn @ (values[:, None] * turn.T) + (0.0 if symmetric else 0.01 * random.normal(size=(30, 30)))
+    matrix, solver = small_matrix(dense, symmetric)
+    right, out = matrix.createVecs()
+    right.set(1.0)
+    assert solver.solve(matrix, 0, right, out, 1e-8) >= 0 and solver._factors.plain
+    assert out.array_r == pytest.approx(np.linalg.solve(dense, np.ones(30)), rel=1e-9)
+    assert solver.negative_pivots() == (negative if symmetric else int(np.linalg.det(dense) < 0.0))
+
+
+@pytest.mark.parametrize("pivot", [0.0, 1e-13], ids=["none", "tiny"])
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_a_pivot_too_small_for_petscs_own_factorisation_has_mumps_take_over(symmetric, pivot):
+    """It exchanges no rows. A saddle point's unknowns without a diagonal need that."""
+    dense = np.kron(np.eye(10), np.array([[pivot, 1.0, 0.0], [1.0, pivot, 0.0], [0.0, 0.0, 1.0]]))
+    dense += 0.01 * np.diag(np.ones(29), 1) + (0.01 if symmetric else 0.02) * np.diag(np.ones(29), -1)
+    matrix, solver = small_matrix(dense, symmetric)
+    right, out = matrix.createVecs()
+    right.array_w[:] = np.cos(np.arange(30))
+    for _ in range(2):
+        assert solver.solve(matrix, 0, right, out, 1e-8) >= 0 and not solver._factors.plain
+        assert out.array_r == pytest.approx(np.linalg.solve(dense, right.array_r), rel=1e-9, abs=1e-10)
+    assert solver.negative_pivots() == (10 if symmetric else 0)
 
 
 @pytest.mark.parallel
@@ -115,7 +158,7 @@ def test_rows_that_supports_hold_are_not_factorised(symmetric, above, monkeypatc
         matrix.shift(1e-3)
     assert solver.builds == (1 if above == 0 else 2) and (solver.iterations > 2) == (above == 0)
     assert solver.negative_pivots() == 0
-    assert solver._mumps().getSize() == (3 * 48, 3 * 48)
+    assert solver._rows.inner.getOperators()[1].getSize() == (3 * 48, 3 * 48)
 
 
 @pytest.mark.parallel

@@ -75,6 +75,11 @@ class FreeRows:
         for thing in (numbers, scalars, rows):
             thing.destroy()
 
+    @property
+    def entries(self) -> int:
+        """Entries of this process's part."""
+        return sum(map(len, self._sources))
+
     def set_up(self) -> int:
         """Factorise. Returns 0, or PETSc's negative reason where that fails."""
         self._solver.setUp()

@@ -1,7 +1,7 @@
 """PETSc solver for a sequence of similar matrices: an old factorisation or hierarchy preconditions while it pays."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from fenics_contact.assembly.block_operator import Blocks, raise_stopped
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
 from fenics_contact.solvers.choice import Choice
+from fenics_contact.solvers.factors import Factors, unless_given
 from fenics_contact.solvers.free_rows import FreeRows, Rows
 from fenics_contact.solvers.multigrid import hierarchy_of, multigrid
 from fenics_contact.solvers.softest import Softest
@@ -18,24 +19,13 @@ from fenics_contact.types import Mat, Solver, Vec
 
 PREFIX = "fc_"  # every choice below can be overridden by PETSc options with this prefix
 TIGHTEST = 1e-8  # relative residual of an iterative solve where nothing looser will do
-# MUMPS' INFOG(1) where the workspace foreseen is too small: pivots are delayed, and ranks' messages arrive as they may
-SHORT_OF_SPACE = (-8, -9)
-WORKSPACE = (20, 100, 500)  # per cent more than foreseen, one after another; the first is MUMPS' own
 NOT_FINITE = 72  # PETSC_ERR_FP, PETSc's code of a floating-point exception
-# Iterations that cost as much as a new factorisation or hierarchy, measured at 8e3 and 6e4 unknowns
-BUILD_COST = {"direct": 15.0, "iterative": 35.0}
-# The same of a factorisation that tells its operations, and more for each operation per entry of the factors, which a solve
-# reads once: 3.4 and 4.5 iterations in the plane with 2e3 and 5e3 unknowns, 12 in space with 3e3. With the 31 that it is of
-# 3.5e4 in space, solves that lost their way go on for too long: there it counts as BUILD_COST
-AT_LEAST, PER_OPERATION = 2.5, 0.03
+HIERARCHY_COST = 35.0  # iterations that cost as much as a new hierarchy, measured at 8e3 and 6e4 unknowns
 # A row whose diagonal has grown or shrunk by this factor is one that an old preconditioner no longer knows: a contact that
 # closed, opened, stuck or slipped. Each costs Krylov's method about an iteration.
 CHANGED = 2.0
 # Below this many unknowns a factorisation costs no more than the handful of iterations it would save.
 REUSE_ABOVE = 3_000
-# MUMPS' scaling of rows and columns is a sixth of a factorisation in the plane. Without it residuals are the same, 1e-12 to
-# 1e-16 with mixed elements of K/mu = 500 and 1515, penalties of 1e4 E/h, multipliers, bodies 1e4 times as stiff as others
-UNSCALED = {"mat_mumps_icntl_8": 0}
 AGGREGATION = {
     # No coupling is too weak to aggregate along: without the weakest, those across stretched cells, aggregates on graded
     # meshes are so small that coarse matrices become dense, and setting up takes minutes
@@ -53,13 +43,6 @@ INDEFINITE = (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.Conve
 def digits_of(tolerance: float) -> float:
     """Digits of accuracy of a solve to a relative residual."""
     return float(max(-np.log10(tolerance), 1.0))
-
-
-def factorisation_cost(operations: float, entries: int) -> float:
-    """Iterations that count for a factorisation of so many operations. entries: of its factors, below zero in millions, as
-    MUMPS tells them."""
-    per_entry = operations / (entries if entries > 0 else -1e6 * entries)
-    return min(AT_LEAST + PER_OPERATION * per_entry, BUILD_COST["direct"])
 
 
 class Reuse:
@@ -90,7 +73,7 @@ class Reuse:
 class ReusingSolver:
     """Solves with a matrix that changes little from one solve to the next.
 
-    method: "direct" (MUMPS: Cholesky where symmetric, else LU) or "iterative" (CG or GMRES with smoothed aggregation), or
+    method: "direct" (see Factors) or "iterative" (CG or GMRES with smoothed aggregation), or
     the Choice that is asked for the method of each new preconditioner;
     near_null_space: function of the matrix to PETSc's NullSpace, for the latter. The matrix is one of blocks; what is
     factorised or coarsened is a copy by scalars, made when it is due; multigrid's finest level smooths with the matrix
@@ -110,11 +93,12 @@ class ReusingSolver:
         self.comm, self.symmetric, self.timers = rows.comm, symmetric, timers
         self.choice = method if isinstance(method, Choice) else None
         self._all, self._near_null_space, size = rows, near_null_space, rows.size
-        self.builds = self.iterations = self._cause = self._space = 0
+        self.builds = self.iterations = self._cause = 0
         self.anew = size <= REUSE_ABOVE or afresh  # for each tangent
         self.longest = LONGEST
         self._copy: Mat = None  # what is coarsened
-        self._rows: FreeRows | None = None  # what is factorised
+        self._rows: FreeRows | None = None  # what is factorised, and by what
+        self._factors = Factors(rows.comm, PREFIX, symmetric)
         self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
         self._relaxation: GaussSeidel | None = None
         self._pattern: int | None = None
@@ -127,7 +111,7 @@ class ReusingSolver:
         self.method, self._copy, self._rows, self._reuse = method, None, None, None
         self._drop()
         if method == "direct":
-            self._factors()
+            self._factorised()
 
     def _drop(self) -> None:
         """Free PETSc's objects at once, for Python alone never frees what several ranks share."""
@@ -146,27 +130,24 @@ class ReusingSolver:
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         if kind == "gmres":
             # without it an ill-conditioned solve loses the basis' orthogonality, and PETSc gives up at the restart
-            _unless_given({"ksp_gmres_cgs_refinement_type": "refine_ifneeded"})
+            unless_given(PREFIX, {"ksp_gmres_cgs_refinement_type": "refine_ifneeded"})
             ksp.setGMRESRestart(100)
             ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.setFromOptions()
         return ksp
 
-    def _factors(self) -> None:
-        rows = self._rows = FreeRows(self._all, PREFIX)
-        pc = rows.inner
-        pc.setType("cholesky" if self.symmetric else "lu")
-        pc.setFactorSolverType("mumps")
-        _unless_given(UNSCALED)
-        if not self.symmetric:
-            PETSc.Options()[PREFIX + "mat_mumps_icntl_33"] = 1  # the determinant
-        pc.setFromOptions()
-        self._krylov, self._fresh = (self._ksp(rows.pc, kind) for kind in ("cg" if self.symmetric else "gmres", "preonly"))
-        self._objects = (self._krylov, self._fresh, rows)
+    def _factorised(self) -> None:
+        """Make what factorises."""
+        self._rows = FreeRows(self._all, PREFIX)
+        self._factors.attach(self._rows.inner)
+        self._krylov, self._fresh = (
+            self._ksp(self._rows.pc, kind) for kind in ("cg" if self.symmetric else "gmres", "preonly")
+        )
+        self._objects = (self._krylov, self._fresh, self._rows)
 
     def _coarsened(self, matrix: Mat) -> None:
         """A new hierarchy of a matrix."""
-        _unless_given(AGGREGATION)
+        unless_given(PREFIX, AGGREGATION)
         options = PETSc.Options()
         # a third of a set-up saved on one process; PETSc reads this one without a prefix
         if self.comm.size == 1 and not options.hasName("matptap_via"):
@@ -194,19 +175,18 @@ class ReusingSolver:
 
         pattern: number that changes with the matrix's nonzero pattern. After a failure nothing is kept: MUMPS goes on
         reporting the singular matrix that it met last. A solution that is not finite is a failure, whatever PETSc says. A
-        factorisation that runs out of workspace is made again with more, which later ones keep.
+        factorisation that fails is made again where another way is left, see Factors, which later ones keep.
         """
         self._mark = time.perf_counter()
         reason = self._tried(matrix, pattern, rhs, out, tolerance)
-        while reason < 0 and self._space + 1 < len(WORKSPACE) and self._infog() in SHORT_OF_SPACE:
-            self._space += 1
+        while reason < 0 and self._rows is not None and self._factors.fall_back():
             self.use(self.method)
             reason = self._tried(matrix, pattern, rhs, out, tolerance)
         self._lap(digits_of(tolerance))
         if reason >= 0 and not np.isfinite(out.norm()):
             reason = -NOT_FINITE
         if reason < 0:
-            self._cause = self._infog()
+            self._cause = self._factors.code() if self._rows is not None else 0
             self.use(self.method)
         return reason
 
@@ -222,6 +202,8 @@ class ReusingSolver:
                 return error
             longest = self.choice.longest(self.method) if self.choice else None
             reason = self._run(self._fresh, matrix, pattern, rhs, out, (tolerance, longest or self.longest))
+            if reason >= 0 and self._rows is not None and self._factors.plain and not _solved(matrix, rhs, out):
+                reason = PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED
         return reason
 
     def _worth_trying(self, matrix: Mat, reuse: Reuse) -> bool:
@@ -248,9 +230,7 @@ class ReusingSolver:
             error = _code(lambda: self._prepare(matrix, pattern))
             self._diagonal = matrix.getDiagonal().array_r.copy()
             self._pattern, self._state = pattern, matrix.stateGet()
-            self._reuse = Reuse(BUILD_COST[self.method])
-            if (factors := self._mumps()) is not None and (entries := factors.getMumpsInfog(29)):
-                self._reuse = Reuse(factorisation_cost(factors.getMumpsRinfog(3), entries))
+            self._reuse = Reuse(HIERARCHY_COST if self._rows is None else self._factors.cost())
             self.builds += 1
         self._lap()
         return error
@@ -261,22 +241,8 @@ class ReusingSolver:
             self._coarsened(matrix)
             return 0
         self._rows.use(matrix, pattern == self._pattern, self.symmetric)
-        if self._by_mumps(self._rows):
-            self._rows.inner.setFactorSetUpSolverType()
-            factors = self._rows.inner.getFactorMatrix()
-            factors.setOptionsPrefix(PREFIX)  # set up this early it has none
-            factors.setMumpsIcntl(14, WORKSPACE[self._space])
+        self._factors.choose(self._rows.entries)
         return self._rows.set_up()
-
-    def _by_mumps(self, rows: FreeRows) -> bool:
-        """Whether MUMPS factorises: PETSc's options, which users may set, can ask for another solver."""
-        kind = rows.inner.getType(), rows.inner.getFactorSolverType()
-        return kind == ("cholesky" if self.symmetric else "lu", "mumps")
-
-    def _mumps(self) -> Mat:
-        """MUMPS' factors at hand, None where there are none."""
-        rows = self._rows if self._reuse is not None else None
-        return rows.inner.getFactorMatrix() if rows is not None and self._by_mumps(rows) else None
 
     def _lap(self, digits: float = 0.0) -> None:
         """Have the choice know of the time since the last lap, and of a solve by its digits."""
@@ -306,11 +272,8 @@ class ReusingSolver:
         return reason
 
     def negative_pivots(self) -> int | None:
-        """Of the factorisation at hand: MUMPS counts them where it is symmetric, else 1 where its determinant is negative, 0
-        where not; None: there is none."""
-        if (factors := self._mumps()) is None:
-            return None
-        return factors.getMumpsInfog(12) if self.symmetric else int(factors.getMumpsRinfog(12) < 0.0)
+        """Of the factorisation at hand, see Factors; None: there is none, or it does not tell."""
+        return self._factors.negative() if self._rows is not None and self._reuse is not None else None
 
     def substituted(self, right: Vec, out: Vec) -> int:
         """out from `right` by the factorisation at hand, whichever matrix it is of; returns 0, negative on failure."""
@@ -331,16 +294,13 @@ class ReusingSolver:
         """MUMPS' INFOG(1) of the solve that failed last, 0 where there is none."""
         return self._cause
 
-    def _infog(self) -> int:
-        return 0 if (factors := self._mumps()) is None else factors.getMumpsInfog(1)
 
-
-def _unless_given(settings: Mapping[str, Any]) -> None:
-    """PETSc options that a user's own, with the same prefix, override."""
-    options = PETSc.Options()
-    for key, value in settings.items():
-        if not options.hasName(PREFIX + key):
-            options[PREFIX + key] = value
+def _solved(matrix: Mat, rhs: Vec, out: Vec) -> bool:
+    """Whether out solves a system as well as an iterative solver has to. False of what is no number."""
+    rest = rhs.duplicate()
+    matrix.mult(out, rest)
+    rest.axpy(-1.0, rhs)
+    return bool(rest.norm() <= TIGHTEST * rhs.norm())
 
 
 def _code(call: Callable[[], int | None]) -> int:
