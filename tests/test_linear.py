@@ -13,8 +13,8 @@ from petsc4py import PETSc
 
 from fenics_contact import Body, Method, Scene, blas, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, rigid_punch, solve
 from fenics_contact.meshes import box, punch_plate
-from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers import factors, reuse
+from fenics_contact.solvers import linear as linear_solver
 from fenics_contact.solvers.choice import EARLIEST, ENOUGH, OTHER, Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver

@@ -16,10 +16,11 @@ UNSCALED = {"mat_mumps_icntl_8": 0}
 # Entries of a matrix up to which PETSc's own factorisation serves, on one process. In the plane with 1 000, 2 000 and 3 100
 # unknowns it takes 0.1 ... 0.9 of MUMPS' time, a solve with it 0.07 ... 0.4; of 1.4e5 entries and more in space, both longer
 PLAIN = 100_000
-# Iterations that count for a factorisation. PETSc's own: at 3 ... 7 runs are the fastest, 15 costs a third more. MUMPS': a base
-# and more for each operation per entry of the factors, which a solve reads once: 3.4 and 4.5 iterations in the plane with 2e3
-# and 5e3 unknowns, 12 in space with 3e3. With the 31 that it is of 3.5e4 in space, solves that lost their way go on for too
-# long: there it counts as DEAREST
+# Iterations that count for a factorisation.
+# PETSc's own: at 3 ... 7 runs are the fastest, 15 costs a third more.
+# MUMPS': a base, and more for each operation per entry of the factors, which a solve reads once: 3.4 and 4.5 iterations in
+# the plane with 2e3 and 5e3 unknowns, 12 in space with 3e3. With the 31 that it is of 3.5e4 in space, solves that lost their
+# way go on for too long: there it counts as DEAREST.
 PLAIN_COST, AT_LEAST, PER_OPERATION, DEAREST = 5.0, 2.5, 0.03, 15.0
 OWN = "pc_type", "pc_factor_mat_solver_type", "pc_factor_mat_ordering_type"  # options by which a user chooses
 
