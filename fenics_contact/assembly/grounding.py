@@ -101,6 +101,15 @@ class Grounding(SpringTerm):
         finally:
             self.share = share
 
+    @contextmanager
+    def away(self) -> Iterator[None]:
+        """The accepted state is looked at without springs meanwhile."""
+        engaged, self.engaged = self.engaged, False
+        try:
+            yield
+        finally:
+            self.engaged = engaged
+
     def commit(self, state: State) -> None:
         if not self._engaged:
             return

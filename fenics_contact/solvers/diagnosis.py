@@ -30,7 +30,7 @@ from fenics_contact.solvers.holding import (
     turns_freely,
 )
 from fenics_contact.solvers.linear import FACTORISE, LinearSolver
-from fenics_contact.solvers.softness import damping, moved_instead, pushed, soft_motion, topples_ahead
+from fenics_contact.solvers.softness import damping, moved_instead, pushed, slides_over, soft_motion, topples_ahead
 from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
@@ -67,7 +67,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
     found = sliding(system) or rigid_motion(system) or turns_freely(system) or slipping_away(system)
-    found = found or (_on_few_points(system) if system.stabilised else None)
+    found = found or (_on_few_points(system) if system.stabilised and system.vector.getSize() <= LARGEST else None)
     found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None and system.vector.getSize() <= LARGEST:
         found = soft_motion(system, goal)
@@ -207,8 +207,9 @@ def _on_few_points(system: System) -> Finding | None:
     for contact in system.contacts:
         if contact.master_name not in system.tools.names:
             continue
+        tool = system.tools.names.index(contact.master_name)
         points = system.comm.allreduce(int(np.count_nonzero(contact.statuses())))
-        if pushed(system)[system.tools.names.index(contact.master_name)] and 0 < points <= FEW:
+        if pushed(system)[tool] and 0 < points <= FEW and slides_over(system, tool):
             text = f"tool '{contact.master_name}' rests on {points} of the slave surface's points alone, and slides off them"
             remedy = "take more of them, points=3 (Gauss points), or mesh the place more finely"
             return Finding(RIGID_MOTION, text, f"contact '{contact.name}'", remedy)

@@ -64,9 +64,8 @@ def turns_freely(system: System) -> Finding | None:
     springs = system.grounding
     if springs is None or not springs.engaged:
         return None
-    springs.engaged = False
-    parts = _free(system)
-    springs.engaged = True
+    with springs.away():
+        parts = _free(system)
     turning = all(set(how) <= set(MOVES[3:]) for _, how in parts)
     return _unheld(system, parts) if parts and turning and not _open_contacts(system, {name for name, _ in parts}) else None
 

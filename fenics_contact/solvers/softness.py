@@ -1,6 +1,7 @@
 """The motion that a tangent resists least, and what it says: a tool sinks in, a part is loose or topples, a path folds."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import numpy as np
 from petsc4py import PETSc
@@ -46,14 +47,19 @@ def soft_motion(system: System, goal: float | None = None) -> Finding | None:
     mode, now, alone = soft
     if found := _sinking(system, now) or _loose(system, mode, now, alone):
         return found
-    springs = system.grounding
-    if springs is None or not springs.engaged:
+    if system.grounding is None or not system.grounding.engaged:
         return limit_point(system, mode, now, goal)
-    springs.engaged = False  # what folds is the path without them
-    soft = _soft(system)
-    found = limit_point(system, soft[0], soft[1], goal) if soft and not _moves_freely(system, *soft) else None
-    springs.engaged = True
-    return found
+    with system.grounding.away():  # what folds is the path without them
+        soft = _soft(system)
+        return limit_point(system, soft[0], soft[1], goal) if soft and not _moves_freely(system, *soft) else None
+
+
+def slides_over(system: System, tool: int) -> bool:
+    """Whether the motion that the accepted state resists least by itself is one of this tool over bodies that stay: at a
+    limit point they give way with it. Collective."""
+    with system.grounding.away() if system.grounding else nullcontext():
+        soft = _soft(system)
+    return soft is not None and bool(_where(system, soft[0])[2] < TAKEN * np.linalg.norm(soft[0].dq[tool]))
 
 
 def _soft(system: System) -> tuple[Motion, float, float] | None:
