@@ -3,6 +3,7 @@
 from functools import cache
 from types import SimpleNamespace
 
+import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -249,6 +250,39 @@ def test_what_cannot_be_followed_is_not_told_to_be():
     result = solve(cube(), steps=[1.0, 1.9, 2.05], method=Method(stabilise=True)).require()
     (said,) = (note for note in result.verdict.notes if "pivots" in note)
     assert "a bifurcation has been passed" in said and "ArcSteps" not in said and "shorter steps" in said
+
+
+def ring(unit):
+    """A whole ring of quadrilaterals, its outer radius 10 units; the inner point at its foot has a name."""
+    geo, faces, rim = gmsh.model.geo, [], []
+    foot = geo.addPoint(0, -8 * unit, 0)
+    end = 1, geo.addLine(foot, geo.addPoint(0, -10 * unit, 0))
+    for _ in range(4):
+        end, (_, face), (_, outside), _ = geo.revolve([end], 0, 0, 0, 0, 0, 1, np.pi / 2, [8], recombine=True)
+        faces, rim = [*faces, face], [*rim, outside]
+    geo.removeAllDuplicates()
+    geo.synchronize()
+    for dim, tags, name in (2, faces, "ring"), (1, rim, "outside"), (0, [foot], "foot"):
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_a_ring_that_may_turn_between_smooth_walls_has_not_bifurcated(degree, unit):
+    """It is round: as a body it rests at every turn, as a mesh at some."""
+    rubber = neo_hooke(1.0 / unit, 10.0 / unit)
+    scene = Scene(Body(read_gmsh(ring, unit=unit), "ring", rubber), degree=degree, plane="strain")
+    scene.fix("foot", "x")
+    lid = rigid_plane((0, 10.0 * unit, 0), (0, -1, 0), name="lid")
+    scene.contact("outside", rigid_plane((0, -10.0 * unit, 0), (0, 1, 0), name="floor"), name="bottom")
+    scene.contact("outside", lid, name="top")
+    notes = solve(scene, move={lid: (0, -unit, 0)}, steps=2).require().verdict.notes
+    said = [note for note in notes if "negative pivots" in note]
+    # none where springs have held it on its way to balance
+    assert all("body 'ring' moves along x, turns about z nearly as a rigid one" in note for note in said)
+    assert not any("bifurcation" in note for note in notes)
 
 
 class Watched:

@@ -30,7 +30,7 @@ from fenics_contact.solvers.holding import (
     turns_freely,
 )
 from fenics_contact.solvers.linear import FACTORISE, LinearSolver
-from fenics_contact.solvers.softness import damping, moved_instead, pushed, slides_over, soft_motion, topples_ahead
+from fenics_contact.solvers.softness import LARGEST, damping, moved_instead, pushed, slides_over, soft_motion, topples_ahead
 from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
@@ -40,7 +40,6 @@ FEW = 4  # points: the corners of one facet; between them a tool finds nothing t
 # Of the largest force of the run: a contact that presses less is about to let go; steps are cut to 1e-4 of their first size
 FADED = 1e-3
 GONE = 1e-9  # times the penalties of a contact: as if it were not there, with the last of its force
-LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 
 
 def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> Finding:
@@ -67,9 +66,9 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
     found = sliding(system) or rigid_motion(system) or turns_freely(system) or slipping_away(system)
-    found = found or (_on_few_points(system) if system.stabilised and system.vector.getSize() <= LARGEST else None)
+    found = found or (_on_few_points(system) if system.stabilised else None)
     found = found or _pressed_apart(system) or next(iter(troubles), None)
-    if found is None and system.vector.getSize() <= LARGEST:
+    if found is None:
         found = soft_motion(system, goal)
         if found and found.kind == LIMIT_POINT and known.remedy == FACTORISE:
             found = found._replace(remedy=" or ".join([FACTORISE, found.remedy]))

@@ -5,6 +5,7 @@ from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import LOOSEST
 from fenics_contact.solvers.report import StepReport
+from fenics_contact.solvers.softness import rolling
 from fenics_contact.solvers.verdict import Verdict
 
 UNRESISTED = "the tangent no longer resists every motion, as it did in the step before"
@@ -77,6 +78,10 @@ class PivotWatch:
                 else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise= and "
                 'where="open")'
             )
+            if self.system.symmetric and now == (self.negative or 0) + 1 and (loose := rolling(self.system)):
+                why = f"{loose} nearly as a rigid one, which no support holds and what touches it does not resist: "
+                why += "it topples, or it is round and may rest as well a little farther on"
+                remedy = f"hold it by a support or by friction, or {remedy}"
             self.verdict.note(f"{found}: {why}; {remedy}", found)
         self._counted = counted or (self._counted and now == self.negative)
         self.negative = now

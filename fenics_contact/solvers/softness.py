@@ -18,6 +18,7 @@ from fenics_contact.solvers.newton import relative_residual
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Bools, Floats, Vec
 
+LARGEST = 300_000  # unknowns up to which a factorisation for the diagnosis alone is worth its memory
 # A step cut to 1e-4 of the load before a fold leaves a mode sqrt(1e-4) of its stiffness, times a factor of order one.
 FOLDED = 0.1
 # Lengths of the failing step, within which a fold must lie ahead to be its cause: Newton's method fails a few before it.
@@ -31,6 +32,8 @@ ALIKE = 0.5  # of a motion's square: what another one has of it, to count as the
 STIFFENS = 10.0
 LOOSE = 1e-9  # of what its nodes resist each alone: round-off, and what softest() adds, are a thousandth of it
 RIGID = 0.99  # share of a motion's square that rigid motions of bodies make up, above which it is one
+# The same of round bodies that roll on between walls: their own shape stays while the material goes round in it
+ROLLS = 0.9
 STILL = 1e-3  # of a motion: what moves supports by more is not one that they leave free
 TAKES_PART = 0.1  # of the square of the bodies' motions: a body of less is not named
 TIPPED = 1e-3  # of the bodies' size: what goes farther in a step of so little load has nothing to stop it
@@ -54,6 +57,16 @@ def soft_motion(system: System, goal: float | None = None) -> Finding | None:
         return limit_point(system, soft[0], soft[1], goal) if soft and not _moves_freely(system, *soft) else None
 
 
+def rolling(system: System) -> str:
+    """Words on the motion that the accepted state resists by less than nothing, where that is nearly a rigid one of bodies
+    which their supports leave free, as of a round one between smooth walls; "" where it is not. Collective."""
+    soft = _soft(system)
+    if soft is None or not soft[1] < 0.0:
+        return ""
+    names, part, how = rigid_part(system, soft[0])
+    return f"{'body' if len(names) == 1 else 'bodies'} '{', '.join(names)}' {how}" if part > ROLLS else ""
+
+
 def slides_over(system: System, tool: int) -> bool:
     """Whether the motion that the accepted state resists least by itself is one of this tool over bodies that stay: at a
     limit point they give way with it. Collective."""
@@ -65,6 +78,8 @@ def slides_over(system: System, tool: int) -> bool:
 def _soft(system: System) -> tuple[Motion, float, float] | None:
     """The softest motion, what it resists, and what its nodes resist each alone; None where there is none to be had.
     Collective."""
+    if system.vector.getSize() > LARGEST:
+        return None
     system.assemble_tangent()
     diagonal = system.matrix.getDiagonal()
     mode = softest(system)
@@ -108,7 +123,7 @@ def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | 
 
 def _toppling(system: System, mode: Motion) -> Finding | None:
     """A finding if a motion that nothing resists is one of bodies as rigid ones. Collective."""
-    names, part, how = _rigid_part(system, mode)
+    names, part, how = rigid_part(system, mode)
     if part < RIGID:
         return None
     place, these = (f"body '{names[0]}'", "it") if len(names) == 1 else (f"bodies '{', '.join(names)}'", "them")
@@ -155,31 +170,36 @@ def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> boo
     """
     if not abs(now) < LOOSE * alone:
         return False
-    return _rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
+    return rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
 
 
-def _rigid_part(system: System, mode: Motion) -> tuple[list[str], float, str]:
-    """(bodies, share, words): the bodies whose rigid motions together make up this share of a motion's square, but for those
-    whose supports these would carry along. Collective."""
-    found: dict[str, list[tuple[float, Vec, str]]] = {}
+def rigid_part(system: System, mode: Motion) -> tuple[list[str], float, str]:
+    """(bodies, share, words): the bodies whose rigid motions, of those that their supports leave free, together make up this
+    share of a motion's square. Collective."""
+    found: dict[str, list[tuple[Vec, str]]] = {}
     for name, motion, words in rigid_motions(system):
         if not motion.dq.any():
-            found.setdefault(name, []).append((motion.du.dot(mode.du), motion.du, words))
-    squares = {}
+            found.setdefault(name, []).append((motion.du, words))
+    squares, ways = {}, []
     for name, parts in found.items():
-        rigid = mode.du.duplicate()
-        rigid.set(0.0)
-        for amount, motion, _ in parts:
-            rigid.axpy(amount, motion)
-        carried = max(system.comm.allgather(np.abs(system.supports.held(rigid.array_r)).max(initial=0.0)))
-        if carried <= STILL * rigid.norm(PETSc.NormType.NORM_INFINITY):
-            squares[name] = rigid.dot(rigid)
+        vectors = [du for du, _ in parts]  # of length 1, and nearly at right angles
+        amounts, free = np.array([du.dot(mode.du) for du in vectors]), _left_free(system, vectors)
+        amounts = free @ (free.T @ amounts)
+        squares[name] = amounts @ amounts
+        ways += [(name, abs(amount), words) for amount, (_, words) in zip(amounts, parts, strict=True)]
     total = sum(squares.values())
     names = [name for name, square in squares.items() if square > TAKES_PART * total]
-    ways = [(abs(amount), words) for name in names for amount, _, words in found[name]]
-    largest = max(ways, default=(0.0, ""))[0]
-    how = ", ".join(dict.fromkeys(words for amount, words in ways if amount > 0.3 * largest))
-    return names, total / max(mode.du.dot(mode.du), 1e-300), how
+    largest = max((amount for name, amount, _ in ways if name in names), default=0.0)
+    how = ", ".join(dict.fromkeys(words for name, amount, words in ways if name in names and amount > 0.3 * largest))
+    return names, float(total / max(mode.du.dot(mode.du), 1e-300)), how
+
+
+def _left_free(system: System, vectors: list[Vec]) -> Floats:
+    """Combinations (n, m), of length 1 and at right angles, of n motions which move no support. Collective."""
+    held = np.array([system.supports.held(du.array_r) for du in vectors])
+    sizes, axes = np.linalg.eigh(system.comm.allreduce(held @ held.T))
+    largest = max(du.norm(PETSc.NormType.NORM_INFINITY) for du in vectors)
+    return np.asarray(axes[:, sizes <= (STILL * largest) ** 2])
 
 
 def _where(system: System, mode: Motion) -> tuple[str, str, float]:
