@@ -1,6 +1,7 @@
 """Bodies and meshed tools that come in between the points of a slave, and slave nodes that means hide, are named."""
 
 import re
+from functools import partial
 
 import gmsh
 import numpy as np
@@ -42,8 +43,8 @@ def edge_and_floor(cells, wide=1.0):
     rectangles.build({"floor": (*FLOOR, (cells, max(5, cells // 4)))})
 
 
-def pressed(kind, cells=9, down=0.4, steps=4, degree=1, wide=1.0, swapped=False, **options):
-    """An edge, a body's or a tool's, pressed into a soft floor, which is the slave unless swapped."""
+def pressed(kind, cells=9, down=0.4, steps=4, degree=1, wide=1.0, swapped=False, laws=(SOFT, HARD), **options):
+    """An edge, a body's or a tool's, pressed into a floor, which is the slave unless swapped; laws: of floor and body."""
     scene_of = {"plane": "strain", "degree": degree}
     if kind == "tool":
         mesh = read_gmsh(rectangles.build, rectangles={"floor": (*FLOOR, (cells, max(5, cells // 4)))})
@@ -52,7 +53,7 @@ def pressed(kind, cells=9, down=0.4, steps=4, degree=1, wide=1.0, swapped=False,
         more = {"move": {tool: (0.0, -down, 0.0)}}
     else:
         mesh = read_gmsh(edge_and_floor, cells=cells, wide=wide)
-        scene, more = Scene(Body(mesh, "floor", SOFT), Body(mesh, "wedge", HARD), **scene_of), {}
+        scene, more = Scene(*map(partial(Body, mesh), ("floor", "wedge"), laws), **scene_of), {}
         scene.prescribe("held", "y", -down)
         scene.fix("held", "x")
         sides = "sides", "floor_ymax"
@@ -115,7 +116,17 @@ def test_a_blade_that_no_pressure_holds_has_come_in():
 
 def test_an_edge_of_the_slave_that_means_hide_is_named():
     note = said(pressed("body", swapped=True).require(), "a slave node lies")[0]
-    assert "let 'floor_ymax' be the slave" in note
+    assert "let the side without an edge there be the slave" in note
+
+
+def test_notes_do_not_ask_for_one_side_and_then_for_the_other():
+    """A soft edge on a stiffer floor: the edge is not to be the slave, and so the softer body is not either."""
+    laws = neo_hooke(4.0, 20.0), SOFT
+    edge, floor = (pressed("body", cells=24, swapped=swapped, laws=laws).require() for swapped in (True, False))
+    assert all("the side without" in note for note in said(edge, "be the slave")) and said(edge, "be the slave")
+    assert not any("'sides' be the slave" in note for note in floor.verdict.notes)
+    (stiffer,) = said(floor, "the softer body as the slave")
+    assert stiffer.endswith("unless an edge of it digs in")
 
 
 @pytest.mark.parametrize("points", [3, "averages"])

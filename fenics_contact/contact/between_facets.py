@@ -30,6 +30,8 @@ COME_IN, DROWNED = 0.75, 1.0
 SEVERAL = 4  # points that press: with 1 ... 3 of them forces of a tool beside an edge so deep were off by up to 81 %
 UNREACHED = 0.01  # likewise, of a contact that is open at all its points: what facets cut off of each other is less
 FINER = "mesh the slave there more finely, with cells of a quarter of how deep it is to go"
+# By what a side has, not by its name: with the sides exchanged it asks for the same ones
+EDGED = "let the side without an edge there be the slave, or round the edge"
 
 
 class Sunk(NamedTuple):
@@ -104,7 +106,7 @@ def _in_words(contact: Contact, state: State, found: Sunk, values: Floats) -> tu
     text, ours = _lies(contact, state, max(state.comm.allgather(found.sag[here].max(initial=0.0))), found.slaves[here])
     if not ours:
         return place, f"{text} between its nodes", FINER
-    return place, text, FINER if contact.partner.grounded else f"let '{contact.master_name}' be the slave, or round the edge"
+    return place, text, FINER if contact.partner.grounded else EDGED
 
 
 def _lies(contact: Contact, state: State, sag: float, slaves: Bools) -> tuple[str, bool]:

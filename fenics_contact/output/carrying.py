@@ -49,6 +49,7 @@ def unresolved_notes(shares: Mapping[str, float]) -> list[str]:
     text = (
         f"contact{'s' * (len(names) > 1)} {', '.join(names)}: pressures jump from point to point within facets of the "
         "master, too wide to follow a slave that is stiffer: the force may be right, peak pressures are up to several times "
-        "too great; mesh the master more finely than the slave where bodies touch, or state the softer body as the slave"
+        "too great; mesh the master more finely than the slave where bodies touch, or state the softer body as the slave, "
+        "unless an edge of it digs in"
     )
     return [text] if names else []
