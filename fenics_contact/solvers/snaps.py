@@ -1,5 +1,7 @@
 """Steps that end in balance beyond a limit point: Newton's method has led the state through a snap that it cannot follow."""
 
+from contextlib import nullcontext
+
 import numpy as np
 
 from fenics_contact.assembly.scales import TOLERANCE
@@ -25,12 +27,14 @@ Reached = tuple[float, Place]  # t, and the state in balance there
 
 
 def wandered(system: System, report: StepReport) -> bool:
-    """Whether a step took so many solves, but multipliers take many anyway, or went so far that it may have passed a snap.
+    """Whether a step took so many solves, but multipliers and springs that carry over a gap take many anyway, or went so far
+    that it may have passed a snap.
 
     Not where the step goes on as the one before it, but for less than a jump would have of it, nor where nothing moves by
     more than rounding. Collective.
     """
-    many = not report.augmentations and sum(size > FAR for size in report.residuals) >= WANDERING
+    anyway = report.augmentations > 0 and (bool(system.augmented) or not _supported(system))
+    many = not anyway and sum(size > FAR for size in report.residuals) >= WANDERING
     if len(system.trail.accepted) < 2:
         return many
     (old, old_q, before), (u, q, t) = system.trail.accepted[-2:]
@@ -43,12 +47,23 @@ def wandered(system: System, report: StepReport) -> bool:
     return _distance(system, end, foreseen) > (1.0 - MOST) * way and (many or 0.0 < LEAP * on < way)
 
 
+def _supported(system: System) -> bool:
+    """Whether supports alone hold all bodies and tools, so that springs of the stabilisation carry nothing over a gap."""
+    return not system.holds.reliant and not system.tools.free.any()
+
+
 def snapped(system: System, goal: float) -> str | None:
     """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None. Collective.
 
     Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where some of them
     are not solved the path before must lead nowhere near the state beyond. The system is left at the accepted state.
     """
+    with system.grounding.away() if system.grounding and _supported(system) else nullcontext():
+        return _snapped(system, goal)
+
+
+def _snapped(system: System, goal: float) -> str | None:
+    """The same with the springs that are in. Collective."""
     newton = Newton(LinearSolver(system))
     stepper = Augmented(newton) if system.augmented else newton  # under old multipliers penalties give way by as much
     reached = [(t, _place(system, u, q)) for u, q, t in system.trail.accepted]
