@@ -19,7 +19,6 @@ from fenics_contact.contact.tools import (
 from fenics_contact.mesh_io import NamedMesh, read_gmsh, read_mesh
 from fenics_contact.options import Method, Output
 from fenics_contact.output.film import Film
-from fenics_contact.output.units import Units
 from fenics_contact.result import Result
 from fenics_contact.run import solve
 from fenics_contact.scene.motion import Motion
@@ -40,6 +39,7 @@ from fenics_contact.solid.materials import (
 )
 from fenics_contact.solvers.continuation import ArcSteps
 from fenics_contact.uncaught import install as _install
+from fenics_contact.units import Units
 from fenics_contact.values import FolderError, SceneError
 
 gc.freeze()  # as in `packages`: in a small run the collector would look through all of it once, for 45 ms

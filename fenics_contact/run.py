@@ -39,7 +39,6 @@ from fenics_contact.output.history import (
     widest_turn,
 )
 from fenics_contact.output.names import energy_unit
-from fenics_contact.output.units import Units
 from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
@@ -59,6 +58,7 @@ from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
+from fenics_contact.units import Units
 from fenics_contact.values import SceneError, shown
 
 Shares = dict[str, tuple[float, float]]

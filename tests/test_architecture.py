@@ -52,6 +52,7 @@ TABLE = {
     "compat": {"dolfinx", "basix", "_cffi_backend", "cffi", "ffcx", "numpy", "mpi4py", "numba", "petsc4py", "ufl", "blas",
                "form_files"},
     "values": {"numpy"},
+    "units": {"values"},
     "timing": set(),
     "agreement": {"numpy", "mpi4py"},
     "uncaught": {"numpy", "mpi4py", "agreement"},
@@ -64,32 +65,32 @@ TABLE = {
     "contact": {"numpy", "mpi4py", "basix", "kernels", "assembly", "compat", "timing", "values"},
     "assembly": {"numpy", "mpi4py", "petsc4py", "basix", "kernels", "compat", "timing"},
     "solvers": {"numpy", "mpi4py", "petsc4py", "assembly", "compat", "timing"},
-    "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "output",
-              "solid", "timing", "values"},
+    "scene": {"numpy", "mpi4py", "ufl", "agreement", "assembly", "compat", "contact", "meetings", "mesh_io", "solid",
+              "timing", "units", "values"},
     "output": {"numpy", "mpi4py", "basix", "matplotlib", "agreement", "compat", "assembly", "contact", "kernels", "solid",
-               "values"},
+               "scene", "units", "values"},
     "studies": {"numpy", "scipy", "matplotlib", "tqdm", "mpi4py", "petsc4py", "ufl", "meshes", "assembly", "compat", "solid",
                 "mesh_io", "contact", "packages", "output", "result", "solvers", "scene", "options", "plans", "run",
-                "timing"},
+                "timing", "units"},
     "options": {"numpy", "contact", "scene", "solvers", "values"},
     "restart": {"numpy", "mpi4py", "agreement", "assembly", "solvers", "options", "output", "scene", "values"},
     "recording": {"contact", "tqdm", "options", "output", "scene", "solvers", "restart", "values"},
     "result": {"numpy", "matplotlib", "agreement", "assembly", "output", "scene", "solvers", "values"},
     "plans": {"numpy", "assembly", "solvers", "scene", "options", "values"},
     "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
-            "plans", "recording", "restart", "result", "values"},
+            "plans", "recording", "restart", "result", "units", "values"},
     # what the package offers to its users
     "warm": {"gmsh", "tqdm", "compat", "contact", "kernels", "mesh_io", "meshes", "options", "run", "scene", "solid"},
     "__main__": {"numpy", "meshes", "__version__", "compat", "contact", "mesh_io", "options", "run", "scene", "solid",
                  "warm"},
     "__init__": {"packages", "values", "mesh_io", "contact", "solid", "scene", "solvers", "options", "output", "result",
-                 "run", "uncaught"},
+                 "run", "uncaught", "units"},
 }  # fmt: skip
 # narrower than the room: what an outer room may use of another one
 ONLY = {
     ("studies", "assembly"): {"system", "term", "pattern", "cell_forms"},  # their names; what a tangent is assembled into
-    ("studies", "output"): {"curves", "late", "names", "units"},  # names and units of columns; what draws
-    ("scene", "output"): {"units"},  # labels; no file is written by a scene
+    ("studies", "output"): {"curves", "late", "names"},  # names of columns; what draws
+    ("output", "scene"): {"scene"},  # what is drawn and written
     ("output", "assembly"): {
         "contact_term",
         "entries",
@@ -112,7 +113,7 @@ ONLY = {
     ("options", "contact"): {"tools"},
     ("__init__", "contact"): {"friction", "penalties", "profiles", "tools"},
     ("meetings", "kernels"): {"broad_phase", "sets"},
-    ("__init__", "output"): {"film", "units"},
+    ("__init__", "output"): {"film"},
     ("__init__", "solid"): {"materials"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -11,7 +11,7 @@ from fenics_contact.contact.chords import cut_off
 from fenics_contact.contact.master import MasterSurface, ToolSurface
 from fenics_contact.meshes import ring_sector, tool_surfaces, tubes
 from fenics_contact.output.history import chord_notes
-from fenics_contact.output.units import Units
+from fenics_contact.units import Units
 
 E, NU, BORE, DEEP = 1e3, 0.3, 2.0, 0.25
 

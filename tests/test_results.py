@@ -34,7 +34,7 @@ from fenics_contact.output.fields import Fields
 from fenics_contact.output.history import energy_line, energy_notes, energy_summary
 from fenics_contact.output.lines import zones
 from fenics_contact.output.names import plain_name
-from fenics_contact.output.units import Units
+from fenics_contact.units import Units
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD

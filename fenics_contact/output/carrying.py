@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.names import plain_name
-from fenics_contact.output.units import Units
+from fenics_contact.units import Units
 
 # Of the mean squares of pressures, what more of it varies within facets of a softer master: beyond, peak pressures of round
 # bodies and of punches on 0.4 ... 4 facets to either side were 1.5 ... 9 times the true ones, below most within two fifths

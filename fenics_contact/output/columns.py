@@ -12,8 +12,8 @@ from fenics_contact.output.energies import Energies
 from fenics_contact.output.names import energy_unit, plain_name
 from fenics_contact.output.reactions import Reaction
 from fenics_contact.output.results import ContactResult, StepResult
-from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
+from fenics_contact.units import Units
 
 AXES = "xyz"
 ARCS = ("limit_point", "station", "negative_pivots", "bifurcation")  # of runs with a stage by arc length

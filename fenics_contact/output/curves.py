@@ -8,8 +8,8 @@ import numpy as np
 from fenics_contact.assembly.finding import spot, tidied
 from fenics_contact.output.late import figures
 from fenics_contact.output.pictures import LETTERS, WIDTH
-from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
+from fenics_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,17 +10,17 @@ from fenics_contact.kernels.status import OPEN
 from fenics_contact.output.names import plain_name
 from fenics_contact.output.places import centre_of
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, NodalContact, SlaveNodes
-from fenics_contact.output.solved import Solved
-from fenics_contact.output.units import Units
+from fenics_contact.scene.scene import Scene
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body
 from fenics_contact.types import Floats, Function, Ints, Ints64, Space
+from fenics_contact.units import Units
 
 
 class CellValues:
     """F (n, 3, 3) and Cauchy stress (n, 3, 3) [pressure] of local cells at their centres."""
 
-    def __init__(self, scene: Solved, system: System) -> None:
+    def __init__(self, scene: Scene, system: System) -> None:
         domain, u = scene.mesh.domain, system.state.u
         self._scene, centre = scene, centre_of(compat.cell_name(domain))
         self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u, scene.section), centre)
@@ -91,7 +91,7 @@ class Fields:
     shows the one that presses more, with the least gap and the status that holds it most, and, of several, `each` by name.
     """
 
-    def __init__(self, scene: Solved, system: System, surfaces: Sequence[SlaveNodes] | None = None) -> None:
+    def __init__(self, scene: Scene, system: System, surfaces: Sequence[SlaveNodes] | None = None) -> None:
         mesh = scene.mesh.domain
         self.scene, self.system = scene, system
         self.displacement = compat.Function(compat.lagrange_space(mesh, 1, (3,)), name=f"displacement_{scene.units.length}")
@@ -142,7 +142,7 @@ class Fields:
         compat.copy_to_ghosts(function)
 
 
-def surfaces_of(scene: Solved, system: System) -> list[SlaveNodes]:
+def surfaces_of(scene: Scene, system: System) -> list[SlaveNodes]:
     """The slave surfaces of a scene's contacts."""
     slaves = [scene.mesh.facets(*stated.slave) for stated in scene.contacts]
     pairs = zip(system.contacts, slaves, strict=True)

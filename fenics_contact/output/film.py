@@ -15,8 +15,8 @@ from fenics_contact.output.fields import Fields
 from fenics_contact.output.late import animations
 from fenics_contact.output.pictures import Drawing
 from fenics_contact.output.plot import drawing, refuse_backend, refuse_limits
-from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles
+from fenics_contact.scene.scene import Scene
 from fenics_contact.values import SceneError, count
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Film:
         """Number of drawings before this step's."""
         return float(self._taken)
 
-    def take(self, scene: Solved, system: System) -> None:
+    def take(self, scene: Scene, system: System) -> None:
         """Draw the system's state, which has been accepted. Collective."""
         self._steps += 1
         if (self._steps - 1) % self.every:

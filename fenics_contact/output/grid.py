@@ -4,7 +4,6 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.numbering import gather, node_keys
-from fenics_contact.output.solved import Solved
 from fenics_contact.output.vtu import (
     HEXAHEDRON,
     HEXAHEDRON_27,
@@ -16,6 +15,7 @@ from fenics_contact.output.vtu import (
     TRIANGLE_6,
     GridFile,
 )
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Array, Floats, Function, Ints64, Space
 
 TYPES = {
@@ -46,7 +46,7 @@ class Grid:
     none; file, with which data at the grid are written. None elsewhere.
     """
 
-    def __init__(self, scene: Solved) -> None:
+    def __init__(self, scene: Scene) -> None:
         """Collective."""
         mesh, space = scene.mesh.domain, scene.space
         self._comm, self._cell = mesh.comm, compat.cell_name(mesh)
@@ -121,7 +121,7 @@ def _order(cell: str, degree: int) -> Ints64:
     return np.argmin(np.linalg.norm(places[:, None] - of_dofs, axis=2), axis=1)
 
 
-def bodies_of_cells(scene: Solved) -> Ints64:
+def bodies_of_cells(scene: Scene) -> Ints64:
     """Number of its body for every local cell, -1 where it has none."""
     tags, index_map = scene.mesh.cell_tags, compat.cell_map(scene.mesh.domain)
     out = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)

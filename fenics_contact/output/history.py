@@ -17,8 +17,8 @@ from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.files import complete
 from fenics_contact.output.names import energy_unit, plain_name
-from fenics_contact.output.units import Units
 from fenics_contact.types import Floats
+from fenics_contact.units import Units
 
 UNSEEN = 5e-5  # of the work done: less is 0.00%
 GROSS = 0.36  # of the work done: more than a cone pressed in a single step misses, a third, and at large strain 0.342

@@ -7,8 +7,8 @@ import numpy as np
 from fenics_contact.output.chains import along_sides, chains, cut_facets, together
 from fenics_contact.output.columns import AXES
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, SlaveNodes
-from fenics_contact.output.units import Units
 from fenics_contact.types import Array, Floats
+from fenics_contact.units import Units
 from fenics_contact.values import SceneError, finite, shown
 
 ON_PLANE = 1e-9  # of the surface's size: nodes so near to the plane lie on it

@@ -2,7 +2,7 @@
 
 import re
 
-from fenics_contact.output.units import Units
+from fenics_contact.units import Units
 
 
 def plain_name(name: str) -> str:

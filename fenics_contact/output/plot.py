@@ -13,8 +13,8 @@ from fenics_contact.output.layers import unit
 from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import AXES, Skin, look, mirrored, normals, skin, symmetry_planes, tool_tiles
-from fenics_contact.output.solved import Solved
 from fenics_contact.output.views import Angles, choose, slice_axis
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Bools, Floats
 from fenics_contact.values import SceneError, finite, shown
 
@@ -25,7 +25,7 @@ IN_PLANE = 1e-3  # of it: what ends no farther from a plane of symmetry ends in 
 FACING = 0.5  # cosine of the angle between an axis and the normals of surface and wall from which on they face each other
 
 
-def default_field(scene: Solved) -> str:
+def default_field(scene: Scene) -> str:
     """The contact pressure, in a scene without contacts the displacement."""
     return "contact_pressure" if scene.contacts else "displacement"
 

@@ -8,7 +8,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.entries import Carried
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.system import System
-from fenics_contact.output.solved import Solved
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Floats, Ints64
 
 
@@ -35,7 +35,7 @@ class Reactions:
     same displacement of a node each of them has half of its reaction: so the groups' forces add up to all that supports
     give."""
 
-    def __init__(self, scene: Solved, system: System) -> None:
+    def __init__(self, scene: Scene, system: System) -> None:
         self._X = system.space.tabulate_dof_coordinates()
         self._system, self._directions = system, [np.array(support.direction) for support in scene.supports]
         entries: dict[tuple[str, ...], list[int]] = {}
@@ -44,7 +44,7 @@ class Reactions:
         self._pair_names = [pair.column for pair in scene.pairs]
         self._groups = {"+".join(name): self._group(scene, name, of_it) for name, of_it in entries.items()}
 
-    def _group(self, scene: Solved, name: tuple[str, ...], entries: list[int]) -> _Group:
+    def _group(self, scene: Scene, name: tuple[str, ...], entries: list[int]) -> _Group:
         space, facets = scene.space, scene.mesh.facets(*(part for part in name if part in scene.mesh.surfaces))
         owned = space.dofmap.index_map.size_local
         nodes = scene.mesh.nodes(space, *name).astype(np.int64)

@@ -9,7 +9,7 @@ from fenics_contact.output.energies import Energies, EnergyBalance
 from fenics_contact.output.fields import surfaces_of
 from fenics_contact.output.reactions import Reaction, Reactions
 from fenics_contact.output.slave_nodes import SlaveNodes
-from fenics_contact.output.solved import Solved
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Floats
 
 
@@ -69,7 +69,7 @@ class Results:
 
     def __init__(
         self,
-        scene: Solved,
+        scene: Scene,
         system: System,
         loads: Sequence[Term],
         so_far: Energies | None = None,

@@ -10,9 +10,9 @@ import numpy as np
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.files import FIELDS, STEPS, TOOLS, StepFiles, complete, writing
 from fenics_contact.output.grid import Grid, per_cell
-from fenics_contact.output.solved import Solved
 from fenics_contact.output.tool_surfaces import SAG, piece, tool_surface
 from fenics_contact.output.vtu import facets_file, read_collection, write_collection
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Array, Floats, Function
 
 BEYOND = 1.5  # of the diagonal of the bodies at rest: size of what is drawn of an endless tool at first
@@ -27,7 +27,7 @@ class FieldFiles:
     for none; later ones are dropped.
     """
 
-    def __init__(self, folder: Path, scene: Solved, last: int = 0) -> None:
+    def __init__(self, folder: Path, scene: Scene, last: int = 0) -> None:
         """Collective."""
         self._folder, self._scene, self._comm = folder, scene, scene.mesh.comm
         self._grid = Grid(scene)

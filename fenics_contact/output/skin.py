@@ -11,8 +11,8 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.grid import bodies_of_cells
 from fenics_contact.output.names import plain_name
-from fenics_contact.output.solved import Solved
 from fenics_contact.output.tool_surfaces import tool_surface
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64, Mesh
 from fenics_contact.values import SceneError
 
@@ -200,7 +200,7 @@ def normals(corners: Floats) -> Floats:
 
 
 # -- tools --------------------------------------------------------------------------------------------------------------
-def tool_tiles(scene: Solved, poses: Sequence[Pose], low: Floats, high: Floats) -> list[Floats]:
+def tool_tiles(scene: Scene, poses: Sequence[Pose], low: Floats, high: Floats) -> list[Floats]:
     """Of each tool the tiles (n, 4, 3) of its surface between the corners low, high (3,) of a box [length].
 
     poses: of the tools. What leaves the box ends on its faces; tiles are small against the box, for painting by distance.
@@ -261,7 +261,7 @@ def quarters(corners: Floats) -> Floats:
 
 
 # -- symmetry -------------------------------------------------------------------------------------------------------------
-def symmetry_planes(scene: Solved) -> dict[int, float]:
+def symmetry_planes(scene: Scene) -> dict[int, float]:
     """{axis: place [length]} of the planes that supports make planes of symmetry: flat ends of the bodies, held along
     their normal alone. Of two along one axis the one nearer to the origin. Collective."""
     held: dict[tuple[str, ...], set[int | None]] = {}

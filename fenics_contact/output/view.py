@@ -13,7 +13,7 @@ from fenics_contact.output.fields import CellValues
 from fenics_contact.output.places import Place, interpolated, locate
 from fenics_contact.output.reactions import Reaction
 from fenics_contact.output.results import ContactResult, StepResult
-from fenics_contact.output.solved import Solved
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Floats, Function
 
 T = TypeVar("T")
@@ -39,7 +39,7 @@ class View:
     Energies.
     """
 
-    def __init__(self, scene: Solved, system: System) -> None:
+    def __init__(self, scene: Scene, system: System) -> None:
         self._scene, self._system = scene, system
         self._cells: CellValues | None = None
         self._places: dict[tuple[float, ...], Place] = {}

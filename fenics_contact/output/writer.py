@@ -11,7 +11,7 @@ from fenics_contact.output.history import HistoryFile, Summary, write_summary
 from fenics_contact.output.pictures import DOTS, save
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.series import FieldFiles
-from fenics_contact.output.solved import Solved
+from fenics_contact.scene.scene import Scene
 
 
 class Writer:
@@ -23,7 +23,7 @@ class Writer:
     """
 
     def __init__(
-        self, folder: Path, scene: Solved, fields: Fields, clock: Callable[[], float], rows: Sequence[HistoryRow] = ()
+        self, folder: Path, scene: Scene, fields: Fields, clock: Callable[[], float], rows: Sequence[HistoryRow] = ()
     ) -> None:
         self.comm, self._clock = fields.system.comm, clock
         self.folder, self.scene, self.system, self.fields = folder, scene, fields.system, fields

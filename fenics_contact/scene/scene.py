@@ -8,7 +8,6 @@ from fenics_contact.assembly.system import System
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Tool
-from fenics_contact.output.units import Units
 from fenics_contact.scene.build import build, master_name
 from fenics_contact.scene.checks import (
     AXES,
@@ -47,6 +46,7 @@ from fenics_contact.solid.elements import locking_notes, refuse_element
 from fenics_contact.solid.volume_ratio import VolumeRatio
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Function
+from fenics_contact.units import Units
 from fenics_contact.values import SceneError, axis_letters, finite, function, group_names, is_number, quoted, shown
 
 Value = float | Callable[[Floats, float], Any]  # of a prescribed displacement

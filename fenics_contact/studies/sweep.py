@@ -9,10 +9,10 @@ import numpy as np
 
 from fenics_contact.output.curves import labelled, words
 from fenics_contact.output.late import cm, colors, figures, patches
-from fenics_contact.output.units import Units
 from fenics_contact.studies.charts import COLOURS, MARKERS, MOST
 from fenics_contact.studies.runner import Row, StudyError
 from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
+from fenics_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
