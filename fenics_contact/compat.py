@@ -62,17 +62,13 @@ def constant_space(mesh: Mesh, shape: tuple[int, ...] = ()) -> Space:
 
 def _space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) -> Space:
     with _quiet():
-        return _make_space(mesh, family, degree, shape)
-
-
-def _make_space(mesh: Mesh, family: str, degree: int, shape: tuple[int, ...]) -> Space:
-    if _HAS_FUNCTIONSPACE:
-        return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
-    if len(shape) == 1:
-        return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
-    if shape:
-        return fem.TensorFunctionSpace(mesh, (family, degree), shape=shape)
-    return fem.FunctionSpace(mesh, (family, degree))
+        if _HAS_FUNCTIONSPACE:
+            return fem.functionspace(mesh, (family, degree, tuple(shape)) if shape else (family, degree))
+        if len(shape) == 1:
+            return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
+        if shape:
+            return fem.TensorFunctionSpace(mesh, (family, degree), shape=shape)
+        return fem.FunctionSpace(mesh, (family, degree))
 
 
 class _NumbersApart(MultiFunction):

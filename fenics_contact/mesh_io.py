@@ -74,15 +74,8 @@ class NamedMesh:
 
     def surface_tags(self, *names: str) -> tuple[int, ...]:
         """Tags in facet_tags of all facets in any of the named surfaces, each once."""
-        return tuple(
-            sorted(
-                {
-                    tag
-                    for name in names
-                    for tag in self.surfaces[_known(name, self.surfaces, "curve" if self.plane else "surface")]
-                }
-            )
-        )
+        kind = "curve" if self.plane else "surface"
+        return tuple(sorted({tag for name in names for tag in self.surfaces[_known(name, self.surfaces, kind)]}))
 
     def nodes(self, space: Space, *names: str) -> Ints:
         """Local nodes of a space (rising, ghosts included) of the named surfaces, edges and points. Collective."""

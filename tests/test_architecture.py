@@ -100,13 +100,14 @@ ONLY = {
         "numbering",
         "pose",
         "section",
+        "size",
         "system",
         "term",
     },
     ("output", "contact"): {"tools"},  # their shapes, to draw them
     ("output", "kernels"): {"pixels", "rigid_profiles", "rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},
-    ("assembly", "kernels"): {"block_products", "scatter", "sets"},
+    ("assembly", "kernels"): {"block_products", "law", "scatter", "sets"},
     ("restart", "scene"): {"fingerprint", "start"},
     ("run", "contact"): {"tools"},  # the keys of move and push
     ("recording", "contact"): {"overlap"},  # what bodies do that no contact holds

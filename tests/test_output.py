@@ -141,7 +141,7 @@ def fields(run):
 def test_contact_pressure_integrates_to_the_normal_force(run, fields):
     scene, result, _ = run
     last = result.history[-1]
-    p, friction = fields.contact_pressure.copy(), fields.friction_traction.copy()
+    p, friction = fields.of("").pressure.copy(), fields.of("").friction.copy()
     for function in (p, friction):  # off the slave surfaces they are not numbers
         function.x.array[:] = np.nan_to_num(function.x.array)
     for name in ("top", "bottom"):
@@ -157,9 +157,9 @@ def test_contact_pressure_integrates_to_the_normal_force(run, fields):
 def test_status_field(run, fields):
     scene, result, _ = run
     last = result.history[-1]
-    X = fields.status.function_space.tabulate_dof_coordinates()
-    owned = fields.status.function_space.dofmap.index_map.size_local
-    status, gap, pressure = (f.x.array[:owned] for f in (fields.status, fields.gap, fields.contact_pressure))
+    X = fields.of("").status.function_space.tabulate_dof_coordinates()
+    owned = fields.of("").status.function_space.dofmap.index_map.size_local
+    status, gap, pressure = (f.x.array[:owned] for f in (fields.of("").status, fields.of("").gap, fields.of("").pressure))
     top, bottom = (np.abs(X[:owned, 2] - z) < 1e-6 for z in (10.0, 0.0))
 
     def count(where):
@@ -215,10 +215,10 @@ def test_homogeneous_compression(tmp_path):
     np.testing.assert_allclose(cells, np.broadcast_to(exact.ravel(), cells.shape), atol=1e-9)
     force = result.history[-1]["bottom_force_z_N"]
     np.testing.assert_allclose(force, -stress * (2.0 * side) ** 2, rtol=1e-8)
-    bottom = np.abs(fields.status.function_space.tabulate_dof_coordinates()[:, 2]) < 1e-9
-    np.testing.assert_allclose(fields.contact_pressure.x.array[bottom], -stress, rtol=1e-8)
-    assert np.isnan(fields.contact_pressure.x.array[~bottom]).all()  # no slave nodes
-    assert set(np.unique(fields.status.x.array[bottom])) <= {1.0}
+    bottom = np.abs(fields.of("").status.function_space.tabulate_dof_coordinates()[:, 2]) < 1e-9
+    np.testing.assert_allclose(fields.of("").pressure.x.array[bottom], -stress, rtol=1e-8)
+    assert np.isnan(fields.of("").pressure.x.array[~bottom]).all()  # no slave nodes
+    assert set(np.unique(fields.of("").status.x.array[bottom])) <= {1.0}
 
 
 def test_own_units_name_the_columns(tmp_path):

@@ -107,7 +107,7 @@ def test_pressure_under_a_punch(punched):
     drawn, figure = punched.drawing(), punched.plot("contact_pressure", backend="matplotlib")
     fields = Fields(punched.scene, punched.system)
     fields.update()
-    highest = COMM.allreduce(float(np.nanmax(fields.contact_pressure.x.array)), op=MPI.MAX)
+    highest = COMM.allreduce(float(np.nanmax(fields.of("").pressure.x.array)), op=MPI.MAX)
     assert (drawn is None) is (figure is None) is (not ROOT)
     if not ROOT:
         return
@@ -489,11 +489,11 @@ def test_values_off_the_slave_surfaces_are_not_drawn(punched, off):
     """NaN or zero there, what is drawn is the same; NaN on a slave surface is grey."""
     fields = Fields(punched.scene, punched.system)
     fields.update()
-    z = fields.contact_pressure.function_space.tabulate_dof_coordinates()[:, 2]
+    z = fields.of("").pressure.function_space.tabulate_dof_coordinates()[:, 2]
     inside = (z > 1e-9) & (z < 10.0 - 1e-9)
-    fields.contact_pressure.x.array[inside] = off
+    fields.of("").pressure.x.array[inside] = off
     drawn, plain = drawing(fields), punched.drawing()
-    fields.contact_pressure.x.array[:] = np.nan
+    fields.of("").pressure.x.array[:] = np.nan
     empty = drawing(fields)
     if ROOT:
         np.testing.assert_array_equal(drawn.body.values, plain.body.values)

@@ -461,9 +461,9 @@ def test_status_gap_and_pressure_of_two_tools_on_one_surface():
     result = solve(scene, move={left: (0, 0, -0.1), right: (0, 0, 0.0)}, steps=2).require()
     fields = Fields(scene, result.system)
     fields.update()
-    X = fields.gap.function_space.tabulate_dof_coordinates()
+    X = fields.of("").gap.function_space.tabulate_dof_coordinates()
     top = np.abs(X[:, 2] - 2.0) < 1e-9
-    gap, status, pressure = (f.x.array for f in (fields.gap, fields.status, fields.contact_pressure))
+    gap, status, pressure = (f.x.array for f in (fields.of("").gap, fields.of("").status, fields.of("").pressure))
     assert np.isnan(gap[~top]).all() and np.isnan(status[~top]).all() and np.isnan(pressure[~top]).all()
     under = top & (np.abs(X[:, 0] - 1.0) < 0.5)
     assert np.all(gap[under] < 0.0) and np.all(status[under] >= 2) and np.all(pressure[under] > 0.0)

@@ -9,8 +9,8 @@ from numba import njit
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.deformable_element import Anchors, Pair, Pairs, PointLaws, place, place_apart, slide_anchor
 from fenics_contact.kernels.law import Gaps, Law, Traction, friction_at, traction, without
+from fenics_contact.kernels.normals import tangents_at
 from fenics_contact.kernels.ray_element import ray_gap_rate
-from fenics_contact.kernels.slave_ray import slave_tangents
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import Four, add_row, dot, less, minus, norm, of_four, of_nodes, plus, row, times
 from fenics_contact.types import Floats, Ints, Ints64
@@ -99,7 +99,7 @@ def foreseen_gaps(pairs: Pairs, moved: Floats, gaps: Floats) -> None:
         )
         jump = minus(of_nodes(weights, q, nodes, moved), of_four(pair.N, m0, m1, m2, m3))
         if len(gradients) > 0:
-            first, second = slave_tangents(q, moved, nodes, gradients)
+            first, second = tangents_at(moved, nodes, q, gradients, q)
             gaps[q] = pair.g + ray_gap_rate(pair, jump, first, second)
         else:
             gaps[q] = pair.g + dot(pair.n, jump)  # (8)

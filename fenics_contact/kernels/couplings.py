@@ -135,7 +135,7 @@ def _nodes_of(q: int, lists: Lists, tables: Tables, nodes: Ints64, seen: Ints64,
 def _join(table: Ints64, row: int, nodes: Ints64, n: int, seen: Ints64, stamp: int) -> int:
     for i in range(table.shape[1]):
         node = table[row, i]
-        if seen[node] != stamp:
+        if node >= 0 and seen[node] != stamp:
             seen[node], nodes[n] = stamp, node
             n += 1
     return n
@@ -175,21 +175,11 @@ def lists_lack(asked: Bools, slaves: Ints64, masters: Ints64, anchors: Ints64, p
     for q in range(len(asked)):
         if not asked[q]:
             continue
-        n = _listed(slaves, q, nodes, 0, seen)
-        height = _listed(masters, q, nodes, n, seen)
-        n = _listed(anchors, q, nodes, height, seen)
+        n = _join(slaves, q, nodes, 0, seen, q)
+        height = _join(masters, q, nodes, n, seen, q)
+        n = _join(anchors, q, nodes, height, seen, q)
         for i in range(height):
             for j in range(n):
                 if find(columns, first[nodes[i]], end[nodes[i]], blocks[nodes[j]]) < 0:
                     return True
     return False
-
-
-@njit(cache=True)
-def _listed(table: Ints64, row: int, nodes: Ints64, n: int, seen: Ints64) -> int:
-    for i in range(table.shape[1]):
-        node = table[row, i]
-        if node >= 0 and seen[node] != row:
-            seen[node], nodes[n] = row, node
-            n += 1
-    return n

@@ -34,7 +34,7 @@ from numba import njit
 from fenics_contact.kernels.closest_point import EDGE, INTERIOR, Projection
 from fenics_contact.kernels.facets import Surface, corner, shape, shape_gradient, shape_mixed
 from fenics_contact.kernels.law import Friction, Partials
-from fenics_contact.kernels.slave_ray import slave_tangents
+from fenics_contact.kernels.normals import tangents_at
 from fenics_contact.kernels.vectors import (
     ZERO,
     Four,
@@ -107,7 +107,7 @@ def _place(q: int, pairs: Pairs) -> Pair:
     d = minus(of_nodes(slave_weights, q, slave_nodes, coords), x_m)
     w = minus(x_m, of_nodes(anchors[1], q, anchors[0], coords)) if anchors[0][q, 0] >= 0 else ZERO
     if len(gradients) > 0:  # the slave's normal seeks the master: kernels/slave_ray.py
-        t1, t2 = slave_tangents(q, coords, slave_nodes, gradients)
+        t1, t2 = tangents_at(coords, slave_nodes, q, gradients, q)
         n = cross(t2, t1)
         area = norm(n)
         n = times(1.0 / area, n)

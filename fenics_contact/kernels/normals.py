@@ -24,8 +24,9 @@ Groups = tuple[Ints64, Ints64, Ints64, Ints64, Ints64, Ints64, Floats]
 
 
 @njit(cache=True)
-def corner_tangents(coords: Floats, nodes: Ints64, f: int, gradients: Floats, c: int) -> tuple[Vector, Vector]:
-    """t1, t2 of facet f of nodes (nf, k) in a place c of gradients (np, 2, k); t1 x t2 points out of the body."""
+def tangents_at(coords: Floats, nodes: Ints64, f: int, gradients: Floats, c: int) -> tuple[Vector, Vector]:
+    """t1, t2 = sum dN_i,alpha x_i of facet f of nodes (nf, k) in a place c of gradients (np, 2, k), counter-clockwise seen
+    from outside: t1 x t2 points out of the body."""
     t1, t2 = ZERO, ZERO
     for i in range(nodes.shape[1]):
         x = row(coords, nodes[f, i])
@@ -54,7 +55,7 @@ def grouped_corners(
     own, normals, at = np.empty((len(nodes) * m, 2), np.int64), np.empty((len(nodes), m, 3)), first.copy()
     for f in range(len(nodes)):
         for c in range(m):
-            t1, t2 = corner_tangents(coords, nodes, f, gradients, c)
+            t1, t2 = tangents_at(coords, nodes, f, gradients, c)
             area = cross(t1, t2)
             put(normals, f, c, times(1.0 / max(norm(area), 1e-300), area))
             own[at[nodes[f, c]], 0], own[at[nodes[f, c]], 1] = f, c
@@ -128,7 +129,7 @@ def group_normals(coords: Floats, nodes: Ints64, gradients: Floats, groups: Grou
         total = ZERO
         for e in range(starts[g], starts[g + 1]):
             f, c = facets[e], places[e]
-            t1, t2 = corner_tangents(coords, nodes, f, gradients, c)
+            t1, t2 = tangents_at(coords, nodes, f, gradients, c)
             area = cross(t1, t2)
             size = max(norm(area), 1e-300)
             n = times(1.0 / size, area)

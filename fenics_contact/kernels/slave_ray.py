@@ -15,6 +15,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
 from fenics_contact.kernels.facets import PlacedSurface
+from fenics_contact.kernels.normals import tangents_at
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, plus, row, times
 from fenics_contact.types import Floats, Ints64
 
@@ -191,16 +192,6 @@ def facet_directions(coords: Floats, nodes: Ints64, gradients: Floats, direction
     nodes (np, k) of the facet; gradients (np, 2, k) of their shape functions, counter-clockwise seen from outside.
     """
     for q in range(len(directions)):
-        t1, t2 = slave_tangents(q, coords, nodes, gradients)
+        t1, t2 = tangents_at(coords, nodes, q, gradients, q)
         n = cross(t2, t1)
         directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / max(norm(n), 1e-300), n)
-
-
-@njit(cache=True)
-def slave_tangents(q: int, coords: Floats, nodes: Ints64, gradients: Floats) -> tuple[Vector, Vector]:
-    """t1, t2 = sum dN_i,alpha x_i of the slave facet in point q, counter-clockwise seen from outside."""
-    t1, t2 = ZERO, ZERO
-    for i in range(nodes.shape[1]):
-        x = row(coords, nodes[q, i])
-        t1, t2 = less(t1, -gradients[q, 0, i], x), less(t2, -gradients[q, 1, i], x)
-    return t1, t2

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.output.files import CHECKPOINTS
+from fenics_contact.output.files import CHECKPOINTS, complete
 from fenics_contact.output.history import plain
 from fenics_contact.types import Array
 
@@ -26,16 +26,11 @@ class CheckpointFiles:
         """Keep arrays {name: array} and content (plain values) of accepted step number `step`."""
         text = json.dumps({"step": step, **content}, default=plain)
         target = self._paths[self._turn]
-        draft = target.with_suffix(".part")
-        try:
-            with open(draft, "wb") as file:
-                np.savez(file, **arrays, content=np.frombuffer(text.encode(), dtype=np.uint8))
-                file.flush()
-                os.fsync(file.fileno())
-            replace(draft, target)
-        except OSError:
-            draft.unlink(missing_ok=True)
-            raise
+        with complete(target) as draft, open(draft, "wb") as file:
+            np.savez(file, **arrays, content=np.frombuffer(text.encode(), dtype=np.uint8))
+            file.flush()
+            os.fsync(file.fileno())
+        _keep_name(target)
         self._turn = 1 - self._turn
 
     def read(self) -> tuple[dict[str, Array], dict[str, Any]] | None:
@@ -63,9 +58,8 @@ class Torn(ValueError):
     """There are checkpoints, and none of them is complete."""
 
 
-def replace(draft: Path, target: Path) -> None:
-    """Move a finished file to its name, and have the disk know of it."""
-    os.replace(draft, target)
+def _keep_name(target: Path) -> None:
+    """Have the disk know of a file that has come to its name."""
     folder = os.open(target.parent, os.O_RDONLY)
     try:
         os.fsync(folder)

@@ -101,10 +101,7 @@ class Fields:
         self.J = compat.Function(compat.constant_space(mesh), name="J")
         self._cells = CellValues(scene, system)
         self._surfaces = surfaces_of(scene, system) if surfaces is None else surfaces
-        contact = ContactFields(system, "", scene.units)
-        self.contact_pressure, self.friction_traction = contact.pressure, contact.friction
-        self.gap, self.slip, self.status = contact.gap, contact.slip, contact.status
-        self._contact = contact
+        self._contact = ContactFields(system, "", scene.units)
         several = self._surfaces if len(self._surfaces) > 1 else []
         self.each = {s.contact.name: ContactFields(system, f"{plain_name(s.contact.name)}_", scene.units) for s in several}
 

@@ -33,6 +33,8 @@ class Film:
     drawings: those of this run, in the order of its steps, on rank 0; a drawing holds the bodies' surface, not the volume.
     """
 
+    _fields: Fields | None
+
     def __init__(
         self,
         field: str | None = None,
@@ -44,14 +46,12 @@ class Film:
     ) -> None:
         self.field, self.mirror, self.view, self.every = field, mirror, view, count(every, "Film: every")
         self.backend = backend
-        self.drawings: list[Drawing] = []
-        self._steps = self._taken = 0
-        self._fields: Fields | None = None
         self._comm: MPI.Comm | None = None
+        self.begin()
 
     def begin(self) -> None:
         """A run begins: drawings of an earlier one go."""
-        self.drawings, self._fields = [], None
+        self.drawings, self._fields = list[Drawing](), None
         self._steps = self._taken = 0
 
     def __call__(self, view: object) -> float:

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
+from fenics_contact.assembly.size import bodies_size, extremes
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.grid import bodies_of_cells
 from fenics_contact.output.names import plain_name
@@ -160,9 +160,8 @@ def skin(fields: Fields, chosen: Look) -> Skin | None:
     touching = _keys(*compat.cells_of_exterior_facets(mesh, scene.mesh.facets(*slaves))) if slaves else np.empty(0)
     cells, local = compat.cells_of_exterior_facets(mesh)
     body, number = bodies_of_cells(scene), compat.original_cells(mesh).astype(np.int64)
-    low, high = extremes(mesh.comm, X)
     behind = np.zeros((4, 3))
-    behind[[2, 3], 2] = -LAYER * float(np.max(high - low))  # a plane mesh is drawn as the face of a thin layer
+    behind[[2, 3], 2] = -LAYER * bodies_size(space)  # a plane mesh is drawn as the face of a thin layer
     parts, plane = [], mesh.topology.dim == 2
     for facet in [*([FACE] if plane else []), *range(compat.FACETS[compat.cell_name(mesh)])]:
         mine = cells[local == facet] if facet != FACE else np.arange(compat.cell_map(mesh).size_local, dtype=np.int32)
@@ -284,12 +283,6 @@ def symmetry_planes(scene: Scene) -> dict[int, float]:
         if most[axis] - least[axis] < near and at_end and abs(place) <= abs(planes.get(axis, np.inf)):
             planes[axis] = place
     return planes
-
-
-def extremes(comm: MPI.Comm, X: Floats) -> tuple[Floats, Floats]:
-    """Least and largest coordinates (3,) of the points (n, 3) of all ranks. Collective."""
-    low, high = X.min(axis=0, initial=np.inf), X.max(axis=0, initial=-np.inf)
-    return np.min(comm.allgather(low), axis=0), np.max(comm.allgather(high), axis=0)
 
 
 def mirrored(body: Skin, tiles: Sequence[Floats], planes: dict[int, float]) -> tuple[Skin, list[Floats]]:

@@ -117,7 +117,8 @@ def build(
         dead = [FormTerm("dead loads", -_loads_power(scene, loads, ufl.TestFunction(scene.space)))] if loads else []
         check = scene.volume_ratio(u).check
     with timers("compile"):  # the first call of a kernel loads or compiles it
-        contacts = _contacts(scene, supports, state, timers)
+        modulus = _modulus_by_cell(scene)
+        contacts = _contacts(scene, modulus, supports, state, timers)
         entering = [load for load in followed if isinstance(load, Entering)]
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
@@ -143,7 +144,7 @@ def build(
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
     of_loads = [*dead, *follower, *fluids, *fields.terms]
-    return Built(system, notes, of_loads, driven, [_size(system)], [] if start else overlaps, _harder(scene))
+    return Built(system, notes, of_loads, driven, [_size(system)], [] if start else overlaps, _harder(scene, modulus))
 
 
 def _start(
@@ -280,9 +281,9 @@ def _held(
 
 
 # -- contact ----------------------------------------------------------------------------------------------------------
-def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) -> list[Contact]:
-    """The terms of all stated contacts. Collective."""
-    modulus, found = _modulus_by_cell(scene), []
+def _contacts(scene: "Scene", modulus: Floats, supports: Supports, state: State, timers: Timers) -> list[Contact]:
+    """The terms of all stated contacts; modulus (cells,): Young's. Collective."""
+    found = []
     for stated in scene.contacts:
         points = stated.points if isinstance(stated.points, str) else int(stated.points)
         softer = np.minimum(modulus, _hardest(scene, stated.master, modulus))
@@ -300,9 +301,8 @@ def _contacts(scene: "Scene", supports: Supports, state: State, timers: Timers) 
     return found
 
 
-def _harder(scene: "Scene") -> list[str]:
+def _harder(scene: "Scene", modulus: Floats) -> list[str]:
     """See `Built`. Collective."""
-    modulus = _modulus_by_cell(scene)
     stiffness = [[_hardest(scene, of, modulus) for of in (stated.slave, stated.master)] for stated in scene.contacts]
     return [c.name for c, (slave, master) in zip(scene.contacts, stiffness, strict=True) if slave >= HARDER * master]
 

@@ -28,9 +28,9 @@ EASY = 8  # iterations up to which a step was easy: the next one may be twice as
 OnStep = Callable[[StepReport, float, bool], None]  # a step's report, its seconds, whether it is on the schedule
 
 
-def smallest_step(times: Sequence[float] | Floats, start: float = 0.0, smallest: float = SMALLEST) -> float:
+def smallest_step(times: Sequence[float] | Floats, start: float = 0.0) -> float:
     """Smallest step [t] that the steps of a schedule from `start` on may be cut to."""
-    return smallest * min(1.0, *(b - a for a, b in zip([start, *times], times, strict=False)))
+    return SMALLEST * min(1.0, *(b - a for a, b in zip([start, *times], times, strict=False)))
 
 
 def run(

@@ -109,7 +109,7 @@ def patch(slave_over_master: float, points: int | str, stretch: float = 0.9, cel
 UNIAXIAL = {0.9: 0.1288051}  # MPa, nominal stress of the classical reading with K = 5 MPa
 
 
-def limit(reach: float, way: str, cells: int = 4, steps: int = 8) -> Row:
+def limit(reach: float, way: str, cells: int = 4) -> Row:
     """Sphere inflated towards a displacement [mm of 95]: to its load or, beyond the limit point, 3 % more than it bears."""
     mesh = read_gmsh(sphere_shell.build, inner=RADIUS, thickness=WALL, cells=cells, layers=1)
     scene = Scene(Body(mesh, "shell", mooney_paper(**RUBBER)))
@@ -121,17 +121,17 @@ def limit(reach: float, way: str, cells: int = 4, steps: int = 8) -> Row:
     radial = inner_radial(scene)
     if way == "arc length":
         scene.pressure("inner", aim)
-        result = solve(scene, steps=ArcSteps(until=lambda s: radial(s) - reach, first=1 / steps), out=Output(progress=False))
+        result = solve(scene, steps=ArcSteps(until=lambda s: radial(s) - reach, first=1 / STEPS), out=Output(progress=False))
         error = abs(result.history[-1]["t"] - 1) if result.history else float("nan")
         return metrics(result, error=error, value=radial(result.system.state))
     scene.pressure("inner", aim if reach < PEAK else 1.03 * highest)
     control = dict(zip(LOADS, CONTROLS.values(), strict=False))[way]
-    result = solve(scene, steps=steps, out=Output(progress=False), **control)
+    result = solve(scene, steps=STEPS, out=Output(progress=False), **control)
     moved = radial(result.system.state)
     return metrics(result, error=abs(moved / reach - 1), value=moved)
 
 
-PEAK = 40.3126  # mm, displacement at the limit pressure for K = 5 MPa
+STEPS, PEAK = 8, 40.3126  # of the load; mm, displacement at the limit pressure for K = 5 MPa
 
 
 def studies(quick: bool) -> list[Study]:

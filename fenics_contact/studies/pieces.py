@@ -41,13 +41,13 @@ REPEATS = 5
 MARKS = "<!-- pieces: written by `make bench` -->\n", "<!-- end of pieces -->\n"
 
 
-def punch(cells: int, layers: int, steps: int = STEPS) -> Row:
+def punch(cells: int, layers: int) -> Row:
     """A rough punch with sharp edges on the plate: the time of its steps alone."""
     rows = []
     for size in ((4, 2), (cells, layers)):  # a small one first: what is compiled or read when it is first called
         scene, timers = plate(*size), Timers()
-        move = pressed(scene, 0.3, FINE * steps)
-        rows.append(_carried(scene.system(move, timers=timers), timers, steps))
+        move = pressed(scene, 0.3, FINE * STEPS)
+        rows.append(_carried(scene.system(move, timers=timers), timers, STEPS))
     return rows[-1]
 
 
