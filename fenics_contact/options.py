@@ -9,7 +9,6 @@ import numpy as np
 
 from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.functions import Drive
-from fenics_contact.scene.loads import loads_stated
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import ARC_LENGTH, Moves, Only, Stage
 from fenics_contact.solvers.continuation import ArcSteps
@@ -109,7 +108,7 @@ def stated_stages(
         raise SceneError(f"two stages are named '{twice[0]}'; give each a name of its own")
     first, *later = stages
     supports, pairs = [one for one in scene.supports if one.value != 0.0], [pair for pair in scene.pairs if pair.driven]
-    given = [*loads_stated(scene), *supports, *pairs]
+    given = [*scene.loads, *supports, *pairs]
     if idle := [stage for stage in ([] if given else [first]) + later if stage.idle]:
         raise SceneError(f"{idle[0]} has nothing to do: state what is moved, pushed or loaded in it, or leave it out")
     return _all_decided(stages, steps, method)

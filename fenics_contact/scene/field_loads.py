@@ -77,7 +77,7 @@ def swelling_of(scene: "Scene", body: Body | str, ratio: Drive | Place) -> Swell
     if name not in [one.group for one in scene.bodies]:
         known = ", ".join(one.group for one in scene.bodies)
         raise SceneError(f"swell: {shown(name)} is no body of the scene; its bodies are {known}")
-    if (name,) in [one.group for one in scene.swellings]:
+    if (name,) in [one.group for one in scene.loads if isinstance(one, Swelling)]:
         raise SceneError(f"swell '{name}': it swells already; give one function for both")
     what = f"swelling of '{name}'"
     path, nodes = swelling_path(scene, name, ratio, what)

@@ -12,6 +12,7 @@ from fenics_contact.scene.build import Built
 from fenics_contact.scene.functions import row_of, sample
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
+from fenics_contact.scene.statements import Entering, Spin
 from fenics_contact.solid.materials import sampled_energy
 from fenics_contact.values import SceneError, is_number, shown
 
@@ -54,12 +55,11 @@ def statement(
     for i, support in enumerate(scene.supports):
         if support.axis is None:
             out[f"direction of support {i + 1}"] = list(support.direction)
-    if scene.spin_stated is not None:
-        spin = scene.spin_stated
+    for spin in (load for load in scene.loads if isinstance(load, Spin)):
         out["spin"] = [*spin.axis, *spin.point, *spin.density.values()]
     for i, spring in enumerate(scene.springs):
         out[f"spring {i + 1} on {'+'.join(spring.group)}"] = [spring.stiffness, *(spring.direction or ())]
-    for i, fluid in enumerate(scene.fluids):
+    for i, fluid in enumerate(load for load in scene.loads if isinstance(load, Entering)):
         out[f"source of fluid {i + 1}"] = plain(fluid.source or ("all",))
     for tool, point in zip(scene.tools, system.tools.points, strict=True):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}

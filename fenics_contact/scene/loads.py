@@ -19,15 +19,9 @@ if TYPE_CHECKING:  # which states them
     from fenics_contact.scene.scene import Scene
 
 
-def loads_stated(scene: "Scene") -> list[Loading]:
-    """All that loads bodies, but tools and supports."""
-    spin = [] if scene.spin_stated is None else [scene.spin_stated]
-    return [*scene.loads, *scene.moments, *spin, *scene.pressures, *scene.fluids, *scene.swellings]
-
-
 def loads_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> list[Loading]:
     """All loads of a scene, their paths being their courses over stages. Collective."""
-    loads = loads_stated(scene)
+    loads = scene.loads
     keys, parts = [(one.word, one.group) for one in loads], [dict[int, Part]() for _ in loads]
     nodes = [one.nodes if isinstance(one, Load | Entering | Swelling) else None for one in loads]
     for i, stage in enumerate(stated):

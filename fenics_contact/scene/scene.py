@@ -35,11 +35,11 @@ from fenics_contact.scene.statements import (
     ContactStatement,
     Entering,
     Load,
+    Loading,
     MomentLoad,
     Pair,
     Spin,
     Support,
-    Swelling,
     Tie,
 )
 from fenics_contact.solid.elements import locking_notes, refuse_element
@@ -99,13 +99,8 @@ class Scene:
         self.supports: list[Support] = []
         self.ties: list[Tie] = []
         self.pairs: list[Pair] = []
-        self.loads: list[Load] = []
-        self.pressures: list[Load] = []
-        self.fluids: list[Entering] = []
-        self.spin_stated: Spin | None = None
-        self.swellings: list[Swelling] = []
+        self.loads: list[Loading] = []
         self.springs: list[Spring] = []
-        self.moments: list[MomentLoad] = []
 
     # -- statements -----------------------------------------------------------------------------------------------
     def fix(
@@ -215,7 +210,7 @@ class Scene:
             raise SceneError(f'{what}: from_= says where a fluid comes in; it belongs to where="open"')
         path, nodes = load_path(self.space, facets, value, what, ())
         if where == "all":
-            self.pressures.append(Load("pressures", group_names(group), path, nodes))
+            self.loads.append(Load("pressures", group_names(group), path, nodes))
             return
         if self._bare_corners:
             raise SceneError(
@@ -224,7 +219,7 @@ class Scene:
             )
         if from_ is not None:
             refuse_apart(self.mesh, self.space, facets, self.groups.facets(from_), f"{what}: from_ = {quoted(from_)}")
-        self.fluids.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
+        self.loads.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
 
     def body_force(self, vector: Drive | Place) -> None:
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1, or a function of t or of (X, t), as of
@@ -249,7 +244,7 @@ class Scene:
             instead = "state a traction(X, t)" if self.section.axisymmetric else turned
             raise SceneError(f"{what}: moments are known on surfaces in space; in a plane scene {instead}")
         self.mesh.refuse_inside(self.groups.facets(group), what)
-        self.moments.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
+        self.loads.append(MomentLoad(group_names(group), ramp(self.mesh.comm, vector, what)))
 
     def spin(
         self,
@@ -264,9 +259,9 @@ class Scene:
         speed: reached at t = 1, or a function of t [angle/time]; density: of the bodies at the start, a number or {volume:
         number} [mass/length^3], in units in which density speed^2 length is a force per volume.
         """
-        if self.spin_stated is not None:
+        if any(isinstance(load, Spin) for load in self.loads):
             raise SceneError("spin is stated twice; bodies turn about one axis, at a speed that may be a function of t")
-        self.spin_stated = spin_of(self, speed, density, axis, point)
+        self.loads.append(spin_of(self, speed, density, axis, point))
 
     def swell(self, body: Body | str, ratio: Drive | Place) -> None:
         """A body's volume without stress over that at the start, J_s, by temperature or swelling: F = J_s^(1/3) F_e.
@@ -275,7 +270,7 @@ class Scene:
         body (1 + alpha T)^3. An interference fit is a ring drawn without interference that shrinks, or a hub that swells;
         where its length is held, as in plane strain, the radius goes (1 + nu) times as far as the ratio's cubic root says.
         """
-        self.swellings.append(swelling_of(self, body, ratio))
+        self.loads.append(swelling_of(self, body, ratio))
 
     def spring(
         self, group: Group, stiffness: float, *, direction: Sequence[float] | None = None, normal: bool = False
