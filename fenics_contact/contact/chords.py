@@ -8,7 +8,9 @@ Elements of degree 1 have no more than that mean.  Gauss points of degree 2 touc
 none of theirs: heights at the middles of the sides, carried by the facet's shape functions, are the parabolas themselves.
 """
 
-from typing import Protocol
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,29 +18,16 @@ from fenics_contact.kernels.normals import CREASE, corner_angles, grouped_corner
 from fenics_contact.kernels.quadratic import LINE, QUADRILATERAL, STRIP, TRIANGLE
 from fenics_contact.types import Floats, Ints64
 
+if TYPE_CHECKING:
+    from fenics_contact.contact.master import FacetSurface
+
 # Derivatives of a triangle's shape functions along two of its sides, the same at its corners
 GRADIENTS = np.tile([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], (3, 1, 1))
-
-
-class Faceted(Protocol):
-    """corners: flat facets (nodes (nf, 4), size (nf,)), of triangles the third twice, of sides of plane cells both; X (nm,
-    3): reference positions of the nodes [length]."""
-
-    corners: tuple[Ints64, Ints64]
-    X: Floats
-
-
-class Whole(Faceted, Protocol):
-    """facets: with all their nodes (nf, m) of degree 2, and their size (nf,), all the same, as in kernels/quadratic.py."""
-
-    facets: tuple[Ints64, Ints64]
-
-
 # Number of the side, of both triangles of a quadrilateral in turn, by the facet's nodes after its corners
 SIDES = {LINE: [0], STRIP: [0, 0], TRIANGLE: [0, 1, 2], QUADRILATERAL: [0, 1, 4, 5, 2]}
 
 
-def cut_off(surface: Faceted) -> Floats:
+def cut_off(surface: FacetSurface) -> Floats:
     """Mean distances (nf,) [length] of the round surface from the facets that stand for it, positive outside."""
     area, heights = _arcs(surface)
     # a quadrilateral is two triangles, one after the other half way through
@@ -46,7 +35,7 @@ def cut_off(surface: Faceted) -> Floats:
     return np.asarray((area * heights.sum(axis=2) / 3.0).sum(axis=0) / whole)
 
 
-def arches(surface: Whole) -> Floats:
+def arches(surface: FacetSurface) -> Floats:
     """The distances at the nodes (nm,) of facets of degree 2 [length]: none at corners, at middles those of their sides."""
     (nodes, size), (_, heights), found = surface.facets, _arcs(surface), np.zeros(len(surface.X))
     if len(size):
@@ -55,7 +44,7 @@ def arches(surface: Whole) -> Floats:
     return found
 
 
-def _arcs(surface: Faceted) -> tuple[Floats, Floats]:
+def _arcs(surface: FacetSurface) -> tuple[Floats, Floats]:
     """Twice the areas (2, nf) [length^2] of both triangles of the facets, and how high the arcs rise above the middles of
     their sides (2, nf, 3) [length]."""
     triangles, X = _triangles(surface)
@@ -75,7 +64,7 @@ def _arcs(surface: Faceted) -> tuple[Floats, Floats]:
     return area.reshape(2, -1), heights.reshape(2, -1, 3)
 
 
-def _triangles(surface: Faceted) -> tuple[Ints64, Floats]:
+def _triangles(surface: FacetSurface) -> tuple[Ints64, Floats]:
     """Corners (2 nf, 3) of two triangles a facet, and positions of all nodes; sides of plane cells become strips along z."""
     (nodes, size), X = surface.corners, surface.X
     if flat := bool((size == 2).any()):

@@ -1,45 +1,37 @@
 """Points that a step has carried through another body's facets, too deep to have a partner: open contacts by their looks."""
 
-from typing import Any, Protocol
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.surface import SlaveSurface
-from fenics_contact.contact.trial import DRAWN, Trial
-from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.assembly.trial import DRAWN, Trial
+from fenics_contact.kernels.closest_point import NONE
+
+if TYPE_CHECKING:
+    from fenics_contact.contact.on_facets import PlacesOnFacets
 
 # Over the search distance: how far the first search looks for a partner to anchor at and for surfaces that overlap.
 FIRST_SEARCH = 3.0
 
 
-class Seeker(Protocol):
-    """A partner whose points, or samples, seek facets."""
-
-    surface: SlaveSurface
-    search: float
-
-    def feet(self, state: State) -> Any: ...
-
-    def far(self, feet: Any, search: float) -> Projection: ...
-
-
-def deepest_lost(seeker: Seeker, first: int, state: State, trial: Trial) -> float:
+def deepest_lost(places: PlacesOnFacets[Any], state: State, trial: Trial) -> float:
     """Depth [length] of the deepest point inside the master that is too deep to have a partner, else zero.
 
-    first: where the master's nodes begin among the coordinates. A Newton step that carries bodies through each other by more
-    than the search distance ends in such a state, which looks like an open contact. A point counts if it was in front of the
-    master when the last state was accepted, no farther than the bodies have moved since: what has slid off and sprung back
-    lies behind the master, too. Collective.
+    A Newton step that carries bodies through each other by more than the search distance ends in such a state, which looks
+    like an open contact. A point counts if it was in front of the master when the last state was accepted, no farther than
+    the bodies have moved since: what has slid off and sprung back lies behind the master, too. Collective.
     """
-    now, then, comm = seeker.feet(state), trial.history.feet, state.comm
+    now, then, comm, first = places.feet(state), trial.history.feet, state.comm, places.first
     unpaired = now.projection[1] == NONE
     if not comm.allreduce(bool(unpaired.any()), op=MPI.LOR):
         return 0.0
     way = np.abs(now.coords - then.coords)
     moved = max(comm.allgather(way[:first].max(initial=0.0) + way[first:].max(initial=0.0)))
-    reach = max(FIRST_SEARCH * seeker.search, seeker.search + np.sqrt(3.0) * moved)
-    far, before = seeker.far(now, reach), seeker.far(then, reach)
-    passed = unpaired & (before[1] != NONE) & (before[4] > -DRAWN * seeker.surface.cell_height)
+    reach = max(FIRST_SEARCH * places.search, places.search + np.sqrt(3.0) * moved)
+    far, before = places.far(now, reach), places.far(then, reach)
+    passed = unpaired & (before[1] != NONE) & (before[4] > -DRAWN * places.surface.cell_height)
     return -min(comm.allgather(far[4][passed].min(initial=0.0)))

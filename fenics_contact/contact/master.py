@@ -111,12 +111,12 @@ def area_vectors(corners: Floats) -> Floats:
     return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
 
 
-class _Surface:
+class FacetSurface:
     """Facets (nodes (nf, m), size (nf,)) and the reference positions X (nm, 3) of their nodes [length].
 
     edge, longest: median and largest length of the facets' edges; corners: flat facets (nodes (nf, 4), size (nf,)) of the
-    corners, which are the first `count` nodes; whole: they are of degree 2, with all their nodes; straight: so are the cells
-    as drawn.
+    corners, the first `count` nodes, of triangles the third twice, of sides of plane cells both; whole: they are of degree
+    2, with all their nodes; straight: so are the cells as drawn.
     """
 
     straight = True
@@ -152,7 +152,7 @@ class _Surface:
         return corners[small].mean(axis=1)
 
 
-class MasterSurface(_Surface):
+class MasterSurface(FacetSurface):
     """All facets of a master group on every rank, in an order that no partition changes.
 
     facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers; moving: these, each
@@ -246,7 +246,7 @@ class MasterSurface(_Surface):
         self.add_forces(forces[len(forces) - len(self.X) :], residual)
 
 
-class ToolSurface(_Surface):
+class ToolSurface(FacetSurface):
     """The meshed surface of a rigid tool, the same on every rank: it moves as a whole and has no dofs.
 
     tool: MeshedTool; index: its row in the state's q.

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.crossing import Crossed, Crossing
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
@@ -17,7 +18,6 @@ from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.pairing import Watch
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.quadratic import foot_shapes
@@ -124,7 +124,7 @@ class PlacesOnFacets(Generic[Feet]):
 
     def lost_depth(self, state: State, trial: Trial) -> float:
         """Depth [length] of the deepest point, or sample, too deep in the master to have a partner, or zero. Collective."""
-        return deepest_lost(self, self.first, state, trial)
+        return deepest_lost(self, state, trial)
 
     def passed(self, state: State, trial: Trial) -> tuple[Floats, Floats] | None:
         """None: points without a partner say so, see `lost_depth`."""
