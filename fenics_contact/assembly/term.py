@@ -90,9 +90,7 @@ class Term(Protocol):
     symmetric: bool
     condensed: bool
     key: Ints64
-
-    @property
-    def findings(self) -> Findings: ...
+    findings: Findings
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
 

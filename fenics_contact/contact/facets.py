@@ -4,12 +4,12 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction, turned
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.point_anchors import PointAnchors
 from fenics_contact.contact.point_places import FacetFeet, PointPlaces
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import add_forces, foreseen_gaps
 from fenics_contact.kernels.contact_tangent import add_tangents

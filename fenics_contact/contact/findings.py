@@ -10,12 +10,12 @@ import numpy as np
 
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import DRAWN
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note, unheld_facets
 from fenics_contact.contact.between_points import node_depth, sunk
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
-from fenics_contact.contact.trial import DRAWN
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Floats
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import allowed
 from fenics_contact.contact.measures import contact_measures, stored_energy, within_facets
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Floats
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.pose import Pose
+from fenics_contact.assembly.trial import SMOOTH
 from fenics_contact.kernels.law import Friction, friction_limits
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, finite, function, is_number, positive, shown
@@ -18,8 +19,6 @@ EXACT = 1e-10  # how near they come to it, of its greatest value: below what any
 DECADES = 12  # below the largest pressure of its range: under less mu is that of the least
 PIECES = 64  # at first: two an octave and a half, so that no bend of a law is passed over
 NARROWEST = 1e-12  # of ln p: where a kink would long be met to EXACT, mu(p) jumps
-NO_TABLE = np.empty((0, POWER + 3))
-NO_DIRECTIONS = np.empty((0, 3))
 
 
 def coulomb(
@@ -44,7 +43,7 @@ def coulomb(
     on the ellipse of both and acts against the way slid: slip is not associated with the ellipse. SceneError for anything
     else.
     """
-    law = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), NO_TABLE, NO_DIRECTIONS)
+    law = SMOOTH
     if shear_limit is not None:
         law = law._replace(shear=float(positive(shear_limit, "friction: shear_limit", more=", a pressure")))
     if callable(mu):

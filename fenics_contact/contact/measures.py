@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.on_facets import PlacesOnFacets
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
 

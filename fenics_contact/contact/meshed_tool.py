@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.blocks import Blocks, tool_blocks
 from fenics_contact.assembly.pose import Pose
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.master import Meeting
 from fenics_contact.contact.meeting import MortarFeet
@@ -14,7 +15,6 @@ from fenics_contact.contact.mortar import MortarPartner
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.point_places import FacetFeet
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.scatter import motions_of_pairs
 from fenics_contact.types import Array, Floats, Ints64
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.meeting import Linearised, MortarFeet
 from fenics_contact.contact.node_anchors import NodeAnchors
@@ -11,7 +12,6 @@ from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
 from fenics_contact.contact.samples import Samples
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.friction import turned as turned_along
 from fenics_contact.contact.meeting import MortarFeet
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import own
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.types import Anchors, Floats, Ints, Ints64
 

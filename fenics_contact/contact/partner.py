@@ -7,12 +7,12 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.contact_term import ContactPartner, ContactPlaces
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.crossing import Crossed, Crossing
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.surface import Beside, SlaveSurface
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.trial import Trial
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
 from fenics_contact.types import Bools, Ints
 

@@ -10,9 +10,9 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Law, Trial
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.friction import Friction
-from fenics_contact.contact.trial import Law, Trial
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.partner import SingleAnchors
 from fenics_contact.contact.point_places import FacetFeet
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Floats, Ints, Ints64

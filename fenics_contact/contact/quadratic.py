@@ -4,13 +4,13 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.facet_points import ACROSS
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.facets import FacetPartner
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.quadratic_anchors import QuadraticAnchors
 from fenics_contact.contact.quadratic_places import QuadraticPlaces
 from fenics_contact.contact.touching import ANCHOR, CORNERS, MASTER, SLAVE, Touching, images
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels import contact_pairs as flat
 from fenics_contact.kernels.closest_point import INTERIOR, NONE
 from fenics_contact.kernels.contact_tangent import add_tangents

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.point_anchors import PointAnchors
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.touching import ANCHOR, MASTER, Touching, images
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels import contact_pairs as flat
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.deformable_element import Pairs

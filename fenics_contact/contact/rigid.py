@@ -4,13 +4,13 @@ import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks, tool_blocks
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction, turned
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.rigid_anchors import RigidAnchors
 from fenics_contact.contact.rigid_places import RigidFeet, RigidPlaces
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
-from fenics_contact.contact.trial import Response, Trial
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.partner import SingleAnchors, worked
 from fenics_contact.contact.rigid_places import RigidFeet
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.rigid_element import committed_anchors
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints

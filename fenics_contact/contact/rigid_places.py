@@ -8,11 +8,11 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.entered import Entered, entered
 from fenics_contact.contact.passing import Facets, depths_passed, tool_distances
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
-from fenics_contact.contact.trial import Trial
 from fenics_contact.kernels.rigid_element import Points, ToolPose, distances, point_normals
 from fenics_contact.types import Array, Bools, Floats, Space
 

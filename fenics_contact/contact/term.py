@@ -6,18 +6,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
+from fenics_contact.assembly.trial import DRAWN, History, Law, Response, Trial
 from fenics_contact.contact.findings import Findings
 from fenics_contact.contact.forces import Forces
 from fenics_contact.contact.friction import stated
 from fenics_contact.contact.led import Led
 from fenics_contact.contact.multipliers import Multipliers
-from fenics_contact.contact.partner import Partner
+from fenics_contact.contact.partner import Partner, Places
 from fenics_contact.contact.parts import Parts
 from fenics_contact.contact.penalties import LARGEST, STIFFEST, Penalties, Penalty
-from fenics_contact.contact.trial import DRAWN, History, Law, Response, Trial
+from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.kernels.law import Friction
 from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.timing import Timers
@@ -33,7 +35,7 @@ class Interface(NamedTuple):
     penetration: float | None
 
 
-class Contact:
+class Contact(ContactTerm):
     """Penalty contact with Coulomb friction between slave points and a master.
 
     partner: what the points of its surface meet; interface: what they do there; supports: what leads nodes; state: the
@@ -43,6 +45,15 @@ class Contact:
     """
 
     condensed = False
+    surface: SlaveSurface
+    partner: Partner
+    places: Places
+    penalties: Penalties
+    multipliers: Multipliers
+    forces: Forces
+    findings: Findings
+    led: Led
+    parts: Parts
 
     def __init__(
         self,
@@ -116,12 +127,7 @@ class Contact:
         with self.timers("insertion"):
             self.partner.add_forces(feet, response, residual, tool_residual)
 
-    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
-        """The residual: there are no condensed unknowns."""
-        self.add_residual(state, residual, tool_residual)
-
     def couplings(self, state: State) -> Ints64 | None:
-        """None, or keys of global blocks beyond those of the cells."""
         return self.partner.couplings(self.places.feet(state), self.trial)
 
     def tangent(self, state: State) -> Blocks:
@@ -187,7 +193,6 @@ class Contact:
         self.partner.return_to(self.trial)
 
     def history(self) -> dict[str, Array]:
-        """{name: array (ne, ...)} of what commit writes, for elements numbered by `key` (ne,) on any partition alike."""
         h, points = self.accepted.history, self.surface.area.shape
         packed = self.partner.anchors.packed
         out = packed(h.anchors, h.feet, "anchor") | packed(h.rests, h.feet, "rest") | self.partner.sites(h.feet)
@@ -197,7 +202,6 @@ class Contact:
         return out if self.penetration is None else out | {"shift": h.shift}
 
     def restore(self, values: dict[str, Array], state: State) -> None:
-        """Take up what history gave for this rank's elements, at the accepted state."""
         values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
         h = self.accepted.history
         self.partner.put_sites(values)
@@ -218,9 +222,7 @@ class Contact:
         return self.trial.rough
 
     def statuses(self) -> Ints:
-        """Status codes (n,) of this rank's points at the state evaluated last."""
         return self._last[2].status.ravel() if self._last else np.empty(0, dtype=np.int32)
 
     def spots(self) -> Floats:
-        """Reference positions (n, 3) of the points."""
         return np.einsum("eqk,ekc->eqc", self.surface.a, self.surface.X).reshape(-1, 3)

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.penalty_error import least_load
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 
@@ -12,7 +13,7 @@ from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 def rounder(system: System) -> Vary:
     """All gaps smaller by s times what facets cut off there: with s = 1 those of the round surfaces, on average."""
 
-    def vary(term: ContactTerm, s: float) -> ContactTrial:
+    def vary(term: ContactTerm, s: float) -> Trial:
         return term.penalties.stiffened(system.state, 1.0).nearer(s * term.places.cut_off(system.state))
 
     return vary

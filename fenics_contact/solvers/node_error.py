@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.penalty_error import least_load
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 from fenics_contact.types import Floats
@@ -37,7 +38,7 @@ def sunk(system: System) -> Sunk | None:
 def lifted(system: System, found: Sunk) -> Vary:
     """Points hold the deepest nodes of their facets out of the master in place of themselves, with s = 1 by `part`."""
 
-    def vary(term: ContactTerm, s: float) -> ContactTrial:
+    def vary(term: ContactTerm, s: float) -> Trial:
         return term.penalties.stiffened(system.state, 1.0).nearer(s * found.part * found.depths[term.name])
 
     return vary

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import foremost
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
 
 # Of the peak pressure: a greater change is no small one, and the peak (at a corner, an edge) is the penalty's as much as the
@@ -23,7 +24,7 @@ def stiffer(system: System) -> Vary:
     under the same traction. Changes of the contact area and of the path before are left out.
     """
 
-    def vary(term: ContactTerm, s: float) -> ContactTrial:
+    def vary(term: ContactTerm, s: float) -> Trial:
         return term.penalties.stiffened(system.state, 1.0 + s)
 
     return vary

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, ContactTrial, Trials
+from fenics_contact.assembly.contact_term import ContactTerm, Trials
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Vec
 
@@ -16,7 +17,7 @@ NUDGE = 1e-4  # over which forces are differenced: few statuses change, far abov
 LINEAR = 1e-4  # relative residual of an iterative solve: an extrapolation itself is good to some percent
 
 # The trial of a contact where a parameter differs by a number from that of the accepted state
-Vary = Callable[[ContactTerm, float], ContactTrial]
+Vary = Callable[[ContactTerm, float], Trial]
 
 
 class Change(NamedTuple):

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.contact.friction import coulomb
 from fenics_contact.kernels.law import Friction
 from fenics_contact.types import Anchors, Bools, Floats, Ints
 
 PRESENT: Floats = np.empty(0)
+SMOOTH = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), np.empty((0, 2)), np.empty((0, 3)))  # no friction
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
 DRAWN = 1e-10
 
@@ -87,7 +87,7 @@ class Trial:
 
     def with_friction(self, mu: float) -> "Trial":
         """With another coefficient of friction."""
-        return replace(self, law=replace(self.law, friction=coulomb(mu)))
+        return replace(self, law=replace(self.law, friction=SMOOTH._replace(mu=mu)))
 
     def remembering(self, **changes: Any) -> "Trial":
         """With some of the history changed."""
