@@ -10,7 +10,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 PICTURE = DOCS / "pictures" / "house.svg"
 WIDTH, ROW, HIGH, GAP = 940, 86, 46, 14
-GROUND = ["compat", "values", "agreement", "timing", "types", "packages"]
+GROUND = ["compat", "values", "units", "agreement", "timing", "types", "packages"]
 # What is written beneath a name, lines of some 20 letters
 KNOWS = {
     "__init__": "what users import",
@@ -36,6 +36,7 @@ KNOWS = {
     "form_files": "what FFCx compiled",
     "compat": "dolfinx' versions",
     "values": "checked input",
+    "units": "names of units",
     "agreement": "errors on all ranks",
     "uncaught": "how errors are printed",
     "timing": "seconds by stage",
