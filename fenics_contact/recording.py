@@ -126,7 +126,7 @@ class Recorder:
     def _row(self, report: StepReport, seconds: float) -> HistoryRow:
         state, result = self.system.state, self.results.of_step(report.jumped)
         if report.jumped and self.system.damping is not None:
-            self.system.damping.took(self.results.let_go, result.energies.strain)
+            self.system.damping.took(self.results.balance.let_go, result.energies.strain)
         view = self.view.show(result)
         row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), result)
         if name := self.system.stages.name:
@@ -135,7 +135,7 @@ class Recorder:
             row["augmentations"] = report.augmentations
         row |= self._own(view)
         if self.system.damped:
-            row[damping_column(self.scene.units)] = self.results.let_go
+            row[damping_column(self.scene.units)] = self.results.balance.let_go
         return row | self._of_arc(report if isinstance(report, ArcReport) else ArcReport())
 
     def _own(self, view: View) -> HistoryRow:

@@ -163,7 +163,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]
     summary["energy"] = energy_summary(
-        kept.history, scene.units, along_slave, kept.results.growth, system.scales.noise_energy
+        kept.history, scene.units, along_slave, kept.results.balance.growth, system.scales.noise_energy
     )
     kept.remark(kept.results.notes())
     taken = len(kept.history)
@@ -181,7 +181,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
 def _told(scene: Scene, kept: Recorder, summary: Summary) -> list[str]:
     """The last lines that a run shows."""
     lines = penalty_lines(summary["penalty_error"], scene.units)
-    lines += [energy_line(kept.results.energies, summary["energy"], scene.units), stages_line(summary["seconds"])]
+    lines += [energy_line(kept.results.balance.now, summary["energy"], scene.units), stages_line(summary["seconds"])]
     if kept.verdict.residuals:
         falls = " ".join(f"{residual:.0e}" for residual in kept.verdict.residuals[-1])
         lines.insert(0, f"out of balance in the last step, after each tangent: {falls} of the force")

@@ -46,7 +46,7 @@ def test_a_failed_factorisation_leaves_nothing(symmetric):
     right.set(1.0)
     for _ in range(2):
         assert solver.solve(singular, 0, right, out, 1e-8) < 0
-        assert solver.mumps_code() < 0  # a singular matrix: -10, or -9, for pivots are delayed until space runs out
+        assert solver.mumps_code < 0  # a singular matrix: -10, or -9, for pivots are delayed until space runs out
     assert solver.solve(regular, 0, right, out, 1e-8) >= 0
     rest = right.copy()
     regular.mult(out, rest)
@@ -72,7 +72,7 @@ def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
         regular.mult(out, rest)
         rest.axpy(-1.0, right)
         assert rest.norm() < 1e-12 * right.norm()
-    assert solver.builds == 2 and solver.mumps_code() == 0  # the second solve has the first one's
+    assert solver.builds == 2 and solver.mumps_code == 0  # the second solve has the first one's
 
 
 def small_matrix(dense, symmetric):

@@ -104,14 +104,13 @@ class FacetPartner(OnFacets):
 
         Provided for: each slave point near the master with all facets that it may reach within MARGIN of their edges.
         """
-        coords, points, *_ = feet.placed
         facet, kind, gap, anchor_nodes = feet.projection[0], feet.projection[1], feet.projection[4], trial.history.anchors[0]
         gaps = trial.judged if len(trial.judged) else gap + trial.history.shift.reshape(-1)
         now = (gaps <= 2.0 * trial.law.touch) & (kind != NONE), facet, anchor_nodes
         if self._pattern.suffices(*now):
             return None
         with self.timers("search"):
-            near = self.places.pairing.within(points, coords, MARGIN * self.places.master.edge)
+            near = self.places.pairing.within(feet.points, feet.coords, MARGIN * self.places.master.edge)
         self._pattern.provide(*near, *now)
         return self._pattern.keys
 

@@ -20,33 +20,16 @@ from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Ints64, Space
 
 
-class Placed(NamedTuple):
+class FacetFeet(NamedTuple):
     """Positions coords (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
-    they say in which direction a slave node looks, else the points; pose: of a tool."""
+    they say in which direction a slave node looks, else the points; pose: of a tool; the projection of
+    kernels/closest_point.py there."""
 
     coords: Floats
     points: Floats
     normals: Floats
     pose: Pose | None
-
-
-class FacetFeet(NamedTuple):
-    """Where slave points and master facets are, and the projection of kernels/closest_point.py there."""
-
-    placed: Placed
     projection: Projection
-
-    @property
-    def coords(self) -> Floats:
-        return self.placed.coords
-
-    @property
-    def points(self) -> Floats:
-        return self.placed.points
-
-    @property
-    def pose(self) -> Pose | None:
-        return self.placed.pose
 
 
 class PointPlaces(PlacesOnFacets[FacetFeet]):
@@ -86,27 +69,25 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
 
     def _met(self, state: State) -> FacetFeet:
         coords, points, normals, _ = placed = self._placed(state)
-        return FacetFeet(placed, self.pairing.project(points, normals, coords, self.timers))
+        return FacetFeet(*placed, self.pairing.project(points, normals, coords, self.timers))
 
     def first_feet(self, state: State) -> FacetFeet:
         """The places of the first search, which looks farther. Collective."""
-        placed = self._placed(state)
-        return FacetFeet(placed, self._far(placed, FIRST_SEARCH * self.search))
+        coords, points, normals, _ = placed = self._placed(state)
+        return FacetFeet(*placed, self.pairing.far(points, normals, coords, FIRST_SEARCH * self.search))
 
     def far(self, feet: FacetFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""
-        return self._far(feet.placed, search)
+        return self.pairing.far(feet.points, feet.normals, feet.coords, search)
 
-    def _far(self, placed: Placed, search: float) -> Projection:
-        return self.pairing.far(placed.points, placed.normals, placed.coords, search)
-
-    def _placed(self, state: State) -> Placed:
+    def _placed(self, state: State) -> tuple[Floats, Floats, Floats, Pose | None]:
+        """All of FacetFeet but the projection."""
         u, s = state.u.x.array, self.surface
         coords = np.concatenate([self._X[self.slave] + u.reshape(-1, 3)[self.slave], self.master.positions(state)])
         points = np.empty((s.area.size, 3))
         slave_points(coords, self.nodes, s.a.reshape(-1, s.a.shape[2]), points)
         normals = points if s.gradients is not None else self._point_normals(u)
-        return Placed(coords, points, normals, self.master.pose(state))
+        return coords, points, normals, self.master.pose(state)
 
     def _point_normals(self, u: Floats) -> Floats:
         """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""

@@ -55,7 +55,7 @@ def line(surface: SlaveNodes, along: Along, cut: Mapping[str, float] | None, uni
 
 def _plane(surface: SlaveNodes, cut: Mapping[str, float] | None) -> tuple[int, float, float]:
     """Axis and place of the plane, and size of the slave surface [length]. Collective."""
-    comm, X = surface.comm, surface.reference()[surface.skin.corners]
+    comm, X = surface.comm, surface.reference[surface.skin.corners]
     low, high = (
         choose(comm.allgather(choose(X, axis=(0, 1), initial=start)), axis=0)
         for choose, start in ((np.min, np.inf), (np.max, -np.inf))
@@ -103,7 +103,7 @@ def _order(X: Floats, along: Along, size: float) -> Floats:
 def _values(surface: SlaveNodes) -> Floats:
     """Reference and current position, pressure, friction, gap, slip and rank of the status (n, 13) of all local nodes."""
     at, x = surface.at_state(), surface.positions()
-    columns = [surface.reference(), x, at.pressure, at.friction, at.gap, at.slip, RANK_OF_STATUS[at.status]]
+    columns = [surface.reference, x, at.pressure, at.friction, at.gap, at.slip, RANK_OF_STATUS[at.status]]
     return np.column_stack(columns)
 
 

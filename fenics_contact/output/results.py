@@ -63,8 +63,8 @@ class Results:
     """Measures a scene's System. loads: terms of dead loads and pressures alone; so_far: Energies of a resumed run; watched:
     names of contacts.
 
-    within_facets: of each of these its greatest load so far [force], and what of its pressure varied within facets of the
-    master then, see `measures.within_facets`.
+    balance: of energies, up to the last accepted step; within_facets: of each of these its greatest load so far [force], and
+    what of its pressure varied within facets of the master then, see `measures.within_facets`.
     """
 
     def __init__(
@@ -79,26 +79,11 @@ class Results:
         self.surfaces = surfaces_of(scene, system)
         self.reactions = Reactions(scene, system)
         self.within_facets = dict.fromkeys(watched, (0.0, 0.0))
-        self._balance = EnergyBalance(system, loads, so_far, scene.section)
-
-    @property
-    def energies(self) -> Energies:
-        """Up to the last accepted step."""
-        return self._balance.now
-
-    @property
-    def growth(self) -> dict[str, float]:
-        """By contact, see `EnergyBalance.growth`."""
-        return self._balance.growth
-
-    @property
-    def let_go(self) -> float:
-        """Energy that the last step has let go in a jump [force length]."""
-        return self._balance.let_go
+        self.balance = EnergyBalance(system, loads, so_far, scene.section)
 
     def of_step(self, jumped: bool) -> StepResult:
         """Of the state just accepted; jumped: damped motion has led there. Call once per step. Collective."""
-        energies, state = self._balance.advance(jumped), self.system.state
+        energies, state = self.balance.advance(jumped), self.system.state
         contacts = {surface.contact.name: self._contact(surface, energies) for surface in self.surfaces}
         travel, angles = (
             dict(zip(self.system.tools.names, of_tools.copy(), strict=True)) for of_tools in (state.travel, state.angles)

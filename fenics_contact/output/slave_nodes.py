@@ -59,11 +59,13 @@ class Zone:
 class SlaveNodes:
     """Nodal values of one contact, the same on any number of ranks. facets: those of the slave on this rank.
 
-    rings (n, 2 ... 4): nodes around these, or around the parts of those of degree 2 between all nodes that have pressures.
+    extent: size of the bodies [length]; reference (n, 3): positions of all local nodes [length]; rings (n, 2 ... 4): nodes
+    around the facets, or around the parts of those of degree 2 between all nodes that have pressures.
     """
 
     def __init__(self, system: System, contact: ContactTerm, facets: Ints, section: Section | None = None) -> None:
         self.contact, self._system, space = contact, system, system.space
+        self.comm, self.extent = system.comm, system.extent
         self.skin = skin_of(space, facets, section)
         self._sums = compat.node_values(space, SUMS)
         s = contact.surface
@@ -72,7 +74,7 @@ class SlaveNodes:
         self._lumped = _of_corners(self.skin) if s.linear else _lumped(self.skin.N, self.skin.X)
         self.rings = _rings(self.skin, s.linear)
         self._over_depth = _over_depth(self.skin.N, self.skin.X, bare)
-        self._reference = space.tabulate_dof_coordinates()
+        self.reference = space.tabulate_dof_coordinates()
         self._owned = space.dofmap.index_map.size_local
         self._keys: Ints64 | None = None
 
@@ -120,15 +122,6 @@ class SlaveNodes:
             "pressures. A second run, with the law stated for pressures off by so much, tells whether it matters"
         )
 
-    @property
-    def extent(self) -> float:
-        """Size of the bodies [length]."""
-        return self._system.extent
-
-    @property
-    def comm(self) -> MPI.Comm:
-        return self._system.comm
-
     def keys(self) -> Ints64:
         """Numbers (n,) of all local nodes, the same on any number of ranks. Collective when asked first."""
         if self._keys is None:
@@ -140,13 +133,9 @@ class SlaveNodes:
         law = self.contact.trial.law
         return max(self.comm.allgather(float(law.eps_n.max(initial=0.0)))) * law.touch
 
-    def reference(self) -> Floats:
-        """Reference positions (n, 3) of all local nodes [length]."""
-        return self._reference
-
     def positions(self) -> Floats:
         """Current positions (n, 3) of all local nodes [length]."""
-        return self.reference() + self._system.state.u.x.array.reshape(-1, 3)
+        return self.reference + self._system.state.u.x.array.reshape(-1, 3)
 
     def _areas(self) -> Floats:
         """Current areas (ne, nq) of the facets' points [length^2]."""
@@ -167,9 +156,9 @@ class SlaveNodes:
         owned = at.pressure[: self._owned]
         peak = max(self.comm.allgather(float(owned.max(initial=0.0))))
         alike = np.flatnonzero(owned >= (1.0 - ALIKE) * peak) if peak > 0.0 else np.empty(0, dtype=np.int64)
-        X = np.round(self.reference()[alike] / self._system.extent, 9)
+        X = np.round(self.reference[alike] / self.extent, 9)
         first = alike[np.lexsort(X.T[::-1])[:1]]
-        found = [pair for pair in self.comm.allgather([(tuple(self.reference()[i]), tuple(x[i])) for i in first]) if pair]
+        found = [pair for pair in self.comm.allgather([(tuple(self.reference[i]), tuple(x[i])) for i in first]) if pair]
         return peak, np.array(min(pair[0] for pair in found)[1] if found else np.zeros(3))
 
     def _width(self, touched: Bools, x: Floats) -> Floats:

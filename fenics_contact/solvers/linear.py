@@ -291,7 +291,7 @@ class LinearSolver:
 
     def _cause(self, reason: int) -> tuple[str, ...]:
         """Arguments of LinearFailure after PETSc's reason or error code."""
-        code = self._solver.mumps_code() if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED else 0
+        code = self._solver.mumps_code if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED else 0
         if code in NO_MEMORY or reason == -OUT_OF_MEMORY:
             text = f"the direct solver could not get the memory it needs (MUMPS {code})"
             return text, MEMORY, "", 'use method=Method(linear="iterative"), more ranks on more machines, or a coarser mesh'

@@ -93,7 +93,8 @@ class ReusingSolver:
         self.comm, self.symmetric, self.timers = rows.comm, symmetric, timers
         self.choice = method if isinstance(method, Choice) else None
         self._all, self._near_null_space, size = rows, near_null_space, rows.size
-        self.builds = self.iterations = self._cause = 0
+        self.builds = self.iterations = 0
+        self.mumps_code = 0  # INFOG(1) of the solve that failed last, 0 where there is none
         self.anew = size <= REUSE_ABOVE or afresh  # for each tangent
         self.longest = LONGEST
         self._copy: Mat = None  # what is coarsened
@@ -186,7 +187,7 @@ class ReusingSolver:
         if reason >= 0 and not np.isfinite(out.norm()):
             reason = -NOT_FINITE
         if reason < 0:
-            self._cause = self._factors.code() if self._rows is not None else 0
+            self.mumps_code = self._factors.code() if self._rows is not None else 0
             self.use(self.method)
         return reason
 
@@ -289,10 +290,6 @@ class ReusingSolver:
             found = softest.resists(product, self._krylov.getPC(), self.symmetric)
         raise_stopped()
         return found
-
-    def mumps_code(self) -> int:
-        """MUMPS' INFOG(1) of the solve that failed last, 0 where there is none."""
-        return self._cause
 
 
 def _solved(matrix: Mat, rhs: Vec, out: Vec) -> bool:
