@@ -298,11 +298,8 @@ def _stabilisation(system: System, units: Units) -> dict[str, float]:
 
 def _contact_summary(contact: ContactTerm, system: System, units: Units) -> dict[str, Any]:
     """What a reader must know of a contact: its edge, its penalties and its points. Collective."""
-    comm = system.comm
-    low, high = (
-        choose(comm.allgather(choose(contact.trial.law.eps_n, default=start)))
-        for choose, start in ((min, np.inf), (max, 0.0))
-    )
+    comm, eps = system.comm, contact.trial.law.eps_n
+    low, high = min(comm.allgather(eps.min(initial=np.inf))), max(comm.allgather(eps.max(initial=0.0)))
     return {
         "name": contact.name,
         "master": contact.master_name,

@@ -132,21 +132,27 @@ def test_load_steps_that_pass_a_bifurcation_say_so_once():
     assert "follow the path by steps=ArcSteps(" in said
 
 
-@pytest.mark.parallel
-@pytest.mark.parametrize(("friction", "linear"), [(None, "auto"), (0.5, "auto"), (0.5, "iterative")])
-def test_what_is_not_factorised_anew_is_looked_at_too(friction, linear):
-    """A clamped column of 1 x 1 x 12 is shortened past Euler's 4 pi^2 / 12 / 12^2 of its length, 0.274, in steps of 0.1; its
-    mesh is straight. An old factorisation serves all steps, or a hierarchy."""
-    mesh = read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=(6, 6, 48))
-    scene, move = Scene(Body(mesh, "box", from_elastic(1.0, 0.3))), {}
+def shortened(cells, degree, friction, travel, points=None):
+    """A clamped column of 1 x 1 x 12, whose other end is clamped too or pressed by a rough plate; and the plate's way."""
+    scene = Scene(
+        Body(read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=cells), "box", from_elastic(1.0, 0.3)), degree=degree
+    )
     scene.fix("zmin")
     if friction is None:
         scene.fix("zmax", "xy")
-        scene.prescribe("zmax", "z", -0.4)
-    else:
-        plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
-        scene.contact("zmax", plate, friction)
-        move = {plate: (0, 0, -0.4)}
+        scene.prescribe("zmax", "z", -travel)
+        return scene, {}
+    plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
+    scene.contact("zmax", plate, friction, **({} if points is None else {"points": points}))
+    return scene, {plate: (0, 0, -travel)}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("friction", "linear"), [(None, "auto"), (0.5, "auto"), (0.5, "iterative")])
+def test_what_is_not_factorised_anew_is_looked_at_too(friction, linear):
+    """The column is shortened past Euler's 4 pi^2 / 12 / 12^2 of its length, 0.274, in steps of 0.1; its mesh is straight.
+    An old factorisation serves all steps, or a hierarchy."""
+    scene, move = shortened((6, 6, 48), 1, friction, 0.4)
     result = solve(scene, move=move, steps=4, method=Method(linear=linear)).require()
     (said,) = (note for note in result.verdict.notes if "bifurcation" in note)
     assert said.startswith("step 3 to t = 0.75: the ") and "tangent" in said
@@ -156,13 +162,9 @@ def test_what_is_not_factorised_anew_is_looked_at_too(friction, linear):
 @pytest.mark.parallel
 def test_two_motions_that_a_determinant_hides_are_found():
     """The same column on a rough plate, which may bend along x or y; each tangent is factorised."""
-    mesh = read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=(1, 1, 12))
-    scene = Scene(Body(mesh, "box", from_elastic(1.0, 0.3)), degree=2)
-    scene.fix("zmin")
-    plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
-    scene.contact("zmax", plate, 0.5, points=3)
-    for travel, passed in (-0.2, 0), (-0.4, 1):
-        result = solve(scene, move={plate: (0, 0, travel)}, steps=4).require()
+    for travel, passed in (0.2, 0), (0.4, 1):
+        scene, move = shortened((1, 1, 12), 2, 0.5, travel, points=3)
+        result = solve(scene, move=move, steps=4).require()
         said = [note for note in result.verdict.notes if "bifurcation" in note]
         assert result.summary["method"]["factorisations"] >= result.verdict.iterations and len(said) == passed
     assert said[0].startswith("step 3 to t = 0.75: the tangent no longer resists every motion")
@@ -179,17 +181,8 @@ def test_two_motions_that_a_determinant_hides_are_found():
 )
 def test_one_step_far_past_a_bifurcation_says_so(friction, linear, cells, degree):
     """Of the same column, to one and a half times Euler's shortening and more."""
-    mesh = read_gmsh(box.build, size=(1.0, 1.0, 12.0), cells=cells)
     for travel in (0.2, 0.5, 0.7, 1.1):
-        scene, move = Scene(Body(mesh, "box", from_elastic(1.0, 0.3)), degree=degree), {}
-        scene.fix("zmin")
-        if friction is None:
-            scene.fix("zmax", "xy")
-            scene.prescribe("zmax", "z", -travel)
-        else:
-            plate = rigid_plane((0, 0, 12), (0, 0, -1), name="plate")
-            scene.contact("zmax", plate, friction, points=3)
-            move = {plate: (0, 0, -travel)}
+        scene, move = shortened(cells, degree, friction, travel, points=3)
         notes = solve(scene, move=move, steps=1, method=Method(linear=linear)).require().verdict.notes
         assert sum("a bifurcation" in note for note in notes) == (travel > 0.3)
 

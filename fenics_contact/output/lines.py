@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from fenics_contact.assembly.size import extremes
 from fenics_contact.output.chains import along_sides, chains, cut_facets, together
 from fenics_contact.output.columns import AXES
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, SlaveNodes
@@ -56,10 +57,7 @@ def line(surface: SlaveNodes, along: Along, cut: Mapping[str, float] | None, uni
 def _plane(surface: SlaveNodes, cut: Mapping[str, float] | None) -> tuple[int, float, float]:
     """Axis and place of the plane, and size of the slave surface [length]. Collective."""
     comm, X = surface.comm, surface.reference[surface.skin.corners]
-    low, high = (
-        choose(comm.allgather(choose(X, axis=(0, 1), initial=start)), axis=0)
-        for choose, start in ((np.min, np.inf), (np.max, -np.inf))
-    )
+    low, high = extremes(comm, X.reshape(-1, 3))
     size = float(np.max(high - low))
     if cut is not None:
         if len(cut) != 1 or next(iter(cut)) not in list(AXES):

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.facet_points import MIDDLES, Skin, skin_of
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section
+from fenics_contact.assembly.size import extremes
 from fenics_contact.assembly.system import System
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.types import Bools, Floats, Ints, Ints64
@@ -167,9 +167,8 @@ class SlaveNodes:
         rim = first != second
         middles = 0.5 * (x[starts].reshape(-1, 3)[rim] + x[ends].reshape(-1, 3)[rim])
         places = np.concatenate([x[starts].reshape(-1, 3)[first], middles, np.empty((0, 3))])
-        extents = np.concatenate([places.max(axis=0, initial=-np.inf), -places.min(axis=0, initial=np.inf)])
-        self.comm.Allreduce(MPI.IN_PLACE, extents, op=MPI.MAX)
-        return np.maximum(extents[:3] + extents[3:], 0.0)
+        low, high = extremes(self.comm, places)
+        return np.maximum(high - low, 0.0)
 
 
 def _over_depth(N: Floats, X: Floats, section: Section | None) -> Floats | float:
