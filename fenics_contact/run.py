@@ -53,7 +53,7 @@ from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.solvers.augmented import ASTRAY, misfits
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.node_error import lifted, node_error, sunk
+from fenics_contact.solvers.node_error import deeper, lifted, node_error
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
 from fenics_contact.solvers.verdict import Verdict
@@ -213,7 +213,7 @@ def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
 def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, Shares, Shares]:
     """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
     `chord_error` and `node_error`. Collective."""
-    round_, deep = is_round(system), sunk(system)
+    round_, deep = is_round(system), deeper(system)
     varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
     # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
     found = sensitivities(system, solver, varied, LINEAR * min(deep.part, 1.0) if deep else LINEAR)

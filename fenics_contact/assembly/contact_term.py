@@ -148,7 +148,7 @@ class ContactFindings(Findings, Protocol):
 
     def pressing_edge(self, state: State) -> Finding | None: ...
 
-    def sunk(self, state: State) -> Floats:
+    def nodes_deeper(self, state: State) -> Floats:
         """How much deeper (ne, nq) [length] than its deepest Gauss point a node of a facet lies that touches. Collective."""
         ...
 

@@ -34,7 +34,7 @@ FINER = "mesh the slave there more finely, with cells of a quarter of how deep i
 EDGED = "let the side without an edge there be the slave, or round the edge"
 
 
-class Sunk(NamedTuple):
+class Behind(NamedTuple):
     """Nodes of n places that lie behind facets, of this rank: by how much deeper than the points there, sag (n,) [length],
     share (n,): of the size of the slave's facet; X (n, 3): reference positions on the slave; slaves (n,): nodes of the
     slave, at (n,): their numbers there, of others those of the slave's facets; led (n,): supports have led them, or
@@ -51,7 +51,7 @@ class Sunk(NamedTuple):
     forces: Floats
 
 
-def _sunk(contact: Contact, state: State) -> Sunk | None:
+def _behind(contact: Contact, state: State) -> Behind | None:
     """None where no node lies deep. Collective."""
     crossing, comm = contact.places.crossing, state.comm
     if crossing is None or (found := contact.places.crossed(state)) is None:
@@ -72,7 +72,7 @@ def _sunk(contact: Contact, state: State) -> Sunk | None:
     comm.Allreduce(MPI.IN_PLACE, led_in, op=MPI.MAX)
     led = np.zeros(len(ours), dtype=bool)
     led[ours], led[theirs] = led_in[found.at[ours]] > 0, (led_in[facets[found.at[theirs]]] > 0).any(axis=1)
-    return Sunk(sag, share, found.X, ours, found.at, led, free, load)
+    return Behind(sag, share, found.X, ours, found.at, led, free, load)
 
 
 def _penetrations(contact: Contact, state: State, crossing: Crossing) -> Floats:
@@ -86,7 +86,7 @@ def _penetrations(contact: Contact, state: State, crossing: Crossing) -> Floats:
     return out
 
 
-def _part_there(contact: Contact, state: State, found: Sunk, which: Bools) -> float:
+def _part_there(contact: Contact, state: State, found: Behind, which: Bools) -> float:
     """Of the contact's pressure the part at the nodes of the facets around some places, endless where nothing presses.
     Collective."""
     crossing = contact.places.crossing
@@ -99,7 +99,7 @@ def _part_there(contact: Contact, state: State, found: Sunk, which: Bools) -> fl
     return float(found.forces[np.unique(facets[there > 0])].sum() / total) if total > 0.0 else np.inf
 
 
-def _in_words(contact: Contact, state: State, found: Sunk, values: Floats) -> tuple[str, str, str]:
+def _in_words(contact: Contact, state: State, found: Behind, values: Floats) -> tuple[str, str, str]:
     """(place, what lies how deep, remedy) of the place with the largest of values (n,). Collective."""
     most, place = worst(contact, state.comm, values, found.X)
     here = values >= most
@@ -129,7 +129,7 @@ def pierced_facet_note(contact: Contact, state: State) -> Remark | None:
 
 def _note(contact: Contact, state: State, above: float, least: float) -> Remark | None:
     """None, or what lies deeper than `above` of a facet's size where more of the load than `least` acts. Collective."""
-    if (found := _sunk(contact, state)) is None:
+    if (found := _behind(contact, state)) is None:
         return None
     share = np.where(found.led, 0.0, found.share)
     most = max(state.comm.allgather(share.max(initial=0.0)))
@@ -161,7 +161,7 @@ def unheld_facets(contact: Contact, state: State) -> str | None:
 
 def led_in_note(contact: Contact, state: State) -> Remark | None:
     """None, or that supports have led nodes of the slave into a body; of a tool `_led_note` says so. Collective."""
-    if contact.partner.grounded or (found := _sunk(contact, state)) is None:
+    if contact.partner.grounded or (found := _behind(contact, state)) is None:
         return None
     some = found.led & found.slaves
     if not state.comm.allreduce(bool(some.any()), op=MPI.LOR):
@@ -184,7 +184,7 @@ def led_in_note(contact: Contact, state: State) -> Remark | None:
 def come_in(contact: Contact, state: State, nearly: float = 1.0) -> Finding | None:
     """None, or the Finding that one surface has come into the other between points that do not hold it; nearly: what of the
     limits is enough. Collective."""
-    if (found := _sunk(contact, state)) is None:
+    if (found := _behind(contact, state)) is None:
         return None
     through = ((found.share > nearly * COME_IN) & found.free) | (found.share > nearly * DROWNED)
     values = np.where(through & ~found.led, found.share, 0.0)

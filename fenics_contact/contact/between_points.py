@@ -33,7 +33,7 @@ def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[
     return max(depth, 0.0), place
 
 
-def sunk(contact: Contact, state: State) -> Floats:
+def nodes_deeper(contact: Contact, state: State) -> Floats:
     """How much deeper (ne, nq) [length] than its deepest point a node of the facet lies, of those that touch; zero where
     points are nodes themselves.
 

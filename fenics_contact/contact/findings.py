@@ -12,7 +12,7 @@ from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, U
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import DRAWN
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note, unheld_facets
-from fenics_contact.contact.between_points import node_depth, sunk
+from fenics_contact.contact.between_points import node_depth, nodes_deeper
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
@@ -59,7 +59,7 @@ def _slid_off(contact: Contact, state: State, far: bool = False) -> tuple[float,
     return lost, text, worst(contact, comm, gone)[1]
 
 
-def _sunk(contact: Contact, state: State, share: float) -> Finding | None:
+def _too_deep(contact: Contact, state: State, share: float) -> Finding | None:
     """None, or the Finding that a point lies deeper than a share of a cell's height. Collective."""
     height = contact.surface.cell_height
     depth, place = deepest_point(contact, state, share * height)
@@ -260,7 +260,7 @@ class Findings:
             remedy = f"take smaller steps, or raise the penalty; or {contact.partner.slid_off}"
             return Finding(LOST, text, f"contact '{contact.name}'", remedy)
         through = came_in(contact, state) or come_in(contact, state) or _passed(contact, state)
-        if found := through or _sunk(contact, state, SUNK) or _folded(contact, state):
+        if found := through or _too_deep(contact, state, SUNK) or _folded(contact, state):
             return found
         if known := _beyond_the_law(contact, state):
             return known
@@ -287,7 +287,7 @@ class Findings:
         if lost > SLID_OFF:
             return Finding(LOST, text, place, contact.partner.slid_off)
         return (
-            _sunk(contact, state, SUNK)
+            _too_deep(contact, state, SUNK)
             or came_in(contact, state, NEARLY)
             or come_in(contact, state, NEARLY)
             or pierced(contact, state)
@@ -295,7 +295,7 @@ class Findings:
 
     def deep(self, state: State) -> Finding | None:
         """A point lies deep enough to be distrusted."""
-        return _sunk(self._contact, state, DEEP)
+        return _too_deep(self._contact, state, DEEP)
 
     def drawn_inside(self, state: State) -> Finding | None:
         """A point lies within the master before anything has moved."""
@@ -327,9 +327,9 @@ class Findings:
             kinds["out of its cell"] = _cell_note
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
-    def sunk(self, state: State) -> Floats:
-        """See `between_points.sunk`. Collective."""
-        return sunk(self._contact, state)
+    def nodes_deeper(self, state: State) -> Floats:
+        """See `between_points.nodes_deeper`. Collective."""
+        return nodes_deeper(self._contact, state)
 
     def misstated(self, state: State) -> Finding | None:
         """The penalty that is stated is far from the stiffness of the bodies."""

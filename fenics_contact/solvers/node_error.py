@@ -14,28 +14,28 @@ from fenics_contact.types import Floats
 WITHIN = 10.0  # times the penalty's penetration: gaps that `sensitivities` changes by 1e-3 of it change no point's status
 
 
-class Sunk(NamedTuple):
+class Deeper(NamedTuple):
     """By contact, how much deeper (ne, nq) [length] than the points nodes lie there; part: of that, which a rate is for."""
 
     depths: dict[str, Floats]
     part: float
 
 
-def sunk(system: System) -> Sunk | None:
+def deeper(system: System) -> Deeper | None:
     """None where no node lies deeper than what a penalty lets points sink in by, of which the penalty error tells.
     Collective."""
     depths, part = {}, np.inf
     for term in system.contacts:
-        depths[term.name] = by = term.findings.sunk(system.state)
+        depths[term.name] = by = term.findings.nodes_deeper(system.state)
         pressure, _ = term.forces.split_traction(system.state)
         here = by.max(initial=0.0), (pressure / term.trial.law.eps_n[:, None]).max(initial=0.0)
         depth, penetration = np.max(system.comm.allgather(here), axis=0)
         if depth > penetration > 0.0:
             part = min(part, WITHIN * penetration / depth)
-    return Sunk(depths, part) if part < np.inf else None
+    return Deeper(depths, part) if part < np.inf else None
 
 
-def lifted(system: System, found: Sunk) -> Vary:
+def lifted(system: System, found: Deeper) -> Vary:
     """Points hold the deepest nodes of their facets out of the master in place of themselves, with s = 1 by `part`."""
 
     def vary(term: ContactTerm, s: float) -> Trial:
@@ -44,12 +44,12 @@ def lifted(system: System, found: Sunk) -> Vary:
     return vary
 
 
-def node_error(system: System, sunk: Sunk, found: Sensitivity) -> dict[str, tuple[float, float]]:
+def node_error(system: System, nodes: Deeper, found: Sensitivity) -> dict[str, tuple[float, float]]:
     """{contact: (change of its load over that, to first order, and how much deeper [length] than points nodes lie)}; of
     contacts without load nothing. Collective."""
     out, least = {}, least_load(system)
     for term in system.contacts:
-        change, depth = found.contacts[term.name], sunk.depths[term.name].max(initial=0.0)
+        change, depth = found.contacts[term.name], nodes.depths[term.name].max(initial=0.0)
         if change.load > least:
-            out[term.name] = change.to_load / sunk.part / change.load, float(max(system.comm.allgather(depth)))
+            out[term.name] = change.to_load / nodes.part / change.load, float(max(system.comm.allgather(depth)))
     return out
