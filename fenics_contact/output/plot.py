@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.assembly.system import System
 from fenics_contact.output.colours import colours
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.layers import unit
@@ -14,8 +13,7 @@ from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import AXES, Skin, look, mirrored, normals, skin, symmetry_planes, tool_tiles
 from fenics_contact.output.views import Angles, choose, slice_axis
-from fenics_contact.scene.scene import Scene
-from fenics_contact.types import Bools, Floats
+from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, finite, shown
 
 FROM_BELOW = 0.1  # sine of the angle below the x-y plane from which on the picture says so
@@ -23,11 +21,6 @@ AROUND = 0.15  # of the bodies' largest length: how far about them tools are dra
 FAR = 2.5  # of it: how far from them a wall may be that they face, for the picture to go as far
 IN_PLANE = 1e-3  # of it: what ends no farther from a plane of symmetry ends in it
 FACING = 0.5  # cosine of the angle between an axis and the normals of surface and wall from which on they face each other
-
-
-def default_field(scene: Scene) -> str:
-    """The contact pressure, in a scene without contacts the displacement."""
-    return "contact_pressure" if scene.contacts else "displacement"
 
 
 def drawing(
@@ -46,9 +39,9 @@ def drawing(
     scene, system = fields.scene, fields.system
     planes = symmetry_planes(scene)
     _refuse(mirror, view, planes)
-    seen = look(fields, field or default_field(scene))
+    seen = look(fields, field or ("contact_pressure" if scene.contacts else "displacement"))
     body, least = skin(fields, seen), fields.least_pressure()
-    touches = _anywhere(system, fields.of(seen.contact).pressure.x.array > least)
+    touches = system.comm.allreduce(int((fields.of(seen.contact).pressure.x.array > least).any())) > 0
     if body is None:
         return None
     if seen.on_contact and seen.kind == "amount":  # what presses by round-off touches as little
@@ -80,11 +73,6 @@ def drawing(
     far = [tool.name for tool in absent if any(tool is master for master in met)]
     title += f", beyond the picture: {', '.join(far)}" if far else ""
     return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
-
-
-def _anywhere(system: System, flags: Bools) -> bool:
-    """Whether a flag is set on any rank. Collective."""
-    return bool(system.comm.allreduce(int(flags.any())))
 
 
 def refuse_limits(limits: Sequence[float] | None) -> None:

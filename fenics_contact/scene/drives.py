@@ -17,17 +17,16 @@ from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.tools import Tool
-from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.courses import Part, SupportCourse
 from fenics_contact.scene.directions import Unit, normals, unit
 from fenics_contact.scene.functions import AtPoints, Path, Places, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_free
 from fenics_contact.scene.pairs import CourseAt, Pairing
-from fenics_contact.scene.stage import ARC_LENGTH, Along, Group, Stage, Way
+from fenics_contact.scene.stage import ARC_LENGTH, Along, Stage, Way
 from fenics_contact.scene.start import LeftTool
 from fenics_contact.scene.statements import Support
 from fenics_contact.scene.tied import Bound, ties_of
-from fenics_contact.types import Bools, Floats, Ints64, Space
+from fenics_contact.types import Bools, Floats, Ints64
 from fenics_contact.values import SceneError, finite, function, group_names, shown
 
 if TYPE_CHECKING:  # which states them
@@ -55,7 +54,7 @@ def supports_of(
     for k, one in enumerate(scene.supports):
         said = {i: (stated[i], *of[k]) for i, of in enumerate(changed) if k in of}
         course: CourseAt = partial(_course, scene, stages, one, said)
-        stated_of.append((one.name, _nodes(mesh, space, one.group), np.array(one.direction), course))
+        stated_of.append((one.name, mesh.nodes(space, *one.group).astype(np.int64), np.array(one.direction), course))
     if section is not None:
         stated_of.append(("the plane along z", np.arange(len(X)), np.eye(3)[2], partial(_still, stages)))
     if section is not None and section.axisymmetric:
@@ -140,7 +139,8 @@ def _prescribed(scene: "Scene", stage: Stage) -> dict[int, tuple[Way, float]]:
     """{number of a support of the scene: what a stage says of it, and 1, or -1 along the opposite direction}. Collective."""
     out: dict[int, tuple[Way, float]] = {}
     for (group, along), value in stage.prescribe.items():
-        what = stage.says(f"prescribe '{_plus(group)}' along {along if isinstance(along, str) else shown(along)}")
+        name = group if isinstance(group, str) else "+".join(group)
+        what = stage.says(f"prescribe '{name}' along {along if isinstance(along, str) else shown(along)}")
         for names, direction in _ways(scene, group_names(group, stage.says("prescribe")), along, what):
             there = [
                 (k, float(np.dot(one.direction, direction))) for k, one in enumerate(scene.supports) if one.group == names
@@ -165,15 +165,6 @@ def _ways(scene: "Scene", names: tuple[str, ...], along: Along, what: str) -> li
     if isinstance(along, str):
         return [(names, tuple(float(along == letter) for letter in "xyz"))]  # no direction where no normal is supported
     return [(names, unit(along, what))]
-
-
-def _plus(group: Group) -> str:
-    return group if isinstance(group, str) else "+".join(group)
-
-
-def _nodes(mesh: NamedMesh, space: Space, group: tuple[str, ...]) -> Ints64:
-    """Local numbers of a group's nodes."""
-    return mesh.nodes(space, *group).astype(np.int64)
 
 
 # -- tools ------------------------------------------------------------------------------------------------------------

@@ -93,11 +93,6 @@ def quadrature_degree(degree: int) -> int:
     return 2 * degree + 1
 
 
-def _linear_pressure(mesh: Mesh, degree: int) -> bool:
-    """Whether the volume is linear in a cell, or constant: tetrahedra and triangles have too few nodes for more."""
-    return degree == 2 and compat.cell_name(mesh) in ("hexahedron", "quadrilateral")
-
-
 def solid_term(
     element: str,
     u: Function,
@@ -178,7 +173,8 @@ def pressure_space(mesh: Mesh, degree: int) -> tuple[Space, Callable[[Function],
     One value per cell, or in hexahedra and quadrilaterals of degree 2 linear in X: in the reference position itself and not
     in the parent cell's coordinates, which distorted cells would spoil.
     """
-    if not _linear_pressure(mesh, degree):
+    # tetrahedra and triangles have too few nodes for a volume that is linear in a cell
+    if degree == 1 or compat.cell_name(mesh) in ("tetrahedron", "triangle"):
         return compat.constant_space(mesh), lambda q: q
     vectors = compat.constant_space(mesh, (3,))
     centre, size = compat.Function(vectors), compat.Function(vectors)

@@ -121,11 +121,6 @@ def isochoric_energy(material: Material, I1: float, I2: float) -> float:
     return float(ufl.as_ufl(energy_parts(material)[0](I1, I2)))
 
 
-def _with_energy(material: Material, psi: Callable[[Expr, Expr, Expr], Expr]) -> Isotropic:
-    """Another energy in the place of the sum of its parts."""
-    return Isotropic(material.name, psi, material.shear_modulus, material.bulk_modulus, *energy_parts(material))
-
-
 def at_dilatation(material: Material, theta: Expr, holds: bool) -> Callable[[Expr, Expr, Expr], Expr]:
     """Energy [pressure] of (I1, I2, J) whose volume follows a dilatation theta of its own; TypeError as of `energy_parts`.
 
@@ -141,7 +136,8 @@ def with_pressure(material: Material, p: Expr, theta: Expr, holds: bool) -> Isot
     """Energy at a dilatation, as of `at_dilatation`, + p J: the volume answers with a pressure p [pressure] that is a field
     of its own."""
     energy = at_dilatation(material, theta, holds)
-    return _with_energy(material, lambda I1, I2, J: energy(I1, I2, J) + p * J)
+    moduli = material.shear_modulus, material.bulk_modulus
+    return Isotropic(material.name, lambda I1, I2, J: energy(I1, I2, J) + p * J, *moduli, *energy_parts(material))
 
 
 def swollen(material: Material, ratio: Constant | Function) -> Material:
