@@ -2,18 +2,14 @@
 
 from collections.abc import Callable
 from functools import cache
-from typing import Generic, TypeVar
 
 import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MEMORY, TOO_SOFT
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.report import AugmentedTo, StepperTo, StepReport
+from fenics_contact.solvers.report import AugmentedTo, Corrected, Goal, Report, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
-
-Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
-Report = TypeVar("Report", bound=StepReport)
 
 Shares = tuple[tuple[float, float], ...]  # of pressure and friction
 
@@ -41,7 +37,7 @@ SHARES: Shares = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25), (0.125, 0.125), (0.5, 0.
 PATIENCE = 3  # attempts at a step, cut back in between, after which it is taken with what multipliers have reached
 
 
-class Augmented(Generic[Goal, Report]):
+class Augmented(Corrected[Goal, Report]):
     """Uzawa's iteration of multipliers within each load step, outside of the stepper's own: an augmented Lagrangian.
 
     Each augmentation divides the error by about 1 + eps/k, where k is the stiffness of the bodies against the penalty eps:
@@ -55,21 +51,17 @@ class Augmented(Generic[Goal, Report]):
     takes it: t, or an Arc.
     """
 
+    stepper: AugmentedTo[Goal, Report]
+
     def __init__(self, stepper: AugmentedTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
-        self.stepper, self.limit = stepper, limit
+        super().__init__(stepper)
+        self.limit = limit
         self._failed = 0.0, 0  # t that attempts have started from, and their number
         self._spent = -1.0, -1.0  # t from and to which a step has been that multipliers do no more for
 
-    def step(self, system: System, goal: Goal) -> Report:
-        """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
-        report = self.stepper.step(system, goal)
+    def _corrected(self, system: System, goal: Goal, solve: Callable[[System, Goal], Report]) -> Report:
+        report = solve(system, goal)
         with system.foresight.holding_samples():  # or multipliers of the ones would never be those of the next
-            return self._augment(system, goal, report)
-
-    def settle(self, system: System, goal: Goal) -> Report:
-        """Into balance at the goal from the present state, after penalties have changed."""
-        report = self.stepper.settle(system, goal)
-        with system.foresight.holding_samples():
             return self._augment(system, goal, report)
 
     def _augment(self, system: System, goal: Goal, report: Report) -> Report:
@@ -234,24 +226,13 @@ def _exhausted(report: StepReport) -> StepFailed:
     return StepFailed(text, TOO_SOFT, remedy=remedy)
 
 
-class Adapted(Generic[Goal, Report]):
+class Adapted(Corrected[Goal, Report]):
     """Default penalties that are raised, and the step solved again, where slave points sink in too far.
 
     Where a step cannot be solved with greater penalties it is taken with those there were. stepper: as in Augmented, or one.
     """
 
-    def __init__(self, stepper: StepperTo[Goal, Report]) -> None:
-        self.stepper = stepper
-
-    def step(self, system: System, goal: Goal) -> Report:
-        """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
-        return self._adapt(system, goal, self.stepper.step)
-
-    def settle(self, system: System, goal: Goal) -> Report:
-        """Into balance at the goal from the present state, which is near the committed one."""
-        return self._adapt(system, goal, self.stepper.settle)
-
-    def _adapt(
+    def _corrected(
         self,
         system: System,
         goal: Goal,
@@ -269,7 +250,7 @@ class Adapted(Generic[Goal, Report]):
             except StepFailed as failure:
                 system.trail.rollback()
                 report.notes.append(f"not solved with them ({failure}): penalties stay in this step")
-                report.add(self._adapt(system, goal, solve, (*forgone, *raised)))
+                report.add(self._corrected(system, goal, solve, (*forgone, *raised)))
                 return report
         return report
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 from fenics_contact.assembly.finding import COMES_IN, MEMORY, NO_LAW, TOO_STIFF
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.report import Stepper, StepReport
+from fenics_contact.solvers.report import Corrected, StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
 KNOWN = (MEMORY, NO_LAW, TOO_STIFF)  # failures that have nothing to do with where the fluid is
 
 
-class Entering:
+class Entering(Corrected[float, StepReport]):
     """A stepper, and its solves repeated while fluids come further in.
 
     The first look at a balanced state may also take a fluid back from what contact has cut off; after it the fluid only goes
@@ -18,18 +18,7 @@ class Entering:
     step ends with, or, where it has opened the way itself, was so in one of these.
     """
 
-    def __init__(self, stepper: Stepper) -> None:
-        self.stepper = stepper
-
-    def step(self, system: System, t: float) -> StepReport:
-        """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        return self._enter(system, t, self.stepper.step)
-
-    def settle(self, system: System, t: float) -> StepReport:
-        """Into balance at t from the present state, after penalties have changed."""
-        return self._enter(system, t, self.stepper.settle)
-
-    def _enter(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
+    def _corrected(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
         report, back = solve(system, t), True
         while sum(fluid.advance(system.state, back) for fluid in system.fluids):  # all of them, which an `any` would not ask
             try:

@@ -1,33 +1,24 @@
 """Steps in which a body that contact alone holds loses it: soft springs keep it in its place, where no load moves it."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fenics_contact.assembly.grounding import CLOSER, Grounding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import sliding
-from fenics_contact.solvers.report import Stepper, StepReport
+from fenics_contact.solvers.report import Corrected, Stepper, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, SPRUNG, StepFailed
 
 LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap of ten sizes of a body takes tens
 
 
-class Following:
+class Following(Corrected[float, StepReport]):
     """A stepper, and with springs in, its solves repeated while their far ends follow, until they pull no more."""
 
-    def __init__(self, stepper: Stepper) -> None:
-        self.stepper = stepper
-
-    def step(self, system: System, t: float) -> StepReport:
-        """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        return self._follow(system, t, self.stepper.step(system, t))
-
-    def settle(self, system: System, t: float) -> StepReport:
-        """Into balance at t from the present state, after penalties have changed."""
-        return self._follow(system, t, self.stepper.settle(system, t))
-
-    def _follow(self, system: System, t: float, report: StepReport) -> StepReport:
-        springs = _springs(system)
+    def _corrected(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
+        report, springs = solve(system, t), _springs(system)
         while springs.engaged and (pull := springs.pull(system.state)) > 1.0:
             if report.augmentations + springs.ahead(system.state) >= LONGEST:
                 text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"

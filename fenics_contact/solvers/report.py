@@ -1,7 +1,8 @@
 """What a step is to those who ask for it: a Stepper takes it, and its StepReport says what that took."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from fenics_contact.assembly.system import System
 
@@ -66,3 +67,24 @@ class AugmentedTo(StepperTo[GoalOf, ReportOf], Protocol[GoalOf, ReportOf]):
 
 
 Stepper = StepperTo[float, StepReport]
+Goal = TypeVar("Goal")  # where a step is to end: t, or an Arc
+Report = TypeVar("Report", bound=StepReport)
+
+
+class Corrected(Generic[Goal, Report]):
+    """A stepper, and what corrects the states that it has solved for, alike after a step and where it only settles."""
+
+    def __init__(self, stepper: StepperTo[Goal, Report]) -> None:
+        self.stepper = stepper
+
+    def step(self, system: System, goal: Goal) -> Report:
+        """Carry the system from its committed state to the goal; StepFailed if it does not get there."""
+        return self._corrected(system, goal, self.stepper.step)
+
+    def settle(self, system: System, goal: Goal) -> Report:
+        """Into balance at the goal from the present state, after multipliers or penalties have changed."""
+        return self._corrected(system, goal, self.stepper.settle)
+
+    def _corrected(self, system: System, goal: Goal, solve: Callable[[System, Goal], Report]) -> Report:
+        """What solve(system, goal) has found, corrected."""
+        raise NotImplementedError
