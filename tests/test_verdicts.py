@@ -33,7 +33,8 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.assembly.finding import CYCLING
-from fenics_contact.meshes import box, dome, rectangles, two_blocks
+from fenics_contact.meshes import box, dome, rectangles, rod, two_blocks
+from fenics_contact.solvers import diagnosis
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.softness import fold_ahead, moved_instead
@@ -248,6 +249,32 @@ def dragged_by_a_hub(friction=0.3, drive="force"):
     return scene, {"move": {hub: Motion(x=x, force=lambda t: (push(t), 0, -1.6 * min(2 * t, 1)))}}
 
 
+def clutch(over=1.1, drive="moment", **options):
+    """A disc pressed on a rough floor, then turned about its axis, on which nothing slips, by so much of what friction can
+    hold, or as far as it likes. Without Poisson's ratio the pressure is the same everywhere: 2/3 mu F R."""
+    mesh = read_gmsh(rod.build, radius=10.0, height=4.0, cells=2, layers=1)
+    scene = Scene(Body(mesh, "rod", from_elastic(10.0, 0.0)))
+    scene.contact("bottom", rigid_plane(name="floor"), 0.3, name="c")
+    scene.tie("top", hub := rigid_hub("hub", (0, 0, 4)))
+    later = lambda t: max(2 * t - 1, 0)  # noqa: E731
+    turned = {"moment": lambda t: (0, 0, over * 40.0 * later(t))} if drive == "moment" else {"rz": lambda t: 0.2 * later(t)}
+    way = Motion(force=lambda t: (0, 0, -20.0 * min(2 * t, 1)), free="z rz" if drive == "moment" else "z", **turned)
+    return scene, {"move": {hub: way}, "steps": 10, "method": Method(smallest_step=1e-3), **options}
+
+
+def clutch_of_blocks():
+    """A block pressed on another one by a hub and turned by it about the node in the middle of its sole."""
+    upper = {"upper": (4, 4, 2), "upper_cells": (4, 4, 1), "upper_origin": (2, 2, 0)}
+    mesh = read_gmsh(two_blocks.build, lower=(8, 8, 2), lower_cells=(5, 5, 1), lower_origin=(0, 0, -2), **upper)
+    scene = Scene(Body(mesh, "lower", from_elastic(10.0, 0.3)), Body(mesh, "upper", from_elastic(10.0, 0.3)))
+    scene.fix("lower_bottom")
+    scene.contact("upper_bottom", "lower_top", 0.3, name="c")
+    scene.tie("upper_top", hub := rigid_hub("hub", (4, 4, 2)))
+    load = lambda t: (0, 0, -8.0 * min(2 * t, 1))  # noqa: E731
+    way = Motion(force=load, moment=lambda t: (0, 0, 5.0 * max(2 * t - 1, 0)), free="z rz")
+    return scene, {"move": {hub: way}, "steps": 10, "method": Method(smallest_step=1e-3)}
+
+
 def tipping(drive="force"):
     """A block pressed on another one by a dead load, then pushed aside at its top until it tips: with the node that lifts
     last goes all that holds it, or drawn aside."""
@@ -440,6 +467,8 @@ CATALOGUE = {
         "contact 'floor'",
         "raise friction=, fix a surface, or prescribe",
     ),
+    "clutch": (clutch, "friction used up", "contact 'c'", "or prescribe this motion"),
+    "clutch of blocks": (clutch_of_blocks, "friction used up", "contact 'c'", "or prescribe this motion"),
     "on an incline": (on_an_incline, "friction used up", "contact 'c'", "raise friction="),
     "on a steep slope": (on_a_steep_slope, "no convergence", "most at (", "solve(..., method=Method(stabilise=True))"),
     "wedge on springs": (
@@ -530,6 +559,7 @@ CURES = {
     "long steps": [lambda: tall_block(None)],
     "too great a push": [lambda: dragged_by_force(friction=0.31), lambda: dragged_by_force(drive="prescribe")],
     "too great a push on a hub": [lambda: dragged_by_a_hub(friction=0.31), lambda: dragged_by_a_hub(drive="move")],
+    "clutch": [lambda: clutch(drive="turn")],
     "loose half": [lambda: with_options(loose_half, method=HELD)],
     "wedge on springs": [lambda: drawn_wedge("prescribe")],
     "on an incline": [lambda: on_an_incline(0.6)],
@@ -609,6 +639,35 @@ def test_what_slides_along_a_tool_is_not_pushed_beyond_balance():
     assert found.place == "contact 'floor', contact 'top'"
     pushed = sliding(failed("too great a push").system)
     assert "a greater push has no balance" in pushed.reason and "raise friction=" in pushed.remedy
+
+
+@pytest.mark.parallel
+def test_a_clutch_slips_at_its_largest_moment():
+    """Although the middle of its sole does not slip: within a hundredth, which the mesh leaves of a circle."""
+    verdict = failed("clutch").verdict
+    np.testing.assert_allclose(1.1 * (2.0 * verdict.t - 1.0), 1.0, atol=0.01)
+    scene, drive = clutch(over=0.95)
+    assert sliding(solve(scene, **drive).require().system) is None
+
+
+@pytest.mark.parallel
+def test_a_tool_that_turns_is_judged_by_the_forces_of_the_accepted_state(monkeypatch):
+    """Not by those of the iterate that failed, of which the tangent of what is tied to it has the wrenches."""
+    scene, drive = clutch(over=0.5)
+    system = solve(scene, **drive).require().system
+    corners = []
+
+    def corner(of, *_):
+        of.assemble_tangent()
+        corners.append(of.border.corner.copy())
+
+    corner(system)
+    system.begin_step(1.0)
+    system.update(system.new_vector(), np.where(system.tools.free, -0.05, 0.0))
+    system.assemble_residual()
+    monkeypatch.setattr(diagnosis, "sliding", corner)  # the first that asks for a tangent
+    diagnose(system, StepFailed("left"), 1.0)
+    np.testing.assert_allclose(corners[1], corners[0], atol=1e-9 * np.abs(corners[0]).max())
 
 
 @pytest.mark.parallel

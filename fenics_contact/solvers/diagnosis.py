@@ -30,7 +30,16 @@ from fenics_contact.solvers.holding import (
     turns_freely,
 )
 from fenics_contact.solvers.linear import FACTORISE, LinearSolver
-from fenics_contact.solvers.softness import LARGEST, damping, moved_instead, pushed, slides_over, soft_motion, topples_ahead
+from fenics_contact.solvers.softness import (
+    LARGEST,
+    damping,
+    moved_instead,
+    pushed,
+    rolled_back,
+    slides_over,
+    soft_motion,
+    topples_ahead,
+)
 from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
@@ -49,7 +58,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     """
     known, unbalanced = failure.finding, _unbalanced(system)
     inverted = system.check()
-    system.trail.rollback()
+    rolled_back(system)
     if known.kind in CERTAIN:
         return known
     if stated := next((found for contact in system.contacts if (found := contact.findings.misstated(system.state))), None):

@@ -12,6 +12,7 @@ from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
+from fenics_contact.solvers.slipping import ENDLESS, used_share
 from fenics_contact.solvers.softness import damping
 from fenics_contact.types import Floats, Mat, Vec
 
@@ -24,6 +25,9 @@ MOSTLY = 0.25  # the same where nothing else explains a failure: held by little 
 # Share of the friction that Coulomb's law allows, above which a body that only friction holds is about to slide: steps
 # cut to 1e-4 of the load before that leave 1e-4 of it, a hundred times less.
 USED_UP = 0.99
+# Share of the friction allowed that a contact exerts at least where it is used up: points in the middle of what turns may
+# exert none.
+TURNING = 0.5
 # Of what it resists where all points stick: a motion that the tangent drives by more goes on by itself. Bodies that slide on
 # a flat floor have none, but for round-off and what their own shape changes; wedges a tenth and more.
 AWAY = 0.01
@@ -33,7 +37,6 @@ ALIKE = 0.95  # of the share of its friction that one side carries: how near the
 FELT = 0.02  # of the friction that contacts may carry, times the way: less work has nothing to do with their sliding
 THROWN = 0.1  # of the bodies' size: how far a tool that nothing pushes goes within a step only if it is thrown
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
-ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 
 Motions = list[tuple[str, Motion, str]]  # owner, motion, words
 
@@ -83,7 +86,7 @@ def _free(system: System) -> list[tuple[str, list[str]]]:
     gram = _products(forces, softness, 1.0 / largest)
     values, vectors = _lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
     free = vectors[:, np.abs(values) < FREE]
-    return _parts(motions, free) if free.size else []
+    return moving(motions, free) if free.size else []
 
 
 def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
@@ -119,7 +122,7 @@ def _products(vectors: Sequence[Motion], weights: Vec, on_tools: float) -> Float
     return out
 
 
-def _parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
+def moving(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
     """Of combined motions (len(motions), n): (owner, words) of each owner that moves."""
     size = np.linalg.norm(combined, axis=1)
     found: dict[str, list[tuple[float, str]]] = {}
@@ -170,17 +173,18 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
 
     rest: share of what resists that way with endless friction, of which less must be left without any.
     """
-    rough, used = _used_up(system)
-    if not used:
+    rough, near = _gripping(system, TURNING)
+    if not near:
         return None
     motions = rigid_motions(system)
-    smooth, stuck = (_energies(system, rough, motions, {contact: 0.0 for contact in some}) for some in (list(used), []))
-    values, vectors = _lowest(smooth, stuck)
-    held = vectors[:, np.abs(values) < rest]
-    if not held.size:
+    stuck = _energies(system, rough, motions, {})
+    held, _ = _relying(system, rough, motions, stuck, (rough, rest))
+    used = _spent(system, near, [_combined(system, motions, way) for way in held.T])
+    held, values = _relying(system, rough, motions, stuck, (list(used), rest))
+    if not (used and held.size):
         return None
     reliant = {system.bodies[i][0] for i in system.holds.reliant}
-    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in _parts(motions, held)):
+    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in moving(motions, held)):
         return None  # supports hold them, though more softly than endless friction would
     how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
@@ -191,7 +195,7 @@ def slipping_away(system: System) -> Finding | None:
     """A finding if bodies or pushed tools, whose friction is used up, would go on by themselves: along some way they press
     less and friction falls with that, as of a wedge that is drawn out, so that the tangent resists less than nothing.
     Collective."""
-    rough, used = _used_up(system)
+    rough, used = _gripping(system, USED_UP)
     if not used:
         return None
     motions = rigid_motions(system)
@@ -206,14 +210,39 @@ def slipping_away(system: System) -> Finding | None:
     return _slides(system, motions, axes @ vectors[:, away].real, used, "friction holds", end)
 
 
-def _used_up(system: System) -> tuple[list[ContactTerm], dict[ContactTerm, Floats]]:
-    """Closed contacts with friction, and {contact: (friction taken, the most of it)} of those that can take no more of it.
-    Collective."""
+def _gripping(system: System, share: float) -> tuple[list[ContactTerm], dict[ContactTerm, Floats]]:
+    """Closed contacts with friction, and {contact: (friction taken, the most of it)} of those that take more than a share of
+    it. Collective."""
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     grips = {contact: system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough}
     least = ALLOWED * system.scales.largest
-    used = {contact: grip for contact, grip in grips.items() if grip[0] > USED_UP * grip[1] > USED_UP * least}
-    return rough, used
+    return rough, {contact: grip for contact, grip in grips.items() if grip[0] > share * grip[1] > share * least}
+
+
+def _spent(system: System, grips: dict[ContactTerm, Floats], ways: Sequence[Motion]) -> dict[ContactTerm, Floats]:
+    """Those of these contacts that can take no more friction: at all points, or against one of the combinations of these
+    ways, of which the friction taken is then said. Collective."""
+    used = {}
+    for contact, (taken, most) in grips.items():
+        share = taken / most
+        if share <= USED_UP:
+            share = used_share(system, contact, ways)
+        if share > USED_UP:
+            used[contact] = np.array([share * most, most])
+    return used
+
+
+def _relying(
+    system: System, rough: list[ContactTerm], motions: Motions, stuck: Floats, without: tuple[list[ContactTerm], float]
+) -> tuple[Floats, Floats]:
+    """(combinations of motions, share): those of which less than a share of what resists them if all points stick is left
+    without the friction of some contacts, and what is left. Collective.
+
+    stuck: works of the motions if all points stick; without: these contacts, and the share.
+    """
+    some, rest = without
+    values, vectors = _lowest(_energies(system, rough, motions, dict.fromkeys(some, 0.0)), stuck)
+    return vectors[:, np.abs(values) < rest], values
 
 
 def _slides(
@@ -221,7 +250,7 @@ def _slides(
 ) -> Finding | None:
     """The finding that friction, used up in these contacts, holds combinations of motions: in words how, and what follows
     where a load pushes; None where none does and nothing is left to try, or where these have no part in it. Collective."""
-    parts = _parts(motions, held)
+    parts = moving(motions, held)
     contacts = [contact for contact in contacts_of(system, {name for name, _ in parts}) if contact in used]
     if not contacts:
         return None
@@ -256,11 +285,11 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
     motions = rigid_motions(system)
     now, stuck = _resisted(system, motions, {}), _energies(system, rough, motions, {})
     values, vectors = _lowest(now, stuck)
-    works = np.array([_works(system, [rough[i]], motions) for i in near])
+    each = np.array([works(system, [rough[i]], motions) for i in near])
     found = {}
     most = np.array([grips[i][1] for i in near])
     for motion in vectors[:, values < MOSTLY].T:
-        work = works @ motion
+        work = each @ motion
         pulls = np.abs(work) > PULLS * np.abs(work).max()
         # of what each side may carry along that way: the side that carries more of it slides
         sides = [
@@ -271,7 +300,7 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
             continue
         pulling = [i for i, one in zip(near, pulls, strict=True) if one]
         place = "contacts " + " and ".join(f"'{rough[i].name}'" for i in pulling)
-        held = _parts(motions, motion[:, None])
+        held = moving(motions, motion[:, None])
         owners = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in held)
         shares = ", ".join(f"{grips[i][0] / grips[i][1]:.3f}" for i in pulling)
         if place not in told:
@@ -285,11 +314,16 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
 
 def _reach(system: System, motions: Motions, combined: Floats) -> float:
     """The largest displacement of a combination of motions. Collective."""
+    return _combined(system, motions, combined).largest
+
+
+def _combined(system: System, motions: Motions, combined: Floats) -> Motion:
+    """A combination of motions (len(motions),)."""
     du, dq = system.new_vector(), np.zeros_like(system.state.q)
     for share, (_, motion, _) in zip(combined, motions, strict=True):
         du.axpy(share, motion.du)
         dq += share * motion.dq
-    return max(du.norm(PETSc.NormType.NORM_INFINITY), np.abs(dq).max(initial=0.0))
+    return Motion(du, dq)
 
 
 def thrown(system: System) -> Finding | None:
@@ -316,14 +350,14 @@ def _first(ways: list[str]) -> str:
 
 def _pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
-    shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
-    loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
+    shares = [works(system, [contact], motions) @ held for contact in system.contacts]
+    loads = works(system, [term for term in system.terms if term not in system.contacts], motions)
     forces = Motion(system.new_vector(), -system.tools.forces(system.state.t))
     loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
 
-def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
+def works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
     """Work (len(motions),) of the forces of terms on motions. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in terms:

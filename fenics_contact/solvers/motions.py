@@ -26,6 +26,11 @@ class Motion(NamedTuple):
         """Work of the other's forces, or the inner product. Collective."""
         return self.du.dot(other.du) + float(np.sum(self.dq * other.dq))
 
+    @property
+    def largest(self) -> float:
+        """The largest displacement. Collective."""
+        return float(max(self.du.norm(PETSc.NormType.NORM_INFINITY), np.abs(self.dq).max(initial=0.0)))
+
 
 def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
     """Forces of the assembled tangent, its block of the bodies being `matrix`, against a motion. What tied nodes do and feel

@@ -143,8 +143,15 @@ def topples_ahead(system: System, goal: float) -> Finding | None:
         soft = _soft(system) if far else None
         if soft and soft[1] < TOPPLES * soft[2] and (found := _toppling(system, soft[0])):
             break
-    system.trail.rollback()
+    rolled_back(system)
     return found
+
+
+def rolled_back(system: System) -> None:
+    """Back to the accepted state, with its forces: the tangent of a tool that turns has those of what is tied to it.
+    Collective."""
+    system.trail.rollback()
+    system.assemble_residual()
 
 
 def _iterates(system: System, goal: float) -> Iterator[float]:
@@ -152,6 +159,7 @@ def _iterates(system: System, goal: float) -> Iterator[float]:
     the next is none. Collective."""
     linear = LinearSolver(system, "direct", afresh=True)
     du, dq = system.begin_step(goal)
+    system.assemble_residual()
     for _ in range(SOLVES):
         try:
             solve_once(system, linear, du, dq)
@@ -263,7 +271,7 @@ def _falls(system: System, mode: Motion, goal: float) -> bool:
         if soft.dot(resistance(system, soft, system.matrix)) < 0.0:
             found = mode.dot(soft) ** 2 > ALIKE * mode.dot(mode) * soft.dot(soft)
             break
-    system.trail.rollback()
+    rolled_back(system)
     return found
 
 
