@@ -39,7 +39,6 @@ from fenics_contact.solvers.softness import (
     slides_over,
     soft_motion,
     topples_ahead,
-    topples_stuck,
 )
 from fenics_contact.solvers.statics import toppling
 from fenics_contact.solvers.verdict import StepFailed
@@ -79,9 +78,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return ahead
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
-    slides = sliding(system)
-    found = (topples_stuck(system) or slides) if slides else None
-    found = found or rigid_motion(system) or turns_freely(system) or slipping_away(system)
+    found = sliding(system) or rigid_motion(system) or turns_freely(system) or slipping_away(system)
     found = found or (_on_few_points(system) if system.stabilised else None)
     found = found or ahead or _pressed_apart(system) or next(iter(troubles), None)
     if found is None:
