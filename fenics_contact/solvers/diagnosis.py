@@ -40,7 +40,6 @@ from fenics_contact.solvers.softness import (
     soft_motion,
     topples_ahead,
 )
-from fenics_contact.solvers.statics import toppling
 from fenics_contact.solvers.verdict import StepFailed
 
 CERTAIN = (MEMORY, OUT_OF_STEPS, TOO_STIFF)  # causes that need no further evidence
@@ -73,14 +72,11 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return lost[0]._replace(remedy="; or, where a body snaps past it, ".join([lost[0].remedy, *damping(system)]))
     if lifted := _lifted(system, goal):
         return lifted
-    ahead = toppling(system, goal) if goal is not None else None
-    if known.kind == SLIDES and ahead and ahead.kind == RIGID_MOTION:
-        return ahead
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
     found = sliding(system) or rigid_motion(system) or turns_freely(system) or slipping_away(system)
     found = found or (_on_few_points(system) if system.stabilised else None)
-    found = found or ahead or _pressed_apart(system) or next(iter(troubles), None)
+    found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None:
         found = soft_motion(system, goal)
         if found and found.kind == LIMIT_POINT and known.remedy == FACTORISE:
