@@ -139,9 +139,9 @@ def on_one_ball(held=False):
     return scene, {}
 
 
-def tower(lean):
+def tower(lean, cells=3):
     """Three bars on one another under their weight, each farther over the end of the one below by `lean`."""
-    bars = {f"b{i}": ((lean * i, 2.0 * i), (4.0, 2.0), (3 + i % 2, 2)) for i in range(3)}
+    bars = {f"b{i}": ((lean * i, 2.0 * i), (4.0, 2.0), (cells + i % 2, 2)) for i in range(3)}
     mesh = read_gmsh(rectangles.build, rectangles=bars)
     scene = Scene(*[Body(mesh, name, neo_hooke(mu=1.0, K=4.0)) for name in bars], plane="strain")
     scene.fix("b0_ymin")
@@ -439,6 +439,7 @@ CATALOGUE = {
     "toppling": (on_one_ball, "rigid-body motion", "body 'box'", "fix a surface or use a symmetry plane"),
     "tower": (lambda: tower(1.0), "rigid-body motion", "bodies 'b1, b2'", "support them by another contact"),
     "tower at once": (lambda: tower(1.1), "rigid-body motion", "b2'", "by another contact"),
+    "tower that slips as it tips": (lambda: tower(0.9, 5), "rigid-body motion", "b2'", "by another contact"),
     "stiff": (lambda: pressed(1e15), "penalty too stiff", "contact 'floor' at (", "lower penalty="),
     "soft": (ball_through, "penalty too soft", "contact 'ball' at (", "raise penalty="),
     "soft on high cells": (

@@ -39,6 +39,7 @@ from fenics_contact.solvers.softness import (
     slides_over,
     soft_motion,
     topples_ahead,
+    topples_stuck,
 )
 from fenics_contact.solvers.verdict import StepFailed
 
@@ -74,7 +75,9 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return lifted
     if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
         return known
-    found = sliding(system) or rigid_motion(system) or turns_freely(system) or slipping_away(system)
+    slides = sliding(system)
+    found = (topples_stuck(system) or slides) if slides else None
+    found = found or rigid_motion(system) or turns_freely(system) or slipping_away(system)
     found = found or (_on_few_points(system) if system.stabilised else None)
     found = found or _pressed_apart(system) or next(iter(troubles), None)
     if found is None:

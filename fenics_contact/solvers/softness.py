@@ -7,10 +7,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
+from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, foremost, spot
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
+from fenics_contact.solvers.gripping import GRIP
 from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
@@ -75,12 +77,12 @@ def slides_over(system: System, tool: int) -> bool:
     return soft is not None and bool(_where(system, soft[0])[2] < TAKEN * np.linalg.norm(soft[0].dq[tool]))
 
 
-def _soft(system: System) -> tuple[Motion, float, float] | None:
+def _soft(system: System, trials: Trials | None = None) -> tuple[Motion, float, float] | None:
     """The softest motion, what it resists, and what its nodes resist each alone; None where there is none to be had.
     Collective."""
     if system.vector.getSize() > LARGEST:
         return None
-    system.assemble_tangent()
+    system.assemble_tangent(trials=trials)
     diagonal = system.matrix.getDiagonal()
     mode = softest(system)
     if mode is None:
@@ -129,6 +131,13 @@ def _toppling(system: System, mode: Motion) -> Finding | None:
     place, these = (f"body '{names[0]}'", "it") if len(names) == 1 else (f"bodies '{', '.join(names)}'", "them")
     text = f"what touches {place} does not hold {these}: toppling, or a motion that {how}, meets hardly any resistance"
     return Finding(RIGID_MOTION, text, place, f"fix a surface, use a symmetry plane, or support {these} by another contact")
+
+
+def topples_stuck(system: System) -> Finding | None:
+    """A finding if bodies topple at the accepted state even if all points in contact stick: no friction holds them.
+    Collective."""
+    soft = _soft(system, {c: c.trial.with_friction(GRIP) for c in system.contacts if c.rough})
+    return _toppling(system, soft[0]) if soft and soft[1] < TOPPLES * soft[2] else None
 
 
 def topples_ahead(system: System, goal: float) -> Finding | None:
