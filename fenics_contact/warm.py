@@ -44,12 +44,14 @@ Drawn = Callable[[tuple[str, ...]], NamedMesh]  # of the names of blocks
 
 
 # -- the lower block, or an upper one above it ----------------------------------------------------------------------------
-def hexahedra(names: tuple[str, ...], recombine: bool = True) -> NamedMesh:
-    """Blocks, each with its lower and upper face, NAME_below and NAME_above; of tetrahedra if not recombined."""
-    return read_gmsh(_draw, names=names, recombine=recombine)
+def hexahedra(names: tuple[str, ...]) -> NamedMesh:
+    """Blocks, each with its lower and upper face, NAME_below and NAME_above."""
+    return read_gmsh(_draw, names=names, recombine=True)
 
 
-tetrahedra = partial(hexahedra, recombine=False)
+def tetrahedra(names: tuple[str, ...]) -> NamedMesh:
+    """The same of tetrahedra."""
+    return read_gmsh(_draw, names=names, recombine=False)
 
 
 def _draw(names: tuple[str, ...], recombine: bool) -> None:

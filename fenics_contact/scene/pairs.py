@@ -155,10 +155,13 @@ class Pairing:
             along = turn.T @ direction
             along = np.where(np.abs(along) < 1e-12, 0.0, along)
             along = along / np.linalg.norm(along)
-            offset = partial(lambda of, t: of.offset(self.ways(t)), follower)
+            offset = partial(self._offset, follower)
             carried = Carried(statement, self.X[here], follower.turn, follower.ahead, offset)
             entries.append(Entry(leads, along, value, carried))
         return entries
+
+    def _offset(self, follower: Follower, t: float) -> Floats:
+        return follower.offset(self.ways(t))
 
     def _gathered(self, scene: "Scene", group: tuple[str, ...]) -> _Nodes:
         nodes = scene.mesh.nodes(scene.space, *group)

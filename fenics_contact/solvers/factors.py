@@ -37,28 +37,27 @@ class Factors:
         options = PETSc.Options()
         self._may_be_plain = comm.size == 1 and not any(options.hasName(prefix + name) for name in OWN)
         self._space = 0
-        self.plain = False  # whether it is PETSc's own
+        self.plain: bool | None = None  # whether it is PETSc's own; None before the first choice
         self._pc: Any = None
 
     def attach(self, pc: Any) -> None:
         """Factorise with this PC from now on, which has done nothing yet."""
-        self._pc = pc
-        self._state(self._may_be_plain)
+        self._pc, self.plain = pc, None
 
     def choose(self, entries: int) -> None:
         """Before a matrix of so many entries is factorised."""
         plain = self._may_be_plain and entries <= PLAIN
         if plain != self.plain:
-            self._pc.setType("none")  # forgets the other factorisation, but not the matrix
-            self._state(plain)
+            self._set_up_for(plain)
         if self._by_mumps():
             self._pc.setFactorSetUpSolverType()
             factors = self._pc.getFactorMatrix()
             factors.setOptionsPrefix(self._prefix)  # set up this early it has none
             factors.setMumpsIcntl(14, WORKSPACE[self._space])
 
-    def _state(self, plain: bool) -> None:
+    def _set_up_for(self, plain: bool) -> None:
         self.plain = plain
+        self._pc.setType("none")  # forgets another factorisation, but not the matrix
         self._pc.setType("lu" if plain or not self._symmetric else "cholesky")
         self._pc.setFactorSolverType("petsc" if plain else "mumps")
         if plain:

@@ -86,7 +86,7 @@ def _free(system: System) -> list[tuple[str, list[str]]]:
     gram = _products(forces, softness, 1.0 / largest)
     values, vectors = _lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
     free = vectors[:, np.abs(values) < FREE]
-    return moving(motions, free) if free.size else []
+    return _parts(motions, free) if free.size else []
 
 
 def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
@@ -122,7 +122,7 @@ def _products(vectors: Sequence[Motion], weights: Vec, on_tools: float) -> Float
     return out
 
 
-def moving(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
+def _parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
     """Of combined motions (len(motions), n): (owner, words) of each owner that moves."""
     size = np.linalg.norm(combined, axis=1)
     found: dict[str, list[tuple[float, str]]] = {}
@@ -178,13 +178,15 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
         return None
     motions = rigid_motions(system)
     stuck = _energies(system, rough, motions, {})
-    held, _ = _relying(system, rough, motions, stuck, (rough, rest))
+    held = _relying(system, rough, motions, stuck, rough, rest)[0]
     used = _spent(system, near, [_combined(system, motions, way) for way in held.T])
-    held, values = _relying(system, rough, motions, stuck, (list(used), rest))
-    if not (used and held.size):
+    if not used:
+        return None
+    held, values = _relying(system, rough, motions, stuck, list(used), rest)
+    if not held.size:
         return None
     reliant = {system.bodies[i][0] for i in system.holds.reliant}
-    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in moving(motions, held)):
+    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in _parts(motions, held)):
         return None  # supports hold them, though more softly than endless friction would
     how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
@@ -233,15 +235,14 @@ def _spent(system: System, grips: dict[ContactTerm, Floats], ways: Sequence[Moti
 
 
 def _relying(
-    system: System, rough: list[ContactTerm], motions: Motions, stuck: Floats, without: tuple[list[ContactTerm], float]
+    system: System, rough: list[ContactTerm], motions: Motions, stuck: Floats, without: list[ContactTerm], rest: float
 ) -> tuple[Floats, Floats]:
-    """(combinations of motions, share): those of which less than a share of what resists them if all points stick is left
-    without the friction of some contacts, and what is left. Collective.
+    """(combinations of motions, share): those of which less than the share `rest` of what resists them if all points stick
+    is left without the friction of some contacts, and what is left. Collective.
 
-    stuck: works of the motions if all points stick; without: these contacts, and the share.
+    stuck: works of the motions if all points stick; without: these contacts.
     """
-    some, rest = without
-    values, vectors = _lowest(_energies(system, rough, motions, dict.fromkeys(some, 0.0)), stuck)
+    values, vectors = _lowest(_energies(system, rough, motions, dict.fromkeys(without, 0.0)), stuck)
     return vectors[:, np.abs(values) < rest], values
 
 
@@ -250,7 +251,7 @@ def _slides(
 ) -> Finding | None:
     """The finding that friction, used up in these contacts, holds combinations of motions: in words how, and what follows
     where a load pushes; None where none does and nothing is left to try, or where these have no part in it. Collective."""
-    parts = moving(motions, held)
+    parts = _parts(motions, held)
     contacts = [contact for contact in contacts_of(system, {name for name, _ in parts}) if contact in used]
     if not contacts:
         return None
@@ -285,22 +286,22 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
     motions = rigid_motions(system)
     now, stuck = _resisted(system, motions, {}), _energies(system, rough, motions, {})
     values, vectors = _lowest(now, stuck)
-    each = np.array([works(system, [rough[i]], motions) for i in near])
+    works = np.array([_works(system, [rough[i]], motions) for i in near])
     found = {}
     most = np.array([grips[i][1] for i in near])
     for motion in vectors[:, values < MOSTLY].T:
-        work = each @ motion
+        work = works @ motion
         pulls = np.abs(work) > PULLS * np.abs(work).max()
         # of what each side may carry along that way: the side that carries more of it slides
         sides = [
             abs(work[side].sum()) / most[side].sum() for side in (pulls & (work > 0.0), pulls & (work < 0.0)) if side.any()
         ]
-        felt = max(sides) > FELT * _reach(system, motions, motion)
+        felt = max(sides) > FELT * _combined(system, motions, motion).largest
         if len(sides) < 2 or not felt or min(sides) < ALIKE * max(sides) or _pushed(system, motions, motion[:, None]):
             continue
         pulling = [i for i, one in zip(near, pulls, strict=True) if one]
         place = "contacts " + " and ".join(f"'{rough[i].name}'" for i in pulling)
-        held = moving(motions, motion[:, None])
+        held = _parts(motions, motion[:, None])
         owners = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in held)
         shares = ", ".join(f"{grips[i][0] / grips[i][1]:.3f}" for i in pulling)
         if place not in told:
@@ -310,11 +311,6 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
                 f"hold {owners} along that way, or let the frictions differ by a tenth"
             )
     return found
-
-
-def _reach(system: System, motions: Motions, combined: Floats) -> float:
-    """The largest displacement of a combination of motions. Collective."""
-    return _combined(system, motions, combined).largest
 
 
 def _combined(system: System, motions: Motions, combined: Floats) -> Motion:
@@ -350,14 +346,14 @@ def _first(ways: list[str]) -> str:
 
 def _pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
-    shares = [works(system, [contact], motions) @ held for contact in system.contacts]
-    loads = works(system, [term for term in system.terms if term not in system.contacts], motions)
+    shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
+    loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
     forces = Motion(system.new_vector(), -system.tools.forces(system.state.t))
     loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
 
-def works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
+def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
     """Work (len(motions),) of the forces of terms on motions. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in terms:

@@ -176,7 +176,7 @@ class ReusingSolver:
 
         pattern: number that changes with the matrix's nonzero pattern. After a failure nothing is kept: MUMPS goes on
         reporting the singular matrix that it met last. A solution that is not finite is a failure, whatever PETSc says. A
-        factorisation that fails is made again where another way is left, see Factors, which later ones keep.
+        factorisation that fails is made again in another way where one is left, see Factors; later ones keep to that way.
         """
         self._mark = time.perf_counter()
         reason = self._tried(matrix, pattern, rhs, out, tolerance)

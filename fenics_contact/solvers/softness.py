@@ -65,7 +65,7 @@ def rolling(system: System) -> str:
     soft = _soft(system)
     if soft is None or not soft[1] < 0.0:
         return ""
-    names, part, how = rigid_part(system, soft[0])
+    names, part, how = _rigid_part(system, soft[0])
     return f"{'body' if len(names) == 1 else 'bodies'} '{', '.join(names)}' {how}" if part > ROLLS else ""
 
 
@@ -125,7 +125,7 @@ def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | 
 
 def _toppling(system: System, mode: Motion) -> Finding | None:
     """A finding if a motion that nothing resists is one of bodies as rigid ones. Collective."""
-    names, part, how = rigid_part(system, mode)
+    names, part, how = _rigid_part(system, mode)
     if part < RIGID:
         return None
     place, these = (f"body '{names[0]}'", "it") if len(names) == 1 else (f"bodies '{', '.join(names)}'", "them")
@@ -187,10 +187,10 @@ def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> boo
     """
     if not abs(now) < LOOSE * alone:
         return False
-    return rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
+    return _rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
 
 
-def rigid_part(system: System, mode: Motion) -> tuple[list[str], float, str]:
+def _rigid_part(system: System, mode: Motion) -> tuple[list[str], float, str]:
     """(bodies, share, words): the bodies whose rigid motions, of those that their supports leave free, together make up this
     share of a motion's square. Collective."""
     found: dict[str, list[tuple[Vec, str]]] = {}
