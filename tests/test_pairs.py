@@ -425,15 +425,17 @@ def point_and_plane(result, group):
 
 
 def test_a_sector_in_a_plane():
-    """A quarter of a ring under a pressure of four waves, in the plane."""
+    """A quarter of a ring in a stiff sleeve under a pressure of four waves, in the plane; without it, it is free to turn."""
     mesh = read_gmsh(ring_sector.build, cells=(3, 6))
     scene = Scene(Body(mesh, "ring", neo_hooke(SHEAR, BULK)), plane="strain")
     scene.cyclic("ymin", "xmin")
+    refused(lambda: solve(scene), "nothing keeps body 'ring' from turning about the axis", "cyclic pair")
+    scene.fix("outer")
     scene.pressure("inner", lambda X, t: t * (0.3 + 0.2 * np.sin(4 * np.arctan2(X[:, 1], X[:, 0]))))
     result = solve(scene, steps=2).require()
     X, x = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
     x = np.concatenate(MPI.COMM_WORLD.allgather(x + X)), np.concatenate(MPI.COMM_WORLD.allgather(X))
-    for place in np.column_stack([np.linspace(1.0, 2.0, 4), np.zeros((4, 2))]):
+    for place in np.column_stack([np.linspace(1.0, 2.0, 4), np.zeros((4, 2))])[:3]:
         one, other = (x[0][((x[1] - p) ** 2).sum(axis=1).argmin()] for p in (place, place[[1, 0, 2]]))
         np.testing.assert_allclose(other, (-one[1], one[0], 0.0), atol=1e-12)
         assert abs(one[1]) > 1e-3  # no plane of symmetry

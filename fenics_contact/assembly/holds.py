@@ -30,7 +30,8 @@ class Holds:
         contacts: Sequence[ContactTerm],
         grounds: Sequence[tuple[Ints, Floats]] = (),
     ) -> None:
-        self.bodies, self.supports, self.contacts = bodies, supports, contacts
+        self.bodies, self.supports, self.contacts, self._grounds = bodies, supports, contacts, grounds
+        self._comm = comm
         self._supported: list[set[str]] = []  # letters of the axes along which supports and grounds hold each body
         self.everywhere: list[Floats] = []  # the same sum (3, 3) of the grounds that hold all nodes of each body
         self._ties: list[tuple[ContactTerm, Ints64]] = []  # contacts, and the numbers of the bodies that each touches
@@ -69,6 +70,22 @@ class Holds:
                     others = (held[j] for j in met if j != i)
                     held[i] |= along if contact.partner.grounded else along & set().union(*others)
         return {i: "".join(sorted(set(AXES) - axes)) for i, axes in enumerate(held) if len(axes) < len(AXES)}
+
+    def turning(self, axis: Floats, point: Floats, X: Floats) -> list[int]:
+        """Numbers of the bodies without a contact that neither supports nor grounds keep from turning about the unit axis
+        (3,) through a point (3,). X (n, 3): the nodes' positions. Collective."""
+        found = []
+        for i, (_, blocks) in enumerate(self.bodies):
+            way = np.cross(axis, X[blocks] - point)
+            along = np.einsum("nki,ni->nk", self.supports.free(blocks), way)
+            stopped = (way**2).sum() - (along**2).sum()
+            for nodes, directions in self._grounds:
+                on = way[np.isin(blocks, nodes)]
+                stopped += np.sum(on @ directions * on)
+            stopped, all_ways = self._comm.allreduce(np.array([stopped, (way**2).sum()]))
+            if stopped <= SPANS * all_ways and not self.contacts_of(i):
+                found.append(i)
+        return found
 
 
 def _letters(spanned: Floats) -> set[str]:

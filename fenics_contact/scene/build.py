@@ -45,6 +45,7 @@ from fenics_contact.scene.checks import (
     refuse_doubled,
     refuse_held,
     refuse_loose,
+    refuse_turning,
 )
 from fenics_contact.scene.doubts import doubts
 from fenics_contact.scene.drives import motion_of, supports_of
@@ -126,6 +127,7 @@ def build(
     bodies = bonded_bodies(scene, supports)
     holds = Holds(comm, bodies, supports, contacts, [*fields.grounds, *_round_the_axis(scene)])
     refuse_loose(holds, state, comm)
+    refuse_turning(scene, holds)
 
     def set_loads(t: float) -> None:
         refuse_apart(state, t)

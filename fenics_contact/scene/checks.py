@@ -256,6 +256,19 @@ def refuse_loose(holds: Holds, state: State, comm: MPI.Comm) -> None:
         )
 
 
+def refuse_turning(scene: "Scene", holds: Holds) -> None:
+    """Sectors may not be free to turn about the axis of their pair, where no load that it allows holds them. Collective."""
+    X = scene.space.tabulate_dof_coordinates()
+    for pair in scene.pairs:
+        if pair.axis is None or pair.point is None:
+            continue
+        for i in holds.turning(pair.axis, pair.point, X):
+            raise SceneError(
+                f"nothing keeps body '{holds.bodies[i][0]}' from turning about the axis of the {pair.what}: fix a "
+                "surface, or add a contact that holds it"
+            )
+
+
 def bonded_bodies(scene: "Scene", supports: Supports) -> list[tuple[str, Ints64]]:
     """What moves as one: parts of the mesh that hang together, several bodies where they share nodes or are paired.
     Collective.
