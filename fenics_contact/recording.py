@@ -26,6 +26,7 @@ from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.values import SceneError, shown, text
 
 SEPARATORS = ',"\r\n'  # of a CSV file
+TURNED = "cells inside out"  # by which a run remembers what it has said of these
 
 Recorded = dict[str, Callable[[View], float]]  # what the user adds to the history
 
@@ -59,7 +60,7 @@ class Recorder:
         self.history[:] = [self.columns.fitted(row, self._of_arc(ArcReport()), self.extra) for row in self.history]
         self._told = len(self.verdict.notes)  # those that have been printed
         with system.timers("compile"):
-            self._smallest_J = scene.volume_ratio(system.state.u).smallest
+            self._volume_ratio = scene.volume_ratio(system.state.u)
         with system.timers("output"):
             clock = (lambda: len(self.history)) if arcs else (lambda: system.state.t)
             if folder and not (keeper and keeper.resumed):
@@ -84,6 +85,7 @@ class Recorder:
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
+        self.verdict.remark_on(TURNED, self._volume_ratio.remarks())
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds))
@@ -128,7 +130,7 @@ class Recorder:
         if report.jumped and self.system.damping is not None:
             self.system.damping.took(self.results.balance.let_go, result.energies.strain)
         view = self.view.show(result)
-        row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._smallest_J(), result)
+        row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._volume_ratio.smallest(), result)
         if name := self.system.stages.name:
             row = {"step": row["step"], "stage": name} | row
         if self._augments:

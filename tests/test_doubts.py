@@ -86,3 +86,31 @@ def test_a_force_on_a_side_that_is_fixed_all_over(side, told):
     scene.fix("strip_ymin")
     scene.force(side, (0.0, -0.01, 0.0))
     assert (f"'{side}' moves nothing" in notes(scene)[1]) == told
+
+
+@pytest.mark.parametrize("share", [0.45, 0.6])
+def test_a_corner_through_its_cell(share):
+    """A square of four nodes of which one is moved by a share of both sides: J = 1 - 2 share there, and above zero in all
+    points of which the stress asks."""
+    mesh = read_gmsh(rectangles.build, rectangles={"square": ((0.0, 0.0), (1.0, 1.0), (1, 1))})
+    scene = Scene(Body(mesh, "square", RUBBER), plane="strain", accept_locking=True)
+    for side in ("xmin", "ymin", "xmax", "ymax"):
+        for axis in "xy":
+            scene.prescribe(f"square_{side}", axis, lambda X, t: -share * t * X[:, 0] * X[:, 1])
+    result = solve(scene, steps=1).require()
+    sizes = [remark.size for remark in scene.volume_ratio(result.system.state.u).remarks().values()]
+    assert sizes == pytest.approx([2.0 * share - 1.0] if share > 0.5 else [], abs=1e-5)
+    assert result.column("smallest_J")[-1] > 0.0
+    told = any("body 'square'" in note and "inside out at a corner" in note for note in result.verdict.notes)
+    assert told == (share > 0.5)
+
+
+def test_a_cell_on_the_axis_has_a_volume():
+    """J is asked beside the axis, on which the strain around it is 0 / 0."""
+    mesh = read_gmsh(rectangles.build, rectangles={"rod": ((0.0, 0.0), (1.0, 1.0), (2, 2))})
+    scene = Scene(Body(mesh, "rod", RUBBER), plane="axisymmetric")
+    scene.fix("rod_xmin", "x")
+    scene.fix("rod_ymin", "y")
+    scene.prescribe("rod_ymax", "y", -0.2)
+    result = solve(scene, steps=1).require()
+    assert not result.verdict.notes, result.verdict.notes

@@ -1,4 +1,4 @@
-"""J = det F over a mesh: its smallest value, and the cell that turned inside out."""
+"""J = det F over a mesh: its smallest value, and the cells that turned inside out, wholly or at a corner."""
 
 from collections.abc import Sequence
 
@@ -8,11 +8,13 @@ import ufl
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.assembly.finding import CRUSHING, INVERTED, Finding, foremost, spot
+from fenics_contact.assembly.finding import CRUSHING, INVERTED, Finding, Foremost, Remark, foremost, spot
 from fenics_contact.assembly.section import Section
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body, NamedCells
-from fenics_contact.types import Function
+from fenics_contact.types import Floats, Function
+
+NEAR = 1e-6  # of a cell: how far from its corners J is asked there, for on the axis the strain around it is 0 / 0
 
 
 class VolumeRatio:
@@ -24,25 +26,25 @@ class VolumeRatio:
         cell = getattr(basix.CellType, compat.cell_name(mesh.domain))
         points, _ = basix.make_quadrature(cell, 2 * degree + 1)
         self._mesh, self._bodies, self._turns = mesh, bodies, section is not None and section.axisymmetric
-        self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(vp.deformation_gradient(u, section)), points)
+        corners = basix.geometry(cell)
+        near = (1.0 - NEAR) * corners + NEAR * corners.mean(axis=0)
+        J, self._inner = ufl.det(vp.deformation_gradient(u, section)), len(points)
+        self._evaluate = compat.cell_evaluator(mesh.domain, J, np.concatenate([points, near]))
 
     def smallest(self) -> float:
         """Smallest J over all ranks."""
-        return self._mesh.comm.allreduce(float(np.min(self._evaluate(), initial=np.inf)), op=MPI.MIN)
+        return self._mesh.comm.allreduce(float(np.min(self._within(), initial=np.inf)), op=MPI.MIN)
 
     def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
-        J = self._evaluate().min(axis=1, initial=np.inf)
+        J = self._within().min(axis=1, initial=np.inf)
         J[np.isnan(J)] = -np.inf
         smallest = self._mesh.comm.allreduce(J.min(initial=np.inf), op=MPI.MIN)
         if smallest > least:
             return None
-        centres = self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[: len(J)]].mean(axis=1)
-        found = foremost(self._mesh.comm, -J, centres)
+        found = foremost(self._mesh.comm, -J, self._centres(len(J)))
         if found is None:
             return None
-        body = self._mesh.comm.bcast(self._body(found.item), root=found.rank)
-        place = spot(found.place)
         remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
         if smallest == 0.0 and self._turns:
@@ -50,7 +52,36 @@ class VolumeRatio:
         if 0.0 < smallest <= CRUSHING:
             what = "is squeezed to nothing"
             remedy = f"end the path before what presses on it leaves it no room; where that is one place alone, {remedy}"
-        return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", f"body '{body}' at {place}", remedy)
+        return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", self._place(found), remedy)
+
+    def remarks(self) -> dict[str, Remark]:
+        """What is to be said of the cell with the smallest J at a corner, if that is inside out there, though it may not be
+        in its quadrature points, of which alone the stress asks. Collective."""
+        J = self._evaluate()[:, self._inner :].min(axis=1, initial=np.inf)
+        smallest = self._mesh.comm.allreduce(J.min(initial=np.inf), op=MPI.MIN)
+        if not smallest <= 0.0:
+            return {}
+        found = foremost(self._mesh.comm, -J, self._centres(len(J)))
+        if found is None:
+            return {}
+        text = (
+            f"{self._place(found)}: a cell is turned inside out at a corner (J = {smallest:.3g}), which its quadrature "
+            "points do not feel: it may stay so and hold what is around it where no body could be; take smaller steps "
+            "before, finer cells there, or round the edges that meet there"
+        )
+        return {"corner": Remark(-smallest, text)}
+
+    def _within(self) -> Floats:
+        """J (cells, points) in the quadrature points."""
+        return self._evaluate()[:, : self._inner]
+
+    def _centres(self, cells: int) -> Floats:
+        return self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[:cells]].mean(axis=1)
+
+    def _place(self, found: Foremost) -> str:
+        """The body and the middle of a cell, on all ranks. Collective."""
+        body = self._mesh.comm.bcast(self._body(found.item), root=found.rank)
+        return f"body '{body}' at {spot(found.place)}"
 
     def _body(self, cell: int) -> str:
         """Name of the body that a local cell is of, if any."""
