@@ -85,10 +85,11 @@ class Recorder:
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
-        self.verdict.remark_on(TURNED, self._volume_ratio.remarks())
+        smallest_J, turned = self._volume_ratio.look()
+        self.verdict.remark_on(TURNED, turned)
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had
         with self.system.timers("output"):
-            self.history.append(self._row(report, seconds))
+            self.history.append(self._row(report, seconds, smallest_J))
             for film in self._films:
                 film.take(self.scene, self.system)
             if self.writer and on_schedule:
@@ -125,12 +126,12 @@ class Recorder:
         if news and not self.silent:
             tqdm.write("\n".join(news), file=sys.stderr)
 
-    def _row(self, report: StepReport, seconds: float) -> HistoryRow:
+    def _row(self, report: StepReport, seconds: float, smallest_J: float) -> HistoryRow:
         state, result = self.system.state, self.results.of_step(report.jumped)
         if report.jumped and self.system.damping is not None:
             self.system.damping.took(self.results.balance.let_go, result.energies.strain)
         view = self.view.show(result)
-        row = self.columns.row(len(self.history) + 1, state.t, report, seconds, self._volume_ratio.smallest(), result)
+        row = self.columns.row(len(self.history) + 1, state.t, report, seconds, smallest_J, result)
         if name := self.system.stages.name:
             row = {"step": row["step"], "stage": name} | row
         if self._augments:

@@ -31,13 +31,9 @@ class VolumeRatio:
         J, self._inner = ufl.det(vp.deformation_gradient(u, section)), len(points)
         self._evaluate = compat.cell_evaluator(mesh.domain, J, np.concatenate([points, near]))
 
-    def smallest(self) -> float:
-        """Smallest J over all ranks."""
-        return self._mesh.comm.allreduce(float(np.min(self._within(), initial=np.inf)), op=MPI.MIN)
-
     def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
-        J = self._within().min(axis=1, initial=np.inf)
+        J = self._evaluate()[:, : self._inner].min(axis=1, initial=np.inf)
         J[np.isnan(J)] = -np.inf
         smallest = self._mesh.comm.allreduce(J.min(initial=np.inf), op=MPI.MIN)
         if smallest > least:
@@ -54,11 +50,17 @@ class VolumeRatio:
             remedy = f"end the path before what presses on it leaves it no room; where that is one place alone, {remedy}"
         return Finding(INVERTED, f"an element {what} (J = {smallest:.3g})", self._place(found), remedy)
 
-    def remarks(self) -> dict[str, Remark]:
-        """What is to be said of the cell with the smallest J at a corner, if that is inside out there, though it may not be
-        in its quadrature points, of which alone the stress asks. Collective."""
-        J = self._evaluate()[:, self._inner :].min(axis=1, initial=np.inf)
-        smallest = self._mesh.comm.allreduce(J.min(initial=np.inf), op=MPI.MIN)
+    def look(self) -> tuple[float, dict[str, Remark]]:
+        """Smallest J over all ranks; and what is to be said of the cell with the smallest J at a corner, if that is inside
+        out there, though it may not be in its quadrature points, of which alone the stress asks. Collective."""
+        values = self._evaluate()
+        J = values[:, self._inner :].min(axis=1, initial=np.inf)
+        here = values[:, : self._inner].min(initial=np.inf), J.min(initial=np.inf)
+        within, smallest = np.min(self._mesh.comm.allgather(here), axis=0)
+        return float(within), self._of_corner(J, float(smallest))
+
+    def _of_corner(self, J: Floats, smallest: float) -> dict[str, Remark]:
+        """Of J (cells,) the least in each one's corners, and the smallest of all ranks."""
         if not smallest <= 0.0:
             return {}
         found = foremost(self._mesh.comm, -J, self._centres(len(J)))
@@ -70,10 +72,6 @@ class VolumeRatio:
             "before, finer cells there, or round the edges that meet there"
         )
         return {"corner": Remark(-smallest, text)}
-
-    def _within(self) -> Floats:
-        """J (cells, points) in the quadrature points."""
-        return self._evaluate()[:, : self._inner]
 
     def _centres(self, cells: int) -> Floats:
         return self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[:cells]].mean(axis=1)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.types import Floats, Mat, Vec
+from fenics_contact.types import Array, Floats, Mat, Vec
 
 LEAST, MOST = 4, 30  # products
 FIRST = 12  # at least, as long as no motion is known
@@ -76,8 +76,8 @@ class Softest:
         for _ in range(most):
             if solve(span.last, out) < 0 or not span.add(out):
                 break
-            H, size = span.table
-            found, (values, vectors) = _least(H, size), np.linalg.eig(H[:size, :size])
+            table = span.table
+            found, (values, vectors) = _least(*table), table[2:]
             turned = _is_negative(found)
             softest = found[2] if turned else vectors[:, np.abs(values).argmax()].real
             if turned:
@@ -100,9 +100,9 @@ class _Span:
         return self.basis[-1]
 
     @property
-    def table(self) -> tuple[Floats, int]:
-        """Hessenberg's matrix and the number of products."""
-        return self._H, self._size
+    def table(self) -> tuple[Floats, int, Array, Array]:
+        """Hessenberg's matrix and the number of products, with its eigenvalues and vectors."""
+        return self._H, self._size, *np.linalg.eig(self._H[: self._size, : self._size])
 
     def add(self, product: Vec) -> bool:
         """Add the product with the last vector, which is changed; False where it is no number, or leads nowhere new."""
@@ -135,10 +135,9 @@ def _is_negative(found: tuple[float, float, Floats]) -> bool:
     return least < 0.0 and error <= NEAR * abs(least)
 
 
-def _least(H: Floats, size: int) -> tuple[float, float, Floats]:
-    """(real part of the least eigenvalue of Hessenberg's matrix, error that it may have, its vector); a pair of complex ones
-    has no sign, and its error is infinite."""
-    values, vectors = np.linalg.eig(H[:size, :size])
+def _least(H: Floats, size: int, values: Array, vectors: Array) -> tuple[float, float, Floats]:
+    """Of Hessenberg's matrix with these eigenvalues and vectors (real part of the least one, error that it may have, its
+    vector); a pair of complex ones has no sign, and its error is infinite."""
     at = int(values.real.argmin())
     error = abs(H[size, size - 1] * vectors[-1, at])
     paired = abs(values[at].imag) > 1e-12 * abs(values[at])
