@@ -94,9 +94,14 @@ class LinearSolver:
         return self._solver.method
 
     @property
-    def substitutes(self) -> bool:
-        """Whether each tangent is factorised, so that a solve `again` is a back-substitution."""
-        return self._solver.anew and self.method == "direct"
+    def again(self) -> str:
+        """What a solve `again` is: "cycles" of multigrid, "iterations" over a factorisation, a "substitution", or "little"
+        where the matrix is so small that a new tangent costs not much more."""
+        if self.method == "iterative":
+            return "cycles"
+        if self._solver.plain:
+            return "little"
+        return "substitution" if self._solver.anew else "iterations"
 
     @property
     def rates(self) -> dict[str, float]:

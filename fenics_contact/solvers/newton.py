@@ -27,12 +27,14 @@ NEARLY = 1e-4  # of that share, where corrections began above it or following ra
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
-# what share of it: where it is a back-substitution and contacts are averages, where it is one otherwise or takes Krylov's
-# method over a factorisation, and by multigrid, to which a new tangent costs little more than a solve
-SUBSTITUTED, ITERATED, COARSENED = (30 * HELD, 0.7), (10 * HELD, 0.5), (HELD, 0.3)
+# what share of it, by what it is: of a small matrix a factorised tangent costs no more than two residuals, by multigrid
+# little more than a solve; without averages a substitution is tried as late as iterations are
+CORRECTED = {
+    "substitution": (30 * HELD, 0.7), "iterations": (10 * HELD, 0.5), "cycles": (HELD, 0.3), "little": (0.1 * HELD, 0.1),
+}  # fmt: skip
 # Relative residual of such a solve by multigrid, a tenth of what it has to gain: the tangent is no longer the state's
 # own, so farther is no gain. Over a factorisation iterations are few
-LOOSER = 0.1 * COARSENED[1]
+LOOSER = 0.1 * CORRECTED["cycles"][1]
 BELOW = 0.1  # of the tolerance: where corrections end; the last solve with a tangent of its own lands far below it as well
 QUICK = 10  # solves within which a step from a start on the curve has to end; else it is taken from the last state
 # Solves within which a step has to have left less than a share HOPE of the force out of balance once, where it began on the
@@ -105,7 +107,6 @@ class Newton:
     def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, patience: Patience) -> StepReport:
         # the first solve may carry supports and tools, and is taken whole
         foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
-        worth, gain = self._corrected(foresight.settles)
         watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
         owed = du.copy(), dq.copy()
         system.assemble_residual()
@@ -128,6 +129,7 @@ class Newton:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
             follows, reach = FOLLOWED * resample, HELD
+            worth, gain = self._corrected(foresight.settles)
             while True:  # samples follow the surfaces, the factorisation at hand solves once more; then they are held
                 if follows and size < reach and (size > self.tolerance or follows == FOLLOWED):
                     size, before, follows = self._resampled(system, size), np.inf, follows - 1
@@ -159,9 +161,8 @@ class Newton:
 
     def _corrected(self, averages: bool) -> tuple[float, float]:
         """Force out of balance from which on corrections are tried, and the share of it that each has to leave at most."""
-        if self.linear.method == "iterative":
-            return COARSENED
-        return SUBSTITUTED if self.linear.substitutes and averages else ITERATED
+        again = self.linear.again
+        return CORRECTED["iterations" if again == "substitution" and not averages else again]
 
     def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force; far from
@@ -181,7 +182,7 @@ class Newton:
         system.update(du, dq)
         corrected = _finite_residual(system)
         shortens = size >= HELD and not system.foresight.settles
-        most = ITERATED[1] * size if shortens else size
+        most = CORRECTED["iterations"][1] * size if shortens else size
         return corrected if corrected < most else _move(system, du, dq, 1.0, 0.0)
 
     def _resampled(self, system: System, size: float) -> float:

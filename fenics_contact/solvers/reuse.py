@@ -107,6 +107,11 @@ class ReusingSolver:
         self._objects: tuple[Any, ...] = ()
         self.use(method.first if isinstance(method, Choice) else method)
 
+    @property
+    def plain(self) -> bool:
+        """Whether PETSc's own factorisation serves."""
+        return self._rows is not None and bool(self._factors.plain)
+
     def use(self, method: str) -> None:
         """Change to a method; drops what is kept."""
         self.method, self._copy, self._rows, self._reuse = method, None, None, None
