@@ -27,8 +27,9 @@ NEARLY = 1e-4  # of that share, where corrections began above it or following ra
 UPRIGHT = 6  # halvings of an increment that turns an element inside out, where nothing else shortens it
 LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
-# what share of it, by what it is: of a small matrix a factorised tangent costs no more than two residuals, by multigrid
-# little more than a solve; without averages a substitution is tried as late as iterations are
+# what share of it, by what it is: by multigrid a new tangent costs little more than a solve, of a small matrix no more than
+# two residuals. Averages lead samples after the surfaces between two tangents, which they need the sooner the stiffer
+# penalties are: there a substitution is tried early, elsewhere as iterations are
 CORRECTED = {
     "substitution": (30 * HELD, 0.7), "iterations": (10 * HELD, 0.5), "cycles": (HELD, 0.3), "little": (0.1 * HELD, 0.1),
 }  # fmt: skip
@@ -162,7 +163,9 @@ class Newton:
     def _corrected(self, averages: bool) -> tuple[float, float]:
         """Force out of balance from which on corrections are tried, and the share of it that each has to leave at most."""
         again = self.linear.again
-        return CORRECTED["iterations" if again == "substitution" and not averages else again]
+        if averages:
+            return CORRECTED["substitution" if again == "little" else again]
+        return CORRECTED["iterations" if again == "substitution" else again]
 
     def _correct(self, system: System, du: Vec, dq: Floats, size: float, report: StepReport) -> float:
         """One more solve with the factorisation at hand, taken back if it does not lower the out-of-balance force; far from
