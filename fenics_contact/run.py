@@ -56,6 +56,7 @@ from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.node_error import deeper, lifted, node_error
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
+from fenics_contact.solvers.strained import strained
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
 from fenics_contact.units import Units
@@ -159,6 +160,10 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         contact.findings.misstated(system.state) for contact in system.contacts
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
+    if verdict.converged:
+        energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
+        words = strained(system, energies[-1], max(energies)) if energies else None
+        kept.remark([words] if words else [])
     kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]

@@ -1,0 +1,40 @@
+"""Bodies that keep strain where nothing loads them any more: rest would be a balance, and is not the one they came to."""
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.assembly.finding import foremost, spot
+from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.system import System
+
+KEPT = 1e-6  # of the greatest strain energy of a run: less is what balance leaves
+PUT = 1e-9  # of the farthest displacement: what supports lead by less, they do not
+
+
+def strained(system: System, energy: float, most: float) -> str | None:
+    """Words on the energy that the accepted state keeps where all bodies at rest would be in balance, too; None where they
+    would not be, or none is kept. energy, most: the bodies' in that state, and the greatest of the run. Collective.
+
+    After a path there and back that is either another balance that bodies have snapped to, or none that a body has.
+    """
+    if not energy > KEPT * most:
+        return None
+    u = system.state.u.x.array
+    kept = u.copy()
+    u[:] = 0.0
+    owed = system.places(system.state.t) - system.supports.held(u)
+    led = system.comm.allreduce(float(np.abs(owed).max(initial=0.0)), op=MPI.MAX)
+    at_rest = led <= PUT * system.scales.farthest and system.assemble_residual() <= TOLERANCE * system.scales.balance
+    u[:] = kept
+    system.assemble_residual()
+    if not at_rest:
+        return None
+    owned = kept.reshape(-1, 3)[: system.space.dofmap.index_map.size_local]
+    found = foremost(system.comm, np.linalg.norm(owned, axis=1), system.space.tabulate_dof_coordinates()[: len(owned)])
+    place = f", most displaced at {spot(found.place)}, by {found.value:.3g}" if found else ""
+    return (
+        f"at the end nothing loads the bodies, and at rest they would be in balance; yet they keep {energy / most:.2g} of "
+        f"the greatest strain energy of the run{place}: they have snapped to another balance, as a dome may, or cells or "
+        "edges are folded there, which no body does; look at the deformed mesh, and see whether more steps, finer cells or "
+        "a rounder edge give the same"
+    )
