@@ -15,9 +15,9 @@ def strained(system: System, energy: float, most: float) -> str | None:
     """Words on the energy that the accepted state keeps where all bodies at rest would be in balance, too; None where they
     would not be, or none is kept. energy, most: the bodies' in that state, and the greatest of the run. Collective.
 
-    After a path there and back that is either another balance that bodies have snapped to, or none that a body has.
+    That is either another balance of the bodies, or a fold that no body has.
     """
-    if not energy > KEPT * most:
+    if not energy > max(KEPT * most, system.scales.noise_energy):
         return None
     u = system.state.u.x.array
     kept = u.copy()
@@ -34,7 +34,7 @@ def strained(system: System, energy: float, most: float) -> str | None:
     place = f", most displaced at {spot(found.place)}, by {found.value:.3g}" if found else ""
     return (
         f"at the end nothing loads the bodies, and at rest they would be in balance; yet they keep {energy / most:.2g} of "
-        f"the greatest strain energy of the run{place}: they have snapped to another balance, as a dome may, or cells or "
-        "edges are folded there, which no body does; look at the deformed mesh, and see whether more steps, finer cells or "
-        "a rounder edge give the same"
+        f"the greatest strain energy of the run{place}: they rest in another balance, as a dome does that is pushed "
+        "through, or cells or edges are folded there, which no body does; look at the deformed mesh, and see whether more "
+        "steps, finer cells or a rounder edge give the same"
     )
