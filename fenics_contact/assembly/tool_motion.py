@@ -9,6 +9,7 @@ from fenics_contact.assembly.stages import Stages
 from fenics_contact.types import Bools, Floats
 
 Paths = Sequence[Callable[[float], Floats]]  # of each tool: t -> (6,)
+BETWEEN = 4  # parts of a step in which its paths are followed
 
 
 class ToolMotion:
@@ -48,6 +49,11 @@ class ToolMotion:
     def forces(self, t: float) -> Floats:
         """External forces, and moments over the lever, (tools, 6) at t [force]; zero where the component is not free."""
         return np.where(self.free, _stack(self._loads, t), 0.0)
+
+    def turns(self, start: float, end: float) -> Floats:
+        """By how much (tools,) paths turn the tools between two t of the stage that is on, to and fro together [rad]."""
+        at = np.array([self.prescribed(t)[:, 3:] for t in np.linspace(start, end, 1 + BETWEEN)]) / self.lever
+        return np.linalg.norm(np.diff(at, axis=0), axis=2).sum(axis=0)
 
     def poses(self) -> Poses:
         """Of the tools at the start."""

@@ -4,7 +4,9 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding
+import numpy as np
+
+from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
@@ -19,6 +21,8 @@ HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
 BALANCE = 'take more steps, or method="newton"'
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
+WIDEST = 0.25 * math.pi * (1.0 + 1e-9)  # [rad] by which one step may turn a tool or hub
+TURNS = "turns of tools"  # by which a run remembers what it has said of these
 JUMPS = (
     3  # jumps that come to no rest, from as many places of a scheduled step, after which none is tried in it: they cost most
 )
@@ -57,7 +61,7 @@ def run(
         restless, why = 0, ""
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
-            goal = _goal(system.trail.last.t, target, verdict.longest)
+            goal, turn = _turned(system, target, verdict.longest)
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
@@ -85,6 +89,7 @@ def run(
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.longest *= 2.0
             verdict.accept(report, system)
+            verdict.remark_on(TURNS, turn)
             verdict.remark(undecided(system, verdict.remarked))
             on_step(report, time.perf_counter() - start, goal == target)
     verdict.reason = CONVERGED  # in the place of the targets that arcs have reached before
@@ -162,6 +167,23 @@ def judge_balance(verdict: Verdict) -> None:
         if left[-1] > UNBALANCED:
             reason = f"it leaves {left[-1]:.0%} of the force out of balance"
             verdict.stop(Finding(UNKNOWN, reason, remedy=BALANCE), verdict.t, len(left))
+
+
+def _turned(system: System, target: float, size: float) -> tuple[float, dict[str, Remark]]:
+    """End of the next step, in which no path turns a tool or hub by more than WIDEST; what is to be said where that is
+    shorter than a size it may have. A state is in balance a whole turn on, too, and a step so long would not be seen."""
+    t = system.trail.last.t
+    goal = _goal(t, target, size)
+    turns = system.tools.turns(t, goal)
+    if not turns.max(initial=0.0) > WIDEST:
+        return goal, {}
+    widest = int(turns.argmax())
+    words = (
+        f"a step would turn '{system.tools.names[widest]}' by {np.degrees(turns[widest]):.0f} degrees, where what it "
+        "touches or carries may go the shorter way round: steps of 45 degrees at most are taken; friction along the way is "
+        "right to the steps' length, so take more where it counts"
+    )
+    return _goal(t, target, (goal - t) * WIDEST / turns[widest]), {"turn": Remark(float(turns[widest]), words)}
 
 
 def _goal(t: float, target: float, size: float) -> float:
