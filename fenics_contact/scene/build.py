@@ -45,6 +45,7 @@ from fenics_contact.scene.checks import (
     refuse_doubled,
     refuse_held,
     refuse_loose,
+    refuse_moments_of_rings,
     refuse_turning,
 )
 from fenics_contact.scene.doubts import doubts
@@ -128,6 +129,7 @@ def build(
     holds = Holds(comm, bodies, supports, contacts, [*fields.grounds, *_round_the_axis(scene)])
     refuse_loose(holds, state, comm)
     refuse_turning(scene, holds)
+    refuse_moments_of_rings(scene)
 
     def set_loads(t: float) -> None:
         refuse_apart(state, t)

@@ -21,9 +21,9 @@ from fenics_contact.contact.overlap import deepest_start
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
 from fenics_contact.mesh_io import NamedMesh
-from fenics_contact.scene.statements import ContactStatement
+from fenics_contact.scene.statements import ContactStatement, MomentLoad
 from fenics_contact.types import Ints, Ints64, Mesh, Space
-from fenics_contact.values import SceneError, count, group_names, positive, shown, text
+from fenics_contact.values import SceneError, count, group_names, positive, quoted, shown, text
 
 if TYPE_CHECKING:  # which asks them
     from fenics_contact.scene.scene import Scene
@@ -267,6 +267,25 @@ def refuse_turning(scene: "Scene", holds: Holds) -> None:
                 f"nothing keeps body '{holds.bodies[i][0]}' from turning about the axis of the {pair.what}: fix a "
                 "surface, or add a contact that holds it"
             )
+
+
+def refuse_moments_of_rings(scene: "Scene") -> None:
+    """A moment's forces grow from the middle of its surface, which is no middle where the surface goes on behind a pair of
+    faces. Collective."""
+    for load in scene.loads:
+        if not isinstance(load, MomentLoad):
+            continue
+        nodes = scene.mesh.nodes(scene.space, *load.group)
+        for pair in scene.pairs:
+            reached = [
+                bool(np.isin(nodes, scene.mesh.nodes(scene.space, *face)).any()) for face in (pair.first, pair.second)
+            ]
+            if np.any(scene.mesh.comm.allgather(reached), axis=0).all():
+                raise SceneError(
+                    f"moment on {quoted(load.group)}: the surface reaches both faces of the {pair.what} and goes on behind "
+                    "them, while a moment turns it about its own middle; tie it to a hub, scene.tie(group, hub), and turn "
+                    "that, Motion(moment=...)"
+                )
 
 
 def bonded_bodies(scene: "Scene", supports: Supports) -> list[tuple[str, Ints64]]:
