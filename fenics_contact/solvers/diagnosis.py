@@ -149,10 +149,9 @@ def _letting_go(system: System) -> Finding | None:
         return None
     names = ", ".join(system.bodies[i][0] for i in sorted(loose))
     text = f"the contacts that hold it press with less than {FADED:g} of the largest force so far: they are about to let go"
-    remedy = "fix a surface, or end the path before"
-    if not system.stabilised:
-        remedy = "fix a surface, end the path before, or solve(..., method=Method(stabilise=True))"
-    return Finding(RIGID_MOTION, text, f"body '{names}'", remedy)
+    springs = [] if system.stabilised else ["hold it by springs: solve(..., method=Method(stabilise=True))"]
+    ways = ["fix a surface", *damping(system), *springs, "end the path before"]
+    return Finding(RIGID_MOTION, text, f"body '{names}'", " or ".join(ways))
 
 
 def _snaps_off(system: System, place: str) -> Finding | None:
