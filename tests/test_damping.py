@@ -31,6 +31,7 @@ from fenics_contact import (
 )
 from fenics_contact.assembly.finding import CYCLING
 from fenics_contact.assembly.stages import Stages
+from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.meshes import box, dome, rectangles, tool_surfaces
 from fenics_contact.scene.build import build
 from fenics_contact.solvers import control
@@ -324,7 +325,8 @@ class Creeping:
 
     damping = damped = True
     terms, stages = (), Stages(("",), (1.0,), 0)
-    holds, tools = SimpleNamespace(reliant=[]), SimpleNamespace(free=np.zeros((0, 6), dtype=bool))
+    holds = SimpleNamespace(reliant=[])
+    tools = ToolMotion(stages, ((), ()), (), [np.zeros((0, 6), dtype=bool)], (), (1.0, 1.0))
 
     def __init__(self, rests):
         self.state, self.rests, self.jumps, self.steps = SimpleNamespace(t=0.0), rests, [], 0
