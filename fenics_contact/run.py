@@ -148,6 +148,9 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(sparse_notes(kept.history, carried, scene.units))
         within = {name: share for name, (_, share) in kept.results.within_facets.items() if name in carried}
         kept.remark(unresolved_notes(within))
+        energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
+        words = strained(system, energies[-1], max(energies)) if energies else None
+        kept.remark([words] if words else [])
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords, nodes = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {}, {})
@@ -160,10 +163,6 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         contact.findings.misstated(system.state) for contact in system.contacts
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
-    if verdict.converged:
-        energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
-        words = strained(system, energies[-1], max(energies)) if energies else None
-        kept.remark([words] if words else [])
     kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
     met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
     along_slave = [contact.name for contact in met if contact.points != "nodes"]

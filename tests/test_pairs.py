@@ -435,10 +435,10 @@ def test_a_sector_in_a_plane():
     result = solve(scene, steps=2).require()
     X, x = scene.space.tabulate_dof_coordinates(), result.system.state.u.x.array.reshape(-1, 3)
     x = np.concatenate(MPI.COMM_WORLD.allgather(x + X)), np.concatenate(MPI.COMM_WORLD.allgather(X))
-    for place in np.column_stack([np.linspace(1.0, 2.0, 4), np.zeros((4, 2))])[:3]:
+    for place in np.column_stack([np.linspace(1.0, 2.0, 4), np.zeros((4, 2))]):
         one, other = (x[0][((x[1] - p) ** 2).sum(axis=1).argmin()] for p in (place, place[[1, 0, 2]]))
         np.testing.assert_allclose(other, (-one[1], one[0], 0.0), atol=1e-12)
-        assert abs(one[1]) > 1e-3  # no plane of symmetry
+        assert abs(one[1]) > 1e-3 or place[0] == 2.0  # no plane of symmetry, but for the side that is held
 
 
 # -- continuations, checkpoints, stages -------------------------------------------------------------------------------

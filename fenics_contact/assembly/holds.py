@@ -76,6 +76,8 @@ class Holds:
         (3,) through a point (3,). X (n, 3): the nodes' positions. Collective."""
         found = []
         for i, (_, blocks) in enumerate(self.bodies):
+            if self.contacts_of(i):
+                continue
             way = np.cross(axis, X[blocks] - point)
             along = np.einsum("nki,ni->nk", self.supports.free(blocks), way)
             stopped = (way**2).sum() - (along**2).sum()
@@ -83,7 +85,7 @@ class Holds:
                 on = way[np.isin(blocks, nodes)]
                 stopped += np.sum(on @ directions * on)
             stopped, all_ways = self._comm.allreduce(np.array([stopped, (way**2).sum()]))
-            if stopped <= SPANS * all_ways and not self.contacts_of(i):
+            if stopped <= SPANS * all_ways:
                 found.append(i)
         return found
 

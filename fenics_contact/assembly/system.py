@@ -13,7 +13,7 @@ from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
-from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.finding import Finding, Foremost, foremost
 from fenics_contact.assembly.foresight import Foresight
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
@@ -197,6 +197,11 @@ class System:
     def length(self, du: Vec, dq: Floats) -> float:
         """Of a motion: root of the mean square over the nodes, tools on top [length]. Collective."""
         return float(np.sqrt(du.dot(du) / (du.getSize() / 3) + np.sum(dq**2)))
+
+    def longest(self, vectors: Floats) -> Foremost | None:
+        """The node at which one of vectors (3 n,), of owned nodes and maybe ghosts behind them, is longest. Collective."""
+        X = self.space.tabulate_dof_coordinates()[: self.space.dofmap.index_map.size_local]
+        return foremost(self.comm, np.linalg.norm(vectors.reshape(-1, 3)[: len(X)], axis=1), X)
 
     def still(self) -> tuple[Floats, Floats]:
         """Increments of the supports' dofs and of the tools' coordinates that stay where they are."""

@@ -103,6 +103,7 @@ def build(
     comm, timers = scene.mesh.comm, timers or Timers()
     collect_together(comm)
     refuse_doubled(scene)
+    refuse_moments_of_rings(scene)
     stages = Stages([stage.name for stage in stated], [float(stage.duration) for stage in stated], len(scene.tools))
     motion = motion_of(scene, stated, stages, start.tools if start else {})
     u = compat.Function(scene.space, name="displacement")
@@ -129,7 +130,6 @@ def build(
     holds = Holds(comm, bodies, supports, contacts, [*fields.grounds, *_round_the_axis(scene)])
     refuse_loose(holds, state, comm)
     refuse_turning(scene, holds)
-    refuse_moments_of_rings(scene)
 
     def set_loads(t: float) -> None:
         refuse_apart(state, t)

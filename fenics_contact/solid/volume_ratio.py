@@ -35,12 +35,10 @@ class VolumeRatio:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
         J = self._evaluate()[:, : self._inner].min(axis=1, initial=np.inf)
         J[np.isnan(J)] = -np.inf
-        smallest = self._mesh.comm.allreduce(J.min(initial=np.inf), op=MPI.MIN)
-        if smallest > least:
-            return None
-        found = foremost(self._mesh.comm, -J, self._centres(len(J)))
+        found = self._worst(J, least)
         if found is None:
             return None
+        smallest = -found.value
         remedy = "take smaller steps there, mesh the place more finely, or round the corner that presses on it"
         what = "turned inside out" if smallest <= 0.0 else "nearly turned inside out"
         if smallest == 0.0 and self._turns:
@@ -54,27 +52,24 @@ class VolumeRatio:
         """Smallest J over all ranks; and what is to be said of the cell with the smallest J at a corner, if that is inside
         out there, though it may not be in its quadrature points, of which alone the stress asks. Collective."""
         values = self._evaluate()
-        J = values[:, self._inner :].min(axis=1, initial=np.inf)
-        here = values[:, : self._inner].min(initial=np.inf), J.min(initial=np.inf)
-        within, smallest = np.min(self._mesh.comm.allgather(here), axis=0)
-        return float(within), self._of_corner(J, float(smallest))
-
-    def _of_corner(self, J: Floats, smallest: float) -> dict[str, Remark]:
-        """Of J (cells,) the least in each one's corners, and the smallest of all ranks."""
-        if not smallest <= 0.0:
-            return {}
-        found = foremost(self._mesh.comm, -J, self._centres(len(J)))
+        smallest = self._mesh.comm.allreduce(float(values[:, : self._inner].min(initial=np.inf)), op=MPI.MIN)
+        found = self._worst(values[:, self._inner :].min(axis=1, initial=np.inf))
         if found is None:
-            return {}
+            return smallest, {}
         text = (
-            f"{self._place(found)}: a cell is turned inside out at a corner (J = {smallest:.3g}), which its quadrature "
+            f"{self._place(found)}: a cell is turned inside out at a corner (J = {-found.value:.3g}), which its quadrature "
             "points do not feel: it may stay so and hold what is around it where no body could be; take smaller steps "
             "before, finer cells there, or round the edges that meet there"
         )
-        return {"corner": Remark(-smallest, text)}
+        return smallest, {"corner": Remark(found.value, text)}
 
-    def _centres(self, cells: int) -> Floats:
-        return self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[:cells]].mean(axis=1)
+    def _worst(self, J: Floats, least: float = 0.0) -> Foremost | None:
+        """-J and cell where J (cells,) is the smallest of all ranks, if that is at most `least`. Collective."""
+        smallest = self._mesh.comm.allreduce(float(J.min(initial=np.inf)), op=MPI.MIN)
+        if not smallest <= least:
+            return None
+        centres = self._mesh.domain.geometry.x[compat.geometry_dofmap(self._mesh.domain)[: len(J)]].mean(axis=1)
+        return foremost(self._mesh.comm, -J, centres)
 
     def _place(self, found: Foremost) -> str:
         """The body and the middle of a cell, on all ranks. Collective."""

@@ -15,7 +15,6 @@ from fenics_contact.assembly.finding import (
     TOO_STIFF,
     UNKNOWN,
     Finding,
-    foremost,
     spot,
 )
 from fenics_contact.assembly.scales import TOLERANCE
@@ -108,8 +107,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
 
 def _unbalanced(system: System) -> str:
     """Where most of the residual assembled last is out of balance. Collective."""
-    forces = system.residual_vector.array_r.reshape(-1, 3)
-    found = foremost(system.comm, np.linalg.norm(forces, axis=1), system.space.tabulate_dof_coordinates()[: len(forces)])
+    found = system.longest(system.residual_vector.array_r)
     return f"most at {spot(found.place)}" if found else ""
 
 

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
 from fenics_contact.assembly.contact_term import Trials
-from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, foremost, spot
+from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
@@ -221,8 +221,7 @@ def _left_free(system: System, vectors: list[Vec]) -> Floats:
 
 def _where(system: System, mode: Motion) -> tuple[str, str, float]:
     """Body and reference position of the node that moves most in a motion, and how far [of its size]. Collective."""
-    size = np.linalg.norm(mode.du.array_r.reshape(-1, 3), axis=1)
-    found = foremost(system.comm, size, system.space.tabulate_dof_coordinates()[: len(size)])
+    found = system.longest(mode.du.array_r)
     if found is None:
         return "", "", 0.0
     name = next((name for name, nodes in system.bodies if found.item in nodes), "")

@@ -3,9 +3,10 @@
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.assembly.finding import foremost, spot
+from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
+from fenics_contact.solvers.softness import rolled_back
 
 KEPT = 1e-6  # of the greatest strain energy of a run: less is what balance leaves
 PUT = 1e-9  # of the farthest displacement: what supports lead by less, they do not
@@ -20,17 +21,14 @@ def strained(system: System, energy: float, most: float) -> str | None:
     if not energy > max(KEPT * most, system.scales.noise_energy):
         return None
     u = system.state.u.x.array
-    kept = u.copy()
     u[:] = 0.0
     owed = system.places(system.state.t) - system.supports.held(u)
     led = system.comm.allreduce(float(np.abs(owed).max(initial=0.0)), op=MPI.MAX)
     at_rest = led <= PUT * system.scales.farthest and system.assemble_residual() <= TOLERANCE * system.scales.balance
-    u[:] = kept
-    system.assemble_residual()
+    rolled_back(system)
     if not at_rest:
         return None
-    owned = kept.reshape(-1, 3)[: system.space.dofmap.index_map.size_local]
-    found = foremost(system.comm, np.linalg.norm(owned, axis=1), system.space.tabulate_dof_coordinates()[: len(owned)])
+    found = system.longest(u)
     place = f", most displaced at {spot(found.place)}, by {found.value:.3g}" if found else ""
     return (
         f"at the end nothing loads the bodies, and at rest they would be in balance; yet they keep {energy / most:.2g} of "
