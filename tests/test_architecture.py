@@ -110,7 +110,7 @@ ONLY = {
     ("assembly", "kernels"): {"block_products", "law", "scatter", "sets"},
     ("restart", "scene"): {"fingerprint", "start"},
     ("run", "contact"): {"tools"},  # the keys of move and push
-    ("recording", "contact"): {"overlap"},  # what bodies do that no contact holds
+    ("recording", "contact"): {"images", "overlap"},  # what bodies do that no contact holds
     ("options", "contact"): {"tools"},
     ("__init__", "contact"): {"friction", "penalties", "profiles", "tools"},
     ("meetings", "kernels"): {"broad_phase", "sets"},

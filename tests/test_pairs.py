@@ -19,6 +19,7 @@ from fenics_contact import (
     Stage,
     neo_hooke,
     read_gmsh,
+    rigid_cylinder,
     rigid_hub,
     rigid_plane,
     solve,
@@ -522,6 +523,91 @@ def test_a_body_that_slides_out_of_its_cell_is_named(way):
     notes = [note for note in result.verdict.notes if "slides out of the cell of a pair" in note]
     assert (len(notes), kept > 0.99) == ((0, True) if way < 0.1 else (2, False)), (notes, kept)
     assert not notes or notes[1].startswith("step 10 to t = 1, where this is worst: ")
+
+
+def rolled_strip(at, image=False, body=False):
+    """A strip, 8 long, of a row of such, with a roller or a block pressed into it at x = `at`, and the roller's image one
+    cell back."""
+    drawn = {"s": ((0.0, 0.0), (8.0, 2.0), (32, 8))} | ({"b": ((at - 1.0, 2.05), (2.0, 1.0), (8, 4))} if body else {})
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 5.0)) for name in drawn), plane="strain")
+    scene.periodic("s_xmin", "s_xmax")
+    scene.fix("s_ymin")
+    if body:
+        scene.fix("b_ymax", "x")
+        scene.prescribe("b_ymax", "y", -0.4)
+        scene.contact("s_ymax", "b_ymin", name="c0")
+        return solve(scene, steps=4).require()
+    rollers = [rigid_cylinder(1.0, (x, 3.0, 0.0), (0, 0, 1), name=f"r{x:g}") for x in ([at, at - 8.0] if image else [at])]
+    for i, roller in enumerate(rollers):
+        scene.contact("s_ymax", roller, name=f"c{i}")
+    return solve(scene, move={roller: (0.0, -0.4, 0.0) for roller in rollers}, steps=4).require()
+
+
+def pressed(result):
+    """Sum of the contacts' forces on the strip [N], and the notes on what reaches past its faces."""
+    force = sum(result.column(name)[-1] for name in result.history[0] if name[:1] == "c" and name.endswith("_force_y_N"))
+    return force, [note for note in result.verdict.notes if "neighbour" in note]
+
+
+def test_what_reaches_past_faces_is_named():
+    """Contact ends at the faces of a pair: a roller over them presses as one at the middle where its image is stated."""
+    middle, silent = pressed(rolled_strip(4.0))
+    both, silent_too = pressed(rolled_strip(8.0, image=True))
+    assert both == pytest.approx(middle, rel=1e-8) and not silent + silent_too
+    assert pressed(rolled_strip(7.3)) == (pytest.approx(pressed(rolled_strip(3.3))[0], rel=1e-8), [])
+    half, notes = pressed(rolled_strip(8.0))
+    assert abs(half) < 0.7 * abs(middle) and len(notes) == 1 and "second tool" in notes[0], notes
+    force, notes = pressed(rolled_strip(9.5))
+    assert force == 0.0 and "100% of the area" in notes[0], notes
+
+
+def test_a_block_past_faces_is_named():
+    """The neighbour of a block that reaches past them lies in the strip."""
+    middle, silent = pressed(rolled_strip(4.0, body=True))
+    half, notes = pressed(rolled_strip(8.0, body=True))
+    assert abs(half) < 0.7 * abs(middle) and not silent
+    assert any("deep in 'b_ymin'" in note for note in notes) and any(
+        "node of body 'b', (9, 2.05, 0)" in note for note in notes
+    )
+
+
+@pytest.mark.parametrize("down, meets", [(-0.1, False), (-0.7, True)])
+def test_a_body_that_grows_into_its_neighbour_is_told(down, meets):
+    """A block of 3.6 in a cell of 4 that bulges by a quarter as it is pressed."""
+    drawn = {"base": ((0.0, 0.0), (4.0, 1.0), (8, 2)), "top": ((0.2, 1.0), (3.6, 2.0), (8, 6))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 50.0)) for name in drawn), plane="strain")
+    scene.periodic("base_xmin", "base_xmax")
+    scene.fix("base_ymin")
+    scene.contact("top_ymin", "base_ymax", 1.0, name="c")
+    scene.fix("top_ymax", "x")
+    scene.prescribe("top_ymax", "y", down)
+    notes = [note for note in solve(scene, steps=5).require().verdict.notes if "neighbour" in note]
+    assert bool(notes) == meets and (not meets or "inside another part of itself" in notes[0]), notes
+
+
+def test_a_tool_past_the_sides_of_a_sector_is_named():
+    """A quarter of a ring: a roller on its middle, one on its side, and the latter with its image a quarter on."""
+    forces = []
+    for angles in ([np.pi / 4], [0.0], [0.0, np.pi / 2]):
+        mesh = read_gmsh(ring_sector.build, radii=(1.0, 2.0), cells=(4, 16))
+        scene = Scene(Body(mesh, "ring", neo_hooke(1.0, 5.0)), plane="strain")
+        scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
+        scene.fix("inner")
+        move = {}
+        for angle in angles:
+            way = np.array([np.cos(angle), np.sin(angle), 0.0])
+            roller = rigid_cylinder(0.5, 2.5 * way, (0, 0, 1), name=f"at{angle:.1f}")
+            scene.contact("outer", roller, name=f"c{len(move)}")
+            move[roller] = -0.2 * way
+        result = solve(scene, move=move, steps=2).require()
+        loads = [result.column(f"c{i}_load_N")[-1] for i in range(len(angles))]
+        forces.append((sum(loads), ["neighbour" in note for note in result.verdict.notes].count(True)))
+    (middle, silent), (half, told), (both, silent_too) = forces
+    assert (
+        both == pytest.approx(middle, rel=1e-6) and half < 0.8 * middle and (silent, told, silent_too) == (0, 1, 0)
+    ), forces
 
 
 # -- bad input --------------------------------------------------------------------------------------------------------

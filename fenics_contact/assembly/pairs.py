@@ -1,11 +1,14 @@
 """Nodes of paired faces: where one goes, the other one goes too, turned or farther on by a given way."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact import compat
 from fenics_contact.assembly.change import Change, node_rows
 from fenics_contact.assembly.exchange import lasting
 from fenics_contact.kernels.sets import join
@@ -29,30 +32,73 @@ class Follower:
         return Follower(self.turn[rows], self.ahead[rows])
 
 
+class Image(NamedTuple):
+    """Where pairs of faces put a neighbour of what lies at x: turn x + offset, (3, 3) and (3,) [length]."""
+
+    turn: Floats
+    offset: Floats
+
+    def of(self, x: Floats) -> Floats:
+        """Of places (..., 3) [length]."""
+        return x @ self.turn.T + self.offset
+
+    def then(self, other: "Image") -> "Image":
+        """One after the other."""
+        return Image(other.turn @ self.turn, other.of(self.offset))
+
+    @property
+    def back(self) -> "Image":
+        return Image(self.turn.T, -self.turn.T @ self.offset)
+
+
+HERE = Image(np.eye(3), np.zeros(3))
+
+
 class Pairs:
     """The nodes of this rank that follow others, which may be other ranks'; relative displacements u - turn u_lead are what
     supports prescribe there.
 
     nodes (n,): local numbers, ghosts included, rising; leads (n,): global numbers of the nodes that lead them, which follow
-    none; follower: Follower; ways: t -> (pairs, 3) [length], called on all ranks. All is collective.
+    none; follower: Follower; ways: t -> (pairs, 3) [length], called on all ranks; across: of each pair the Image that puts
+    its first face on the second at rest. All is collective.
     """
 
     def __init__(
-        self, space: Space, nodes: Ints64, leads: Ints64, follower: Follower, ways: Callable[[float], Floats]
+        self,
+        space: Space,
+        nodes: tuple[Ints64, Ints64],
+        follower: Follower,
+        ways: Callable[[float], Floats],
+        across: Sequence[Image],
     ) -> None:
-        self.nodes, self.follower, self.ways, self._leads = nodes, follower, ways, leads
+        """nodes: those that follow, and those that lead them."""
+        (self.nodes, self._leads), self.follower, self.ways, self._across = nodes, follower, ways, across
         index_map, self._comm = space.dofmap.index_map, lasting(space.mesh.comm)
-        self._owned = int(np.searchsorted(nodes, index_map.size_local))
+        self._owned = int(np.searchsorted(self.nodes, index_map.size_local))
         size = 3 * index_map.size_local, 3 * index_map.size_global
+        led = np.unique(np.concatenate(self._comm.allgather(self._leads)))
+        self.on_faces = np.isin(compat.global_blocks(space), led)  # of all local nodes, those of either face
+        self.on_faces[self.nodes] = True
         self._vector = PETSc.Vec().createMPI(size, comm=self._comm)
-        self._met = PETSc.Vec().createSeq(3 * len(nodes))
-        numbers = (3 * leads[:, None] + np.arange(3)).ravel().astype(PETSc.IntType)
+        self._met = PETSc.Vec().createSeq(3 * len(self.nodes))
+        numbers = (3 * self._leads[:, None] + np.arange(3)).ravel().astype(PETSc.IntType)
         to = PETSc.IS().createGeneral(numbers, comm=PETSc.COMM_SELF)
         self._scatter = PETSc.Scatter().create(self._vector, to, self._met, None)
 
     @property
     def dofs(self) -> Ints64:
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
+
+    def images(self, ways: Floats) -> list[Image]:
+        """All neighbours that share a face, an edge or a corner with what is modelled, the pairs' ways being (pairs, 3)."""
+        once = [Image(one.turn, one.offset + way) for one, way in zip(self._across, ways, strict=True)]
+        found = []
+        for steps in product((0, 1, -1), repeat=len(once)):
+            image = HERE
+            for step, one in zip(steps, once, strict=True):
+                image = image.then(one if step > 0 else one.back) if step else image
+            found.append(image)
+        return found[1:]
 
     def change(self, space: Space) -> Change:
         """From relative displacements to displacements."""

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.crossing import Crossing
@@ -70,18 +71,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             project = partial(self.sights.pairing.project, timers=self.timers)
             if self.skin.whole:
                 there = self._at(now.coords, now.pose, project)
-                self.samples = self.samples.steered(now.coords, self._aside(there))
+                self.samples = self.samples.steered(now.coords, _aside(self, there))
             return self._at(then.coords, then.pose, project)
-
-    def _aside(self, feet: MortarFeet) -> Floats:
-        """What is added to the normals of samples (np, 3) where they press: beside ends and creases, of degree 2.
-
-        Normals of flat facets jump by as much from one to the next as edges lean: their friction would ripple."""
-        normals, beside = feet.projection[5], self.around.beside[feet.samples.slaves.facet]
-        feels, theirs = beside & (feet.projection[1] != NONE), self.master_normals(feet)
-        part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
-        aside = theirs / part[:, None] - normals
-        return np.where((feels & (np.linalg.norm(aside, axis=1) > SETTLED))[:, None], aside, 0.0)
 
     def master_normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (np, 3) of the master's facets at the samples' feet, which point as the samples' own do."""
@@ -128,6 +119,13 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames
+
+    def gaps_of(self, image: Image, feet: MortarFeet) -> Floats:
+        """Gaps (ns,), the least of the samples around them, at an image of the nodes, endless without a partner."""
+        coords = np.concatenate([image.of(feet.coords[: self.first]), feet.coords[self.first :]])
+        there = self._at(coords, feet.pose, lambda x, n, at: self.sights.pairing.far(x, n, at, self.search))
+        table = there.samples.table
+        return np.asarray(np.where(there.seated, there.projection[4][table], np.inf).min(axis=1))
 
     def far(self, feet: MortarFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""
@@ -190,3 +188,14 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             return 0.0
         normals, corners = -feet.projection[5], feet.coords[self.facets[0]]
         return seen_from_behind(self.comm, feet.points, normals, corners, self.surface.cell_height)
+
+
+def _aside(places: NodePlaces, feet: MortarFeet) -> Floats:
+    """What is added to the normals of samples (np, 3) where they press: beside ends and creases, of degree 2.
+
+    Normals of flat facets jump by as much from one to the next as edges lean: their friction would ripple."""
+    normals, beside = feet.projection[5], places.around.beside[feet.samples.slaves.facet]
+    feels, theirs = beside & (feet.projection[1] != NONE), places.master_normals(feet)
+    part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
+    aside = theirs / part[:, None] - normals
+    return np.where((feels & (np.linalg.norm(aside, axis=1) > SETTLED))[:, None], aside, 0.0)

@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Remark, spot, tidied
+from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
 from fenics_contact.kernels.broad_phase import candidates
@@ -25,6 +26,10 @@ ITSELF = (
 OTHER = (
     "it is on no surface of a contact of these two, so nothing keeps it out; name the surface that it lies on among the "
     "slaves, or state a contact"
+)
+NEIGHBOUR = (
+    "contact ends at a pair's faces, so nothing keeps it out; state the plane between neighbours as a tool where they meet "
+    "alike, or several cells as one, with a contact of the body with itself"
 )
 
 
@@ -45,12 +50,17 @@ class Overlaps:
         # of all processes: where they lie at rest, in which body, and which bodies (n, bodies) keep them out
         parts = system.comm.allgather((self._X[self._outer], self._body[self._outer], self._held()))
         self._nodes, self._own, self._barred = (np.concatenate(part) for part in zip(*parts, strict=True))
+        images, self._count = self._images(0.0), len(self._nodes)  # which follow the nodes; contacts end at pairs of faces
+        self._own = np.tile(self._own, 1 + len(images))
+        self._barred = np.concatenate([self._barred, *(np.zeros_like(self._barred) for _ in images)])
+        self._nodes = np.concatenate([self._nodes, *(image.of(self._nodes) for image in images)])
 
     def remarks(self) -> dict[str, Remark]:
         """{which bodies: what is to be said of the node that lies deepest in one}; {} if none does. Collective."""
         system = self._system
         places = self._X + system.state.u.x.array.reshape(-1, 3)
         x = np.concatenate(system.comm.allgather(places[self._outer]))
+        x = np.concatenate([x, *(image.of(x) for image in self._images(system.state.t))])
         node, other, size = self._inside(x, places)
         found = [pair for part in system.comm.allgather(list(zip(node, other, size, strict=True))) for pair in part]
         if not found:
@@ -63,11 +73,19 @@ class Overlaps:
         worst = int(shares.argmax())
         (n, b), h = list(pairs.items())[worst]
         one, two = system.bodies[self._own[n]][0], system.bodies[b][0]
-        where = spot(tidied(self._nodes, np.abs(self._nodes).max())[n])
+        at = self._nodes[: self._count]
+        where = spot(tidied(at, np.abs(at).max())[n % self._count])
+        if n >= self._count:
+            where += ", where a pair of faces puts its neighbour"
         what = "another part of itself" if one == two else f"body '{two}'"
         text = f"a node of body '{one}', {where}, lies {depths[worst]:.3g} inside {what}, where a cell is {h:.3g} wide"
-        why = ITSELF if one == two else OTHER
+        why = (ITSELF if one == two else OTHER) if n < self._count else NEIGHBOUR
         return {str(sorted([one, two])): Remark(float(depths[worst]), f"{text}: {why}")}
+
+    def _images(self, t: float) -> list[Image]:
+        """Where pairs of faces put the bodies' neighbours at t. Collective."""
+        pairs = self._system.supports.pairs
+        return [] if pairs is None else pairs.images(pairs.ways(t))
 
     def _held(self) -> Bools:
         """Which bodies (n, bodies) this process's nodes have a contact with that keeps them out. Collective."""

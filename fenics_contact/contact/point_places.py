@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.crossing import Crossing
@@ -75,6 +76,11 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         """The places of the first search, which looks farther. Collective."""
         coords, points, normals, _ = placed = self._placed(state)
         return FacetFeet(*placed, self.pairing.far(points, normals, coords, FIRST_SEARCH * self.search))
+
+    def gaps_of(self, image: Image, feet: FacetFeet) -> Floats:
+        """Gaps (np,) at an image of the points, endless without a partner."""
+        coords = np.concatenate([image.of(feet.coords[: self.first]), feet.coords[self.first :]])
+        return self.pairing.far(image.of(feet.points), feet.normals @ image.turn.T, coords, self.search)[4]
 
     def far(self, feet: FacetFeet, search: float) -> Projection:
         """Projection from the same places with another search distance."""

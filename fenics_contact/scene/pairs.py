@@ -11,7 +11,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.entries import Carried, Entry, Prescribed
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.numbering import node_keys
-from fenics_contact.assembly.pairs import Follower, Pairs
+from fenics_contact.assembly.pairs import Follower, Image, Pairs
 from fenics_contact.assembly.pose import Pose, rotation
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.ties import Ties
@@ -98,9 +98,11 @@ class Pairing:
         self.on_axis: list[tuple[Pair, Ints64]] = []
         self._loops: list[tuple[Pair, Floats, Floats]] = []  # (pair, X, what must do nothing with the ways) of closed rounds
         self.tied: list[Tied] = []
+        self._across: list[Image] = []
         bodies = self._bodies(ties, len(scene.tools))
         for k, (pair, (first, second)) in enumerate(zip(scene.pairs, faces, strict=True)):
             turn, places, order = _matched(pair, first, second)
+            self._across.append(Image(turn, places[0] - turn @ first.X[0]))
             across = np.abs(second.X.mean(axis=0) - first.X.mean(axis=0))[0]
             if scene.section is not None and scene.section.axisymmetric and across > MATCH * np.ptp(second.X, axis=0).max():
                 raise SceneError(
@@ -129,7 +131,7 @@ class Pairing:
         nodes = np.flatnonzero(np.isin(self._keys, self.led))
         at = np.searchsorted(self.led, self._keys[nodes])
         leads = self._all.numbers[self._root[self._follow[at]]]
-        return Pairs(self._space, nodes, leads, self.follower.of(at), self.ways)
+        return Pairs(self._space, (nodes, leads), self.follower.of(at), self.ways, self._across)
 
     def open_loop(self, ways: Floats) -> tuple[Pair, Floats] | None:
         """A pair that does not fit the other ones when these lead so far (pairs, 3), and where; or None."""
