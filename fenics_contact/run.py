@@ -28,6 +28,7 @@ from fenics_contact.output.history import (
     energy_notes,
     energy_summary,
     greatest_loads,
+    greatest_travels,
     limit_points,
     node_notes,
     node_summary,
@@ -154,7 +155,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         error, chords, nodes = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {}, {})
-    travel = {tool.name: system.state.travel[i] for i, tool in enumerate(scene.tools)}
+    travel = greatest_travels(kept.history, [tool.name for tool in scene.tools], scene.units)
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     summary["node_error"] = node_summary(nodes, scene.units)

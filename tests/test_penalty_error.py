@@ -164,6 +164,18 @@ def test_a_pushed_tool_too_deep_by_a_percent_is_noted():
     assert [len(notes) for notes in said] == [1, 0]
 
 
+def test_of_a_tool_that_has_come_back_the_greatest_travel_counts():
+    """The push falls to a fiftieth, and what travel is left is nearly all of the floor's and the tool's penalties."""
+    scene, how = punch(5.0, pushed=True)
+    (tool,) = how["push"]
+    result = solve(
+        scene, push={tool: lambda t: np.array([0.0, 0.0, -60.0 * min(2.0 * t, 1.98 - 1.96 * t)])}, steps=4
+    ).require()
+    left = abs(result.column("punch_travel_z_mm")[-1])
+    assert result.summary["penalty_error"]["travel_change"]["punch_mm"][2] > 0.02 * left
+    assert not [note for note in result.verdict.notes if "penalties change its travel" in note]
+
+
 def test_peak_pressure_and_summary(tmp_path):
     folder = COMM.bcast(tmp_path)
     soft, stiff = pair(punch, 5.0, 50.0)

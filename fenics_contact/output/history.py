@@ -17,7 +17,6 @@ from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.files import complete
 from fenics_contact.output.names import energy_unit, plain_name
-from fenics_contact.types import Floats
 from fenics_contact.units import Units
 
 UNSEEN = 5e-5  # of the work done: less is 0.00%
@@ -41,9 +40,10 @@ MOST = 0.5
 GROWS = 1.5
 WIDE = 0.1  # rad: forces that turn by less in a step have their work missed by a thousandth of itself, the angle's square/12
 EDGE = (
-    "as much with steps twice as long: they act along the slave's normals, which are not the master's where a sharp edge "
-    "digs in and slides; more steps, finer cells and multipliers do not mend that: let the side without that edge be the "
-    'slave, round the edge over some cells, or in space give the contact points="nodes"'
+    "as much with steps twice as long: they act along the slave's normals, which are not the master's where what touches is "
+    "narrow beside the cells and slides; more steps and multipliers do not mend that, finer cells do where it is round; at "
+    "a sharp edge let the side without that edge be the slave, round the edge over some cells, or in space give the contact "
+    'points="nodes"'
 )
 
 Summary = dict[str, Any]  # what JSON can hold
@@ -168,6 +168,15 @@ def greatest_loads(history: Sequence[HistoryRow], contacts: Sequence[str], units
     return {name: max((row[column] for row in history), default=0.0) for name, column in columns.items()}
 
 
+def greatest_travels(history: Sequence[HistoryRow], tools: Sequence[str], units: Units) -> dict[str, float]:
+    """How far each of these tools has been from its start at most [length]."""
+    names = {tool: [f"{plain_name(tool)}_travel_{axis}_{units.length}" for axis in "xyz"] for tool in tools}
+    return {
+        tool: max((math.hypot(*(row.get(name, 0.0) for name in columns)) for row in history), default=0.0)
+        for tool, columns in names.items()
+    }
+
+
 def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Sequence[str]) -> float:
     """The most by which a tool turns in a step [rad], where more than MOST of what is not accounted for was left in steps
     that turn one by more than WIDE; else 0."""
@@ -229,13 +238,13 @@ def energy_notes(
 
 def penalty_notes(
     summary: Summary,
-    travel: Mapping[str, Floats],
+    travel: Mapping[str, float],
     units: Units,
     greatest: Mapping[str, float],
     astray: Collection[str] = (),
 ) -> list[str]:
-    """A note per contact whose penalties cost more than COSTLY of its load, and per tool whose travel {name: (3,)} is so far
-    off by them.
+    """A note per contact whose penalties cost more than COSTLY of its load, and per tool that is so far off by them, as a
+    share of its greatest travel {name: [length]}.
 
     greatest: of each contact the greatest load in any step [force]: one that has been let off, to less than COSTLY of that,
     has what balance and multipliers have left, of which the penalties may hold all; astray: contacts that end far from
@@ -256,8 +265,8 @@ def penalty_notes(
         elif share * load > COSTLY * max(load, COSTLY * greatest[name]) and e["opening_over_load"] < MOST * share:
             about = f"about {share / (1.0 - share):.1%}" if share < SOFT else f"more than {SOFT / (1.0 - SOFT):.0%}"
             notes.append(f"contact '{name}': its penalties change the force by {about} of the load; {STIFFER}")
-    for name, gone in travel.items() if summary else ():
-        change, size = (float(np.linalg.norm(v)) for v in (summary["travel_change"][f"{name}_{units.length}"], gone))
+    for name, size in travel.items() if summary else ():
+        change = float(np.linalg.norm(summary["travel_change"][f"{name}_{units.length}"]))
         if change > COSTLY * size:
             share = change / size if size > 0.0 else np.inf
             notes.append(f"tool '{name}': penalties change its travel by about {share:.1%}; {STIFFER}")
