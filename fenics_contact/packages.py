@@ -1,7 +1,11 @@
 """The modules that the package needs and the Debian packages that bring them: a missing one is named with its package."""
 
 import gc
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
+from importlib.metadata import distribution
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -38,6 +42,20 @@ def _missing_under(name: str) -> str:
     return name
 
 
+@contextmanager
+def _own_versions() -> Iterator[None]:
+    """Debian 12's ufl and ffcx ask pkg_resources for their own versions, and for nothing else: here these are looked up
+    without what that reads of all installed packages first, an eighth of the import."""
+    stub = ModuleType("pkg_resources")
+    stub.get_distribution = distribution  # type: ignore[attr-defined]
+    known = sys.modules.setdefault("pkg_resources", stub)
+    try:
+        yield
+    finally:
+        if known is stub:
+            del sys.modules["pkg_resources"]
+
+
 def module(name: str) -> ModuleType:
     """A module of PACKAGES that few need, imported where it is needed. Raises ImportError as `require` does."""
     require(name)
@@ -51,7 +69,8 @@ blas.prepare()  # the first of them, NumPy, may load it
 collects = gc.isenabled()
 gc.disable()  # of hundreds of modules nothing becomes garbage, and the collector need not look through them later either
 try:
-    require(*(name for name in PACKAGES if name not in LATER))
+    with _own_versions():
+        require(*(name for name in PACKAGES if name not in LATER))
 finally:
     gc.freeze()
     if collects:
