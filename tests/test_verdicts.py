@@ -863,3 +863,24 @@ def test_a_pad_led_through_the_floor_it_is_glued_to(friction, depth, steps):
     assert "squeezed to nothing" in verdict.reason and "end the path before" in verdict.remedy
     assert result.column("lid_travel_y_mm")[-1] > -3.0  # it has not come to the floor
     solve(scene, move={lid: (0, -0.8 * result.column("t")[-1] * depth, 0)}, steps=2 * steps).require()
+
+
+@pytest.mark.parametrize(
+    "far, how",
+    [
+        ((0.0, 0.0, 1.0), "turns about z through (0, 0, 0.5)"),
+        ((0.0, 0.0, 0.0), "turns about x, turns about y, turns about z through (0, 0, 0)"),
+    ],
+)
+def test_a_body_that_is_held_at_an_edge_or_a_corner_turns_about_that(far, how):
+    def build():
+        box.build(size=(2.0, 1.0, 1.0), cells=(4, 2, 2))
+        dim = int(any(far))
+        found = gmsh.model.getEntitiesInBoundingBox(*[-1e-3] * 3, *(np.array(far) + 1e-3), dim=dim)
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [found[0][1]]), "held")
+
+    scene = Scene(Body(read_gmsh(build), "box", neo_hooke(1.0, 5.0)))
+    scene.fix("held")
+    scene.traction("xmax", (0.0, 0.01, 0.005))
+    verdict = solve(scene, steps=1).verdict
+    assert verdict.kind == "rigid-body motion" and f"body 'box' {how} without resistance" in verdict.reason, verdict.reason

@@ -6,12 +6,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.contact_term import ContactTerm, Trials
-from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding
+from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding, spot, tidied
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
-from fenics_contact.solvers.motions import Motion, resistance, rigid_motions
+from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, turning_point
 from fenics_contact.solvers.slipping import ENDLESS, used_share
 from fenics_contact.solvers.softness import damping
 from fenics_contact.types import Floats, Mat, Vec
@@ -86,7 +86,13 @@ def _free(system: System) -> list[tuple[str, list[str]]]:
     gram = _products(forces, softness, 1.0 / largest)
     values, vectors = _lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
     free = vectors[:, np.abs(values) < FREE]
-    return _parts(motions, free) if free.size else []
+    parts = _parts(motions, free) if free.size else []
+    combined = [_combined(system, motions, way) for way in free.T]
+    for i, (name, how) in enumerate(parts):
+        if (point := turning_point(system, name, combined)) is not None:
+            turns = ", ".join(words for words in how if words in MOVES[3:])
+            parts[i] = name, [f"{turns} through {spot(tidied(point[None], system.extent)[0])}"]
+    return parts
 
 
 def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
@@ -123,8 +129,8 @@ def _products(vectors: Sequence[Motion], weights: Vec, on_tools: float) -> Float
 
 
 def _parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
-    """Of combined motions (len(motions), n): (owner, words) of each owner that moves."""
-    size = np.linalg.norm(combined, axis=1)
+    """Of combined motions (len(motions), n): (owner, words) of each owner that moves. Collective."""
+    size = np.linalg.norm(combined, axis=1) * [motion.largest for _, motion, _ in motions]
     found: dict[str, list[tuple[float, str]]] = {}
     for (name, _, words), share in zip(motions, size, strict=True):
         found.setdefault(name, []).append((share, words))
@@ -164,7 +170,7 @@ def _against(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
     sizes, axes = np.linalg.eigh(weight)
     good = sizes > 1e-12 * sizes.max()
     whiten = axes[:, good] / np.sqrt(sizes[good])
-    return whiten.T @ energy @ whiten, whiten
+    return whiten.T @ energy @ whiten, scale[:, None] * whiten
 
 
 # -- friction used up -------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Motions of bodies and pushed tools against which a tangent is probed: rigid ones, and the one that it resists least."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from fenics_contact.types import Floats, Ints, Ints64, Mat, Vec
 
 SWEEPS = 30  # of inverse iteration; from a random start each gains the ratio of the two lowest eigenvalues
 ALONG = 1e-9  # of a motion's square: a part of it that is not rounding
+SEEN = 1e-4  # of how a body moves: a part of it that is told
 ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent be factorised
 
 
@@ -118,6 +120,33 @@ def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
         dq[i, axis] = 1.0
         found.append((system.tools.names[i], Motion(_carried(system, dq), dq), MOVES[axis]))
     return found
+
+
+def turning_point(system: System, name: str, motions: Sequence[Motion]) -> Floats | None:
+    """The place (3,) [length] nearest to the middle of a body of that name about which all of these rigid motions turn it;
+    None where there is none but that. Collective."""
+    nodes = next((nodes for body, nodes in system.bodies if body == name), None)
+    if nodes is None:
+        return None
+    owned = nodes[(nodes < system.space.dofmap.index_map.size_local) & ~np.isin(nodes, system.supports.ties.nodes)]
+    x = system.space.tabulate_dof_coordinates()[owned] + system.state.u.x.array.reshape(-1, 3)[owned]
+    total = system.comm.allreduce(np.array([*x.sum(axis=0), len(x)]))
+    if not total[3]:
+        return None
+    middle, r = total[:3] / total[3], x - total[:3] / total[3]
+    spread = system.comm.allreduce(np.sum(r**2) * np.eye(3) - r.T @ r)
+    rows, ways = [], []
+    for motion in motions:
+        du = motion.du.array_r.reshape(-1, 3)[owned]
+        way, moment = system.comm.allreduce(np.array([du.sum(axis=0), np.cross(r, du).sum(axis=0)]))
+        turn = np.linalg.pinv(spread, rcond=ALONG, hermitian=True) @ moment
+        rows.append(np.cross(turn, np.eye(3)).T)  # turn x place = rows @ place
+        ways.append(way / total[3])
+    matrix, side = np.concatenate(rows), -np.concatenate(ways)
+    aside = np.linalg.lstsq(matrix, side, rcond=ALONG)[0]
+    missed, size = np.linalg.norm(matrix @ aside - side), np.linalg.norm(side)
+    there = size > SEEN * np.linalg.norm(matrix) * np.sqrt(np.trace(spread) / total[3]) and missed < SEEN * size
+    return middle + aside if there else None
 
 
 def _carried(system: System, dq: Floats) -> Vec:
