@@ -19,19 +19,20 @@ from fenics_contact.assembly.term import FluidTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
 
-class Skins(NamedTuple):
-    """Parts of a surface apart from all contacts and shared with one, and all facets that touch: those of contacts."""
+class Patch(NamedTuple):
+    """A part of a surface, and the numbers of the contacts that have all of it as slave or master: none, one or several."""
 
-    apart: Skin
-    shared: Skin
-    touching: Skin
+    skin: Skin
+    contacts: list[int]
 
 
-def skins(space: Space, facets: Ints, touching: Ints, section: Section | None = None) -> Skins:
-    """The Skins of a surface of local facets; touching: facets that a contact has as slave or master, of this surface and of
-    others; section: what a plane mesh stands for."""
-    parts = np.setdiff1d(facets, touching), np.intersect1d(facets, touching), touching
-    return Skins(*(skin_of(space, part, section) for part in parts))
+def patches_of(space: Space, facets: Ints, touching: Sequence[Ints], section: Section | None = None) -> list[Patch]:
+    """The Patches of a surface of local facets; touching: facets that each contact has as slave or master, of this surface
+    and of others; section: what a plane mesh stands for. Collective."""
+    among = np.array([np.isin(facets, of) for of in touching], dtype=bool).reshape(len(touching), len(facets))
+    kinds = sorted({kind for part in space.mesh.comm.allgather({tuple(kind) for kind in among.T.tolist()}) for kind in part})
+    skins = [skin_of(space, facets[(kind == among.T).all(axis=1)], section) for kind in kinds]
+    return [Patch(skin, np.flatnonzero(kind).tolist()) for skin, kind in zip(skins, kinds, strict=True)]
 
 
 class NodalSums:
@@ -60,38 +61,48 @@ class NodalSums:
         return self.of(out)
 
 
+class _Pressed(NamedTuple):
+    """Of a contact at the local nodes: the pressure p (n,), its part R (n, 3) of the residual, and H (n, 3)."""
+
+    p: Floats
+    R: Floats
+    H: Floats
+
+
 class Fluid(FluidTerm):
-    """A fluid of pressure p_f on a surface: a node of it that contact presses with p feels (p_f - p)_+ of the fluid, so that
-    the larger of both acts on it, and one that no contact presses feels p_f, all along the present area vectors.
+    """A fluid of pressure p_f on a surface: where contact presses a node of it with p, the node feels (p_f - p)_+ of the
+    fluid on the facets around it that this contact has, so that the larger of both acts there, and p_f on facets of no
+    contact, or of none that presses there, all along the present area vectors.
 
-    p = R . H / |H|^2, with R the contacts' part of the residual and H the area vector that surfaces in contact have at the
-    node: so whatever a contact meets, and however, its pressure falls and the fluid's share grows by the same law, without a
-    jump. Where a source is given the fluid acts only on nodes that it has `reached`: those of the source, and the nodes of
-    each facet that has one that is reached and open, p < p_f. That set stays while Newton's method looks for balance;
-    `advance` moves it in balanced states.
+    p = R . H / |H|^2, with R a contact's part of the residual and H the area vector that its surfaces have at the node:
+    so whatever a contact meets, and however, its pressure falls and the fluid's share grows by the same law, without a
+    jump; where several contacts have a facet, p is their sum. Where a source is given the fluid acts only on nodes that it
+    has `reached`: those of the source, and the nodes of each facet that has one that is reached and open there, p < p_f.
+    That set stays while Newton's method looks for balance; `advance` moves it in balanced states.
 
-    skins: of the surface; contacts: the terms; path(t): the pressure [pressure], one for all, or (n,) at the local nodes;
-    source (n,): which local nodes the fluid comes from, None: it is everywhere. All methods that take a state are
-    collective.
+    patches: of the surface; contacts: the terms, and the skins of all facets that each has; path(t): the pressure
+    [pressure], one for all, or (n,) at the local nodes; source (n,): which local nodes the fluid comes from, None: it is
+    everywhere. All methods that take a state are collective.
     """
 
     def __init__(
         self,
         name: str,
         space: Space,
-        skins: Skins,
-        contacts: Sequence[ContactTerm],
+        patches: Sequence[Patch],
+        contacts: Sequence[tuple[ContactTerm, Skin]],
         path: Callable[[float], Floats],
         source: Bools | None,
     ) -> None:
         super().__init__(name, None, None, symmetric=False)
-        self._space, self._contacts, self._path, self._pressure = space, contacts, path, np.zeros(())
-        self._open, self._shared, self._touching = skins
+        self._space, self._path, self._pressure = space, path, np.zeros(())
+        self._patches = patches
+        self._contacts = {i: contacts[i] for patch in patches for i in patch.contacts}
         self._owned = space.dofmap.index_map.size_local
         self._sums = NodalSums(space)
         self._source = None if source is None else self._sums.anywhere(source)
         self.reached = self._accepted = np.ones(self._sums.count, dtype=bool) if self._source is None else self._source
-        on = np.unique(np.concatenate([self._open.nodes.ravel(), self._shared.nodes.ravel()]))
+        on = np.unique(np.concatenate([patch.skin.nodes.ravel() for patch in patches]))
         self.nodes = on
         self._kept = on[on < self._owned] if source is not None else on[:0]
         self.key = node_keys(space)[self._kept] if source is not None else self.key
@@ -101,61 +112,63 @@ class Fluid(FluidTerm):
         self._pressure = self._path(t)
 
     # -- pressures at nodes ---------------------------------------------------------------------------------------
-    def _contact_forces(self, state: State) -> Floats:
-        """The contacts' part of the residual (n, 3) at the local nodes [force]. Collective."""
-        total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
-        for contact in self._contacts:
-            contact.add_residual(state, total, ignored)
-        return self._sums.of(total)
-
     def _place(self, state: State) -> Floats:
         return self._space.tabulate_dof_coordinates() + state.u.x.array.reshape(-1, 3)
 
-    def _pressed(self, state: State) -> tuple[Floats, Floats, Floats]:
-        """Contact pressure (n,), its part R (n, 3) of the residual and H (n, 3) at the local nodes. Collective."""
-        R, H = self._contact_forces(state), self._sums.areas(self._touching, self._place(state))
-        square = np.einsum("nc,nc->n", H, H)
-        return np.divide(np.einsum("nc,nc->n", R, H), square, out=np.zeros(len(H)), where=square > 0.0), R, H
+    def _pressed(self, state: State) -> dict[int, _Pressed]:
+        """What each contact does at the local nodes. Collective."""
+        out, x = dict[int, _Pressed](), self._place(state)
+        for i, (contact, touching) in self._contacts.items():
+            total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
+            contact.add_residual(state, total, ignored)
+            R, H = self._sums.of(total), self._sums.areas(touching, x)
+            square = np.einsum("nc,nc->n", H, H)
+            p = np.divide(np.einsum("nc,nc->n", R, H), square, out=np.zeros(len(H)), where=square > 0.0)
+            out[i] = _Pressed(p, R, H)
+        return out
 
     def contact_pressure(self, state: State) -> Floats:
-        """What contact presses the local nodes (n,) with [pressure]. Collective."""
-        return self._pressed(state)[0]
+        """What contact presses the local nodes with on each patch (patches, n) [pressure]. Collective."""
+        return self._on_patches(self._pressed(state))
+
+    def _on_patches(self, pressed: dict[int, _Pressed]) -> Floats:
+        none = np.zeros(self._sums.count)
+        return np.array([sum((pressed[i].p for i in patch.contacts), none) for patch in self._patches])
 
     def share(self, state: State) -> Floats:
-        """Of the fluid's pressure, what acts on the local nodes (n,) of the facets that contacts share. Collective."""
-        most, share = self._acting(self.contact_pressure(state))
-        return np.divide(share, most, out=np.zeros(len(share)), where=most > 0.0)
+        """Of the fluid's pressure, what acts on the local nodes on each patch (patches, n). Collective."""
+        most, acting = np.where(self.reached, self._pressure, 0.0), self._acting(self.contact_pressure(state))
+        return np.divide(acting, most, out=np.zeros_like(acting), where=most > 0.0)
 
-    def _acting(self, p: Floats) -> tuple[Floats, Floats]:
-        """Pressures (n,) of the fluid on facets that no contact has, and on those that contacts share."""
-        most = np.where(self.reached, self._pressure, 0.0)
-        return most, np.where(self.reached, np.maximum(most - p, 0.0), 0.0)
+    def _acting(self, p: Floats) -> Floats:
+        """Pressures (patches, n) of the fluid where contact presses with p (patches, n)."""
+        return np.where(self.reached, np.maximum(self._pressure - p, 0.0), 0.0)
 
     # -- the term -------------------------------------------------------------------------------------------------
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
-        p, _, _ = self._pressed(state)
-        most, share = self._acting(p)
-        x = self._place(state)
-        forces = most[:, None] * self._sums.areas(self._open, x) + share[:, None] * self._sums.areas(self._shared, x)
-        residual[: 3 * self._owned] += forces[: self._owned].ravel()
+        acting, x = self._acting(self.contact_pressure(state)), self._place(state)
+        for patch, p in zip(self._patches, acting, strict=True):
+            residual[: 3 * self._owned] += (p[:, None] * self._sums.areas(patch.skin, x))[: self._owned].ravel()
 
     def tangent(self, state: State) -> Blocks:
         """The exact derivative: that of the area vectors, and rows of the contacts' tangents, which give dp."""
-        p, R, H = self._pressed(state)
-        most, share = self._acting(p)
-        x, one = self._place(state), np.eye(3)
-        S = self._sums.areas(self._shared, x) * (share > 0.0)[:, None]
-        square = np.maximum(np.einsum("nc,nc->n", H, H), 1e-300)[:, None]
-        # dp = (H . dR + R . (I - 2 H H^T / |H|^2) dH) / |H|^2
-        turned = (R - 2.0 * (np.einsum("nc,nc->n", R, H)[:, None] / square) * H) / square
-        parts = [
-            _rates(self._open, x, most[:, None, None] * one),
-            _rates(self._shared, x, share[:, None, None] * one),
-            _rates(self._touching, x, -np.einsum("na,nb->nab", S, turned)),
+        pressed, x, one = self._pressed(state), self._place(state), np.eye(3)
+        acting = self._acting(self._on_patches(pressed))
+        parts = [_rates(patch.skin, x, p[:, None, None] * one) for patch, p in zip(self._patches, acting, strict=True)]
+        areas = [
+            self._sums.areas(patch.skin, x) * (p > 0.0)[:, None] for patch, p in zip(self._patches, acting, strict=True)
         ]
-        lifted = -np.einsum("na,nb->nab", S, H / square)
-        known = self._everywhere(lifted)
-        parts += [_scaled(contact.tangent(state), lifted, known) for contact in self._contacts]
+        for i, (contact, touching) in self._contacts.items():
+            S = sum(
+                (area for area, patch in zip(areas, self._patches, strict=True) if i in patch.contacts), np.zeros_like(x)
+            )
+            _, R, H = pressed[i]
+            square = np.maximum(np.einsum("nc,nc->n", H, H), 1e-300)[:, None]
+            # dp = (H . dR + R . (I - 2 H H^T / |H|^2) dH) / |H|^2
+            turned = (R - 2.0 * (np.einsum("nc,nc->n", R, H)[:, None] / square) * H) / square
+            parts.append(_rates(touching, x, -np.einsum("na,nb->nab", S, turned)))
+            lifted = -np.einsum("na,nb->nab", S, H / square)
+            parts.append(_scaled(contact.tangent(state), lifted, self._everywhere(lifted)))
         return Blocks(parts=tuple(parts))
 
     def _everywhere(self, lifted: Floats) -> tuple[Ints64, Floats]:
@@ -195,17 +208,17 @@ class Fluid(FluidTerm):
 
     def _connected(self, state: State) -> Bools:
         """The local nodes (n,) that the fluid reaches under the present contact pressures. Collective."""
-        p, R, _ = self._pressed(state)
-        is_open = (p < self._pressure) | ~R.any(axis=1)
-        rings = [skin.nodes for skin in (self._open, self._shared)]
+        pressed, none = self._pressed(state), np.zeros(self._sums.count, dtype=bool)
+        held = [sum((pressed[i].R.any(axis=1) for i in patch.contacts), none) for patch in self._patches]
+        is_open = (self._on_patches(pressed) < self._pressure) | ~np.array(held, dtype=bool)
         reached, before = self._source.copy() if self._source is not None else self.reached, -1
         while (count := self._space.mesh.comm.allreduce(int(reached[: self._owned].sum()))) != before:
             before, here = count, -1
             while (now := int(reached.sum())) != here:  # as far as this rank sees
                 here = now
-                for nodes in rings:
-                    wet = (reached & is_open)[nodes].any(axis=1)
-                    reached[nodes[wet].ravel()] = True
+                for patch, passes in zip(self._patches, is_open, strict=True):
+                    nodes = patch.skin.nodes
+                    reached[nodes[(reached & passes)[nodes].any(axis=1)].ravel()] = True
             reached = self._sums.anywhere(reached)
         return reached
 

@@ -14,6 +14,7 @@ from fenics_contact.agreement import collect_together
 from fenics_contact.assembly.cell_forms import is_symmetric
 from fenics_contact.assembly.condensed import CondensedPressure
 from fenics_contact.assembly.damping import Damping
+from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.spring_term import SpringTerm
@@ -24,7 +25,7 @@ from fenics_contact.assembly.term import FormTerm, State, Term
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.facets import FacetPartner
-from fenics_contact.contact.fluid import Fluid, skins
+from fenics_contact.contact.fluid import Fluid, patches_of
 from fenics_contact.contact.master import MasterSurface, ToolSurface, oriented_facets
 from fenics_contact.contact.meshed_tool import MeshedToolAverages, MeshedToolPartner
 from fenics_contact.contact.mortar import MortarPartner
@@ -37,6 +38,7 @@ from fenics_contact.contact.rigid import RigidPartner
 from fenics_contact.contact.surface import SlaveSurface, slave_surface
 from fenics_contact.contact.term import Contact, Interface
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool
+from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.checks import (
     bonded_bodies,
     refuse_across,
@@ -232,10 +234,9 @@ def _set(coefficient: Constant | Function, load: Load, t: float) -> None:
 def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact]) -> Fluid:
     """The term of a fluid that acts where contact does not; number: of the scene's fluids. Collective."""
     mesh, space, name = scene.mesh, scene.space, "+".join(stated.group)
-    sides = {side for contact in scene.contacts for side in (contact.slave, contact.master) if not isinstance(side, Tool)}
-    touching = np.unique(np.concatenate([np.empty(0, np.int32), *(mesh.facets(*side) for side in sides)]))
-    facets = mesh.facets(*stated.group)
-    if not mesh.comm.allreduce(len(np.intersect1d(facets, touching))):
+    facets, touching = mesh.facets(*stated.group), [_touching(mesh, contact) for contact in scene.contacts]
+    patches = patches_of(space, facets, touching, scene.section)
+    if not any(patch.contacts for patch in patches):
         raise SceneError(
             f"pressure on '{name}': where=\"open\" asks for contact, and no facet of it is in one; leave where= out"
         )
@@ -258,7 +259,14 @@ def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact
         source[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
         on[compat.locate_blocks(space, facets)] = True
         source &= on
-    return Fluid(f"fluid {number} on {name}", space, skins(space, facets, touching, scene.section), contacts, path, source)
+    of_contacts = [(one, skin_of(space, of, scene.section)) for one, of in zip(contacts, touching, strict=True)]
+    return Fluid(f"fluid {number} on {name}", space, patches, of_contacts, path, source)
+
+
+def _touching(mesh: NamedMesh, contact: ContactStatement) -> Ints:
+    """Local facets of a contact's bodies."""
+    sides = [side for side in (contact.slave, contact.master) if not isinstance(side, Tool)]
+    return np.unique(np.concatenate([mesh.facets(*side) for side in sides]))
 
 
 def _modulus_by_cell(scene: "Scene") -> Floats:
