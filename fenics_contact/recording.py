@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from tqdm import tqdm
 
-from fenics_contact.contact.images import IMAGES, images_note
+from fenics_contact.contact.images import IMAGES, Images
 from fenics_contact.contact.overlap import OVERLAPS, Overlaps
 from fenics_contact.options import Output
 from fenics_contact.output.columns import ARCS, Columns, HistoryRow, damping_column
@@ -52,7 +52,7 @@ class Recorder:
         self.columns, self.extra = named
         folder = None if output.folder is None else pathlib.Path(output.folder)
         system = self.system
-        self._overlaps = Overlaps(system)
+        self._overlaps, self._images = Overlaps(system), Images(system)
         self._films = [value for value in self.extra.values() if isinstance(value, Film)]
         for film in self._films:
             film.begin()
@@ -86,7 +86,7 @@ class Recorder:
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
-        self.verdict.remark_on(IMAGES, images_note(self.system))
+        self.verdict.remark_on(IMAGES, self._images.remarks())
         smallest_J, turned = self._volume_ratio.look()
         self.verdict.remark_on(TURNED, turned)
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had

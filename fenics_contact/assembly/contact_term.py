@@ -61,6 +61,10 @@ class ContactPlaces(Protocol):
 
     def feet(self, state: State) -> Any: ...
 
+    def first_feet(self, state: State) -> Any:
+        """The same of a search that looks farther, not kept."""
+        ...
+
     def as_accepted(self) -> AbstractContextManager[None]:
         """Feet are found meanwhile as they were when the last state was accepted."""
         ...

@@ -32,6 +32,9 @@ class Follower:
         return Follower(self.turn[rows], self.ahead[rows])
 
 
+ALIKE = 1e-6  # what two images may differ by, turns or over their offset, that are one
+
+
 class Image(NamedTuple):
     """Where pairs of faces put a neighbour of what lies at x: turn x + offset, (3, 3) and (3,) [length]."""
 
@@ -45,6 +48,11 @@ class Image(NamedTuple):
     def then(self, other: "Image") -> "Image":
         """One after the other."""
         return Image(other.turn @ self.turn, other.of(self.offset))
+
+    def like(self, other: "Image") -> bool:
+        """Whether both put places of this size alike, but for rounding."""
+        differ = np.abs(self.turn - other.turn).max(), np.abs(self.offset - other.offset).max()
+        return differ[0] < ALIKE and bool(differ[1] <= ALIKE * np.abs(self.offset).max())
 
     @property
     def back(self) -> "Image":
@@ -90,8 +98,14 @@ class Pairs:
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
 
     def images(self, ways: Floats) -> list[Image]:
-        """All neighbours that share a face, an edge or a corner with what is modelled, the pairs' ways being (pairs, 3)."""
-        once = [Image(one.turn, one.offset + way) for one, way in zip(self._across, ways, strict=True)]
+        """All neighbours that share a face, an edge or a corner with what is modelled, the pairs' ways being (pairs, 3); of
+        pairs that stand for the same step, as those of several bodies, the first one's way counts."""
+        known: list[Image] = []
+        once: list[Image] = []
+        for one, way in zip(self._across, ways, strict=True):
+            if not any(one.like(other) or one.back.like(other) for other in known):
+                known.append(one)
+                once.append(Image(one.turn, one.offset + way))
         found = []
         for steps in product((0, 1, -1), repeat=len(once)):
             image = HERE

@@ -34,7 +34,6 @@ CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body benea
 STIFF, FEEBLE = 3e7, 1e-3
 OVER_STIFFNESS = "times Young's modulus over a cell's height, the default being 100 times"
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
-OUT_OF_CELL = 0.01  # of the area that has been in contact: what more of it has left a master beside a pair is worth a note
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
 # Likewise where all of a rough contact slides, so that its tangential force is friction's, and not what halves of a pressed
 # body hold against each other: sharp blocks dragged over pads have 0.02 ... 0.05 and are off by 0.02 ... 0.06 of their load.
@@ -147,18 +146,6 @@ def _edge_note(contact: Contact, state: State) -> Remark | None:
         f"{carried / total:.2g} of the contact's force is on nodes at edges between faces of the slave, most at {place}: "
         "their areas are those of all these faces, their pressures too small, and the law of friction takes them; "
         "name the face that touches alone, or take points=3 (Gauss points)",
-    )
-
-
-def _cell_note(contact: Contact, state: State) -> Remark | None:
-    """None, or that a slave beside a pair of faces has left the master, which goes on beyond them. Collective."""
-    lost, text, place = _slid_off(contact, state)
-    if lost <= OUT_OF_CELL:
-        return None
-    return Remark(
-        lost,
-        f"{text}, most at {place}: a body that slides out of the cell of a pair does not come in again at its other end: "
-        "the contact's force is too small by about as much; state several cells as one: the share falls with their number",
     )
 
 
@@ -323,8 +310,6 @@ class Findings:
             "leans": _lean_note,
             "edges": _edge_note,
         }
-        if contact.paired:
-            kinds["out of its cell"] = _cell_note
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
     def nodes_deeper(self, state: State) -> Floats:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Foremost, Remark, foremost, spot
 from fenics_contact.assembly.pairs import HERE, Image
@@ -21,50 +22,78 @@ if TYPE_CHECKING:
 
 IMAGES = "past faces of pairs"  # by which a run remembers what it has said of these
 INSIDE = 1e-3  # of a cell's height: an image that lies deeper in a master than what presses there is left out
+DEEPER = 3.0  # times as deep as contacts press here: of two bodies that are each other's images one hangs lower
 MISSED = 0.01  # of the area that should press: what more of it lies past faces of pairs is worth a note
 
 
-def images_note(system: System) -> dict[str, Remark]:
-    """By contact what is to be said of a master in which neighbours, where pairs of faces put them, lie deeper than what it
-    presses here: a tool or body that repeats presses both alike, so does a tool of which the image is one. Collective."""
-    if system.supports.pairs is None:
-        return {}
-    state, comm, pairs = system.state, system.comm, system.supports.pairs
-    images = pairs.images(pairs.ways(state.t))
-    pressed, remarks = np.zeros(len(state.u.x.array) // 3), dict[str, Remark]()
-    own = [_depths(contact, state, HERE) for contact in system.contacts]
-    for contact, depth in zip(system.contacts, own, strict=True):
-        np.maximum.at(pressed, contact.surface.nodes, depth.max(axis=1, initial=0.0)[:, None])
-    for contact, depth in zip(system.contacts, own, strict=True):
-        s, here = contact.surface, pressed[contact.surface.nodes].max(axis=1, initial=0.0)[:, None]
-        beyond = np.max([_depths(contact, state, image) for image in images], axis=0) - here
-        inner = np.einsum("eqk,ek->eq", s.a, ~pairs.on_faces[s.nodes]) > 0.0  # what presses one face presses the other
-        left_out = inner & (beyond > INSIDE * s.cell_height)
-        missed, met = comm.allreduce(np.array([s.area[left_out].sum(), s.area[~left_out & (depth > 0.0)].sum()]))
-        if not missed > MISSED * (missed + met):
-            continue
-        share = missed / (missed + met)
-        if found := foremost(
-            comm, np.where(left_out, beyond, 0.0).ravel(), np.einsum("eqk,ekc->eqc", s.a, s.X).reshape(-1, 3)
-        ):
-            remarks[contact.name] = Remark(share, _words(contact, share, found))
-    return remarks
+class Images:
+    """What slave points' neighbours, where pairs of faces put them, may lie in. Construction is collective.
+
+    What lay in a master before anything had moved, deeper than slave points themselves, is not pressed by it: it stands for
+    the neighbour, as a plane between two bodies that meet alike does.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system, self._pairs = system, system.supports.pairs
+        if self._pairs is None:
+            return
+        rest = State(compat.Function(system.space), np.zeros_like(system.state.q), system.tools.poses())
+        feet = [contact.places.first_feet(rest) for contact in system.contacts]
+        images = self._pairs.images(self._pairs.ways(0.0))
+        self._drawn = []  # of each contact and image (images, ne, nq): whether points lay in the master from the start
+        for contact, at in zip(system.contacts, feet, strict=True):
+            own = max(system.comm.allgather(_depths(contact, at, HERE).max(initial=0.0)))
+            allowed = own + INSIDE * contact.surface.cell_height
+            self._drawn.append(np.array([_depths(contact, at, image) > allowed for image in images]))
+
+    def remarks(self) -> dict[str, Remark]:
+        """By contact what is to be said of a master in which neighbours lie far deeper than any contact presses points
+        here: a tool or body that repeats presses both alike, and so does a tool of which the image is one. Collective."""
+        if self._pairs is None:
+            return {}
+        system, remarks = self._system, dict[str, Remark]()
+        state, images = system.state, self._pairs.images(self._pairs.ways(system.state.t))
+        pressed = np.zeros(len(state.u.x.array) // 3)
+        feet = [contact.places.feet(state) for contact in system.contacts]
+        own = [_depths(contact, at, HERE) for contact, at in zip(system.contacts, feet, strict=True)]
+        for contact, depth in zip(system.contacts, own, strict=True):
+            np.maximum.at(pressed, contact.surface.nodes, depth.max(axis=1, initial=0.0)[:, None])
+        for contact, at, depth, drawn in zip(system.contacts, feet, own, self._drawn, strict=True):
+            s, there = contact.surface, np.array([_depths(contact, at, image) for image in images])
+            # what presses one face of a pair presses the other
+            inner = np.einsum("eqk,ek->eq", s.a, ~self._pairs.on_faces[s.nodes]) > 0.0
+            beyond = np.where(inner, np.where(drawn, 0.0, there).max(axis=0), 0.0)
+            here = pressed[s.nodes].max(axis=1, initial=0.0)[:, None]
+            left_out = beyond > np.maximum(DEEPER * here, INSIDE * s.cell_height)
+            missed, met = system.comm.allreduce(np.array([s.area[left_out].sum(), s.area[depth > 0.0].sum()]))
+            if not missed > MISSED * (missed + met):
+                continue
+            share = missed / (missed + met)
+            if found := foremost(
+                system.comm, np.where(left_out, beyond, 0.0).ravel(), np.einsum("eqk,ekc->eqc", s.a, s.X).reshape(-1, 3)
+            ):
+                remarks[contact.name] = Remark(share, _words(contact, share, found))
+        return remarks
 
 
 def _words(contact: ContactTerm, share: float, found: Foremost) -> str:
     remedy = "state several cells as one: the share falls with their number"
     if contact.partner.grounded:
-        remedy = "state its image, one cell or sector on, as a second tool that moves alike"
+        remedy = (
+            "state its image, one cell or sector on, too: as a second tool that moves alike, or, of one that is pushed, "
+            "both as a rigid_union"
+        )
     return (
         f"contact '{contact.name}' at {spot(found.place)}: the neighbour that a pair of faces stands for lies "
         f"{found.value:.3g} deep in '{contact.master_name}', which reaches past these faces, and contact ends there: "
-        f"{share:.0%} of the area that should press does not, and the force is too small; {remedy}"
+        f"{share:.0%} of the area that should press does not, and the force may be off; {remedy}"
     )
 
 
-def _depths(contact: ContactTerm, state: State, image: Image) -> Floats:
-    """How deep (ne, nq) an image of the slave points would lie in the master [length], none of what has no partner."""
-    places, feet = contact.places, contact.places.feet(state)
+def _depths(contact: ContactTerm, feet: Any, image: Image) -> Floats:
+    """How deep (ne, nq) an image of the slave points at `feet` would lie in the master [length], none of what has no
+    partner."""
+    places, gaps = contact.places, np.empty(0)
     if isinstance(places, NodePlaces | PointPlaces):
         gaps = places.gaps_of(image, feet)
     elif isinstance(places, RigidPlaces):

@@ -10,7 +10,9 @@ from fenics_contact.assembly.finding import Remark, spot, tidied
 from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
+from fenics_contact.contact.rigid_places import named
 from fenics_contact.kernels.broad_phase import candidates
+from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Bools, Floats, Ints64
 
 DEEP = 0.05  # of a cell's size: what lies less deep may be what straight cells cut off
@@ -61,7 +63,7 @@ class Overlaps:
         places = self._X + system.state.u.x.array.reshape(-1, 3)
         x = np.concatenate(system.comm.allgather(places[self._outer]))
         x = np.concatenate([x, *(image.of(x) for image in self._images(system.state.t))])
-        node, other, size = self._inside(x, places)
+        node, other, size = self._inside(x, places, self._pressed())
         found = [pair for part in system.comm.allgather(list(zip(node, other, size, strict=True))) for pair in part]
         if not found:
             return {}
@@ -111,12 +113,27 @@ class Overlaps:
             out += [nodes] if nodes.shape[1] == self._dim else [nodes[:, :3], nodes[:, 1:]]  # a quadrilateral: two triangles
         return out
 
-    def _inside(self, x: Floats, places: Floats) -> tuple[list[int], list[int], list[float]]:
-        """Of nodes at x (n, 3) inside this process's cells, of a body that nothing keeps them out of: which, which body, and
-        the cell's size [length]."""
+    def _pressed(self) -> Bools:
+        """Which of all nodes (n,), and of their images, are images of what a tool presses: of a plane between neighbours two
+        bodies stand off by what the penalties leave. Collective."""
+        system, marked = self._system, [np.empty(0, dtype=np.int32)]
+        images = len(self._nodes) // max(self._count, 1) - 1
+        if not images:
+            return np.zeros(self._count, dtype=bool)
+        for contact in system.contacts:
+            if contact.partner.grounded and len(statuses := contact.statuses()):
+                active = statuses.reshape(contact.surface.area.shape) != OPEN
+                marked.append(contact.surface.nodes[active.any(axis=1)].ravel())
+        held = named(system.space, np.concatenate(marked))[self._outer]
+        held = np.concatenate(system.comm.allgather(held))
+        return np.concatenate([np.zeros_like(held), np.tile(held, images)])
+
+    def _inside(self, x: Floats, places: Floats, held: Bools) -> tuple[list[int], list[int], list[float]]:
+        """Of nodes at x (n, 3) inside this process's cells, of a body that nothing keeps them out of, but held (n,) ones:
+        which, which body, and the cell's size [length]."""
         node, cell = _nearby(x, places, self._cells)
         other = self._body[self._cells[cell, 0]]
-        free = ~self._barred[node, other]
+        free = ~(self._barred[node, other] | held[node])
         own = np.flatnonzero(free & (other == self._own[node]))
         free[own] = ~_beside(self._nodes[node[own]], self._X[self._cells[cell[own]]])
         node, cell = _within(x, places, self._cells, self._dim, (node[free], cell[free]))

@@ -70,10 +70,6 @@ class Contact(ContactTerm):
         self.partner, self.places, self.master_name = partner, partner.places, partner.name
         self.penetration = penetration
         comm = state.comm
-        # whether slave nodes follow others: beyond a pair of faces the bodies go on, and contact does not
-        self.paired = (
-            comm.allreduce(int(supports.pairs is not None and np.isin(surface.nodes, supports.pairs.nodes).any())) > 0
-        )
         self.led, self.forces = Led(self, supports, comm), Forces(self)
         self.parts, self.findings = Parts(self), Findings(self)
         law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
