@@ -21,6 +21,7 @@ from fenics_contact.restart import Keeper
 from fenics_contact.scene.build import Built
 from fenics_contact.scene.functions import number_of
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.symmetry import SYMMETRY, Symmetry
 from fenics_contact.solvers.arc_length import ArcReport
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import Verdict
@@ -52,7 +53,7 @@ class Recorder:
         self.columns, self.extra = named
         folder = None if output.folder is None else pathlib.Path(output.folder)
         system = self.system
-        self._overlaps, self._images = Overlaps(system), Images(system)
+        self._overlaps, self._images, self._symmetry = Overlaps(system), Images(system), Symmetry(scene, system)
         self._films = [value for value in self.extra.values() if isinstance(value, Film)]
         for film in self._films:
             film.begin()
@@ -87,6 +88,7 @@ class Recorder:
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
         self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
         self.verdict.remark_on(IMAGES, self._images.remarks())
+        self.verdict.remark_on(SYMMETRY, self._symmetry.remarks())
         smallest_J, turned = self._volume_ratio.look()
         self.verdict.remark_on(TURNED, turned)
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had

@@ -90,7 +90,7 @@ TABLE = {
 ONLY = {
     ("studies", "assembly"): {"system", "term", "pattern", "cell_forms"},  # their names; what a tangent is assembled into
     ("studies", "output"): {"curves", "late", "names"},  # names of columns; what draws
-    ("output", "scene"): {"scene"},  # what is drawn and written
+    ("output", "scene"): {"scene", "symmetry"},  # what is drawn and written, and what it stands for
     ("output", "assembly"): {
         "contact_term",
         "entries",

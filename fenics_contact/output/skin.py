@@ -7,12 +7,13 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.assembly.size import bodies_size, extremes
+from fenics_contact.assembly.size import bodies_size
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.grid import bodies_of_cells
 from fenics_contact.output.names import plain_name
 from fenics_contact.output.tool_surfaces import tool_surface
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.symmetry import planes_of
 from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64, Mesh
 from fenics_contact.values import SceneError
 
@@ -263,25 +264,12 @@ def quarters(corners: Floats) -> Floats:
 def symmetry_planes(scene: Scene) -> dict[int, float]:
     """{axis: place [length]} of the planes that supports make planes of symmetry: flat ends of the bodies, held along
     their normal alone. Of two along one axis the one nearer to the origin. Collective."""
-    held: dict[tuple[str, ...], set[int | None]] = {}
-    for support in scene.supports:
-        held.setdefault(support.group, set()).add(support.axis)
-    zero = [s for s in scene.supports if isinstance(s.value, float) and s.value == 0.0 and held[s.group] == {s.axis}]
-    X = scene.space.tabulate_dof_coordinates()
-    low, high = extremes(scene.mesh.comm, X)
-    near, planes = FLAT * float(np.max(high - low)), dict[int, float]()
+    planes = dict[int, float]()
     if scene.section is not None and scene.section.axisymmetric:
         planes[0] = 0.0
-    for support in zero:
-        axis = support.axis
-        if axis is None or not set(support.group) <= set(scene.mesh.surfaces):
-            continue
-        nodes = compat.locate_blocks(scene.space, scene.mesh.facets(*support.group))
-        least, most = extremes(scene.mesh.comm, X[nodes])
-        place = float(least[axis])
-        at_end = min(abs(place - low[axis]), abs(place - high[axis])) < near
-        if most[axis] - least[axis] < near and at_end and abs(place) <= abs(planes.get(axis, np.inf)):
-            planes[axis] = place
+    for plane in planes_of(scene):
+        if abs(plane.place) <= abs(planes.get(plane.axis, np.inf)):
+            planes[plane.axis] = plane.place
     return planes
 
 

@@ -1,0 +1,152 @@
+"""Planes that supports make planes of symmetry, and what does not go with them, or with pairs of faces: bodies that grow
+through them, tools that lie on them and move aside."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.assembly.contact_term import ContactTerm
+from fenics_contact.assembly.finding import Remark, foremost, spot
+from fenics_contact.assembly.size import extremes
+from fenics_contact.assembly.system import System
+from fenics_contact.contact.rigid_places import named
+from fenics_contact.types import Bools, Floats, Ints
+
+if TYPE_CHECKING:  # which states them
+    from fenics_contact.scene.scene import Scene
+
+FLAT = 1e-6  # of the bodies' size: how far from a plane its nodes may lie
+BEYOND = 0.05  # of a cell's extent: what lies less deep may be what penalties leave on a tool in that plane
+ASIDE = 0.01  # of a tool's way: less is what balance leaves
+SYMMETRY = "symmetry"  # by which a run remembers what it has said of it
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A flat end of the bodies, held along its normal alone: the surface's name, the axis of its normal, where it is
+    [length], 1 or -1: on which side the bodies are, and its local nodes."""
+
+    name: str
+    axis: int
+    place: float
+    inward: int
+    nodes: Ints
+
+
+def planes_of(scene: "Scene") -> list[Plane]:
+    """The planes of symmetry that a scene's supports state. Collective."""
+    held: dict[tuple[str, ...], set[int | None]] = {}
+    for support in scene.supports:
+        held.setdefault(support.group, set()).add(support.axis)
+    X, comm, found = scene.space.tabulate_dof_coordinates(), scene.mesh.comm, []
+    low, high = extremes(comm, X)
+    near = FLAT * float(np.max(high - low))
+    for s in scene.supports:
+        axis, zero = s.axis, isinstance(s.value, float) and s.value == 0.0
+        if not zero or held[s.group] != {axis} or axis is None or not set(s.group) <= set(scene.mesh.surfaces):
+            continue
+        nodes = compat.locate_blocks(scene.space, scene.mesh.facets(*s.group))
+        least, most = extremes(comm, X[nodes])
+        place = float(least[axis])
+        ends = [inward for inward, end in ((1, low), (-1, high)) if abs(place - end[axis]) < near]
+        if most[axis] - least[axis] < near and ends:
+            found.append(Plane("+".join(s.group), axis, place, ends[0], nodes))
+    return found
+
+
+class Symmetry:
+    """What is to be said of accepted states of a scene that stands for more than it models. Construction is collective."""
+
+    def __init__(self, scene: "Scene", system: System) -> None:
+        self._system, self._planes = system, planes_of(scene)
+        self._X = system.space.tabulate_dof_coordinates()
+        corners = compat.cell_dofs(system.space)[: compat.cell_map(scene.mesh.domain).size_local]
+        extents = np.ptp(self._X[corners], axis=1)
+        sums = system.comm.allreduce(np.array([*extents.sum(axis=0), len(extents)]))
+        self._extents = sums[:3] / max(sums[3], 1.0)
+
+    def remarks(self) -> dict[str, Remark]:
+        """{what: its Remark} of the state accepted last. Collective."""
+        found = dict[str, Remark]()
+        for plane in self._planes:
+            if remark := self._beyond(plane):
+                found[f"beyond {plane.name}"] = remark
+        for contact in self._system.contacts:
+            if contact.partner.grounded and (remark := self._aside(contact) or self._unlike(contact)):
+                found[f"tool {contact.master_name}"] = remark
+        return found
+
+    def _beyond(self, plane: Plane) -> Remark | None:
+        """None, or that a body has grown through a plane. Collective."""
+        system, axis = self._system, plane.axis
+        x = self._X + system.state.u.x.array.reshape(-1, 3)
+        owned = slice(system.space.dofmap.index_map.size_local)
+        worst = foremost(system.comm, plane.inward * (plane.place - x[owned, axis]), self._X[owned])
+        if worst is None or not worst.value > BEYOND * self._extents[axis]:
+            return None
+        return Remark(
+            worst.value,
+            f"a node of the bodies, {spot(worst.place)}, lies {worst.value:.3g} beyond the plane of '{plane.name}', which "
+            f"is held along {'xyz'[axis]}: where that is a plane of symmetry, the other half is there, and nothing keeps "
+            "the two apart; state the plane as a tool that this side meets",
+        )
+
+    def _aside(self, contact: ContactTerm) -> Remark | None:
+        """None, or that a tool that is free to has gone across a plane, on nodes of which it presses. Collective."""
+        system = self._system
+        if not (self._planes and system.tools.free[self._tool(contact)].any()):
+            return None
+        pressed = self._pressed(contact)
+        gone = self._gone(contact)
+        size = max(system.comm.allgather(np.linalg.norm(gone, axis=1).max(initial=0.0)))
+        for plane in self._planes:
+            on = np.zeros(len(pressed), dtype=bool)
+            on[plane.nodes] = True
+            along = np.abs(gone[:, plane.axis]) * (on & pressed)
+            most, letter = max(system.comm.allgather(along.max(initial=0.0))), "xyz"[plane.axis]
+            if most > ASIDE * size:
+                return Remark(
+                    most,
+                    f"tool '{contact.master_name}' has gone {most:.3g} along {letter} on nodes of '{plane.name}', which is "
+                    f"held along {letter}: where that is a plane of symmetry, the other half's goes the other way, and the "
+                    f"whole would not; hold the tool along {letter}, and let it turn about {letter} alone",
+                )
+        return None
+
+    def _unlike(self, contact: ContactTerm) -> Remark | None:
+        """None, or that a tool that presses on both faces of a pair moves otherwise than what repeats. Collective."""
+        system, pairs = self._system, self._system.supports.pairs
+        if pairs is None:
+            return None
+        pressed, gone = self._pressed(contact), self._gone(contact)
+        count = 3 * system.space.dofmap.index_map.size_local
+        leading = pairs.led(np.repeat(pressed.astype(float), 3)[:count])[:, 0] > 0.0
+        led = np.einsum("nab,nb->na", pairs.follower.turn, pairs.led(gone.ravel()[:count]))
+        apart = np.linalg.norm(gone[pairs.nodes] - led, axis=1) * (leading & pressed[pairs.nodes])
+        size = max(system.comm.allgather(np.linalg.norm(gone, axis=1).max(initial=0.0)))
+        most = max(system.comm.allgather(apart.max(initial=0.0)))
+        if not most > ASIDE * size:
+            return None
+        return Remark(
+            most,
+            f"tool '{contact.master_name}' presses on both faces of a pair, and moves there by {most:.3g} otherwise than "
+            "what repeats: on the next sector it would go another way, and the whole would not; let it move along the axis, "
+            "and turn about it, alone",
+        )
+
+    def _tool(self, contact: ContactTerm) -> int:
+        """Its row in the state's q."""
+        return self._system.tools.names.index(contact.master_name)
+
+    def _pressed(self, contact: ContactTerm) -> Bools:
+        """The local nodes (n,) of slave facets that the tool presses. Collective."""
+        closed = contact.statuses().reshape(contact.surface.area.shape).any(axis=1)
+        return named(self._system.space, contact.surface.nodes[closed].ravel())
+
+    def _gone(self, contact: ContactTerm) -> Floats:
+        """How far (n, 3) what a tool has at the local nodes has come from where it was at the start [length]."""
+        state = self._system.state
+        x = self._X + state.u.x.array.reshape(-1, 3)
+        return np.asarray(x - state.pose(self._tool(contact)).before(x))

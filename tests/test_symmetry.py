@@ -1,0 +1,65 @@
+"""Parts that stand for a whole: what does not go with their planes of symmetry, or with what repeats, is told."""
+
+import pytest
+
+from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import box, rectangles
+
+pytestmark = pytest.mark.parallel
+
+
+def notes_of(result, *words):
+    return [note for note in result.verdict.notes if all(word in note for word in words)]
+
+
+@pytest.mark.parametrize("free", ["", "x"])
+def test_a_tool_that_goes_aside_on_half_a_block_is_told(free):
+    """A rough lid pushed down: on the whole it stays in the middle, on a half what spreads takes it along."""
+    found = []
+    for half in (True, False):
+        mesh = read_gmsh(
+            rectangles.build,
+            rectangles={"pad": ((0.0 if half else -5.0, 0.0), (5.0 * (2 - half), 5.0), (20 * (2 - half), 12))},
+        )
+        scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 5.0)), plane="strain")
+        scene.fix("pad_ymin")
+        if half:
+            scene.fix("pad_xmin", "x")
+        lid = rigid_plane((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+        scene.contact("pad_ymax", lid, 0.3, name="c")
+        result = solve(scene, move={lid: Motion(force=(0.0, -6.0 / (1 + half), 0.0), free=free)}, steps=4).require()
+        found.append((result.column("lid_travel_y_mm")[-1], len(notes_of(result, "'lid'", "plane of symmetry"))))
+    (part, told), (whole, untold) = found
+    assert untold == 0 and (told > 0) == (abs(part / whole - 1.0) > 1e-6) == (free == "x"), found
+
+
+@pytest.mark.parametrize("plane", [False, True])
+def test_a_half_that_grows_through_its_plane_is_told(plane):
+    """A block on a wider base, the planes of symmetry of which it reaches as it is pressed."""
+    drawn = {"base": ((0.0, 0.0), (4.0, 1.0), (8, 2)), "top": ((0.2, 1.0), (3.6, 2.0), (8, 6))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 50.0)) for name in drawn), plane="strain")
+    for side in ("base_xmin", "base_xmax"):
+        scene.fix(side, "x")
+    scene.fix("base_ymin", "y")
+    scene.fix("top_ymax", "x")
+    scene.prescribe("top_ymax", "y", -0.7)
+    scene.contact("top_ymin", "base_ymax", 1.0, name="c")
+    for x, side in ((0.0, "top_xmin"), (4.0, "top_xmax")) if plane else ():
+        scene.contact(side, rigid_plane((x, 0.0, 0.0), (1.0 - 0.5 * x, 0.0, 0.0), name=f"at{x:g}"))
+    notes = notes_of(solve(scene, steps=5).require(), "plane of symmetry", "beyond the plane of 'base_x")
+    assert bool(notes) != plane, notes
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_lid_that_does_not_repeat_with_its_sector_is_told(turns):
+    """A quarter of a block about its middle under a rough lid that turns about that, or about a corner."""
+    mesh = read_gmsh(box.build, size=(1.0, 1.0, 0.5), cells=(4, 4, 2))
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+    scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
+    scene.fix("zmin")
+    lid = rigid_plane((0.0, 0.0, 0.5) if turns else (1.0, 1.0, 0.5), (0.0, 0.0, -1.0), name="lid")
+    scene.contact("zmax", lid, 0.5, name="c")
+    spin = Motion(z=-0.05, rz=0.1)
+    notes = notes_of(solve(scene, move={lid: spin}, steps=2).require(), "'lid'", "otherwise than what repeats")
+    assert bool(notes) != turns, notes
