@@ -63,3 +63,15 @@ def test_a_lid_that_does_not_repeat_with_its_sector_is_told(turns):
     spin = Motion(z=-0.05, rz=0.1)
     notes = notes_of(solve(scene, move={lid: spin}, steps=2).require(), "'lid'", "otherwise than what repeats")
     assert bool(notes) != turns, notes
+
+
+@pytest.mark.parametrize("along", [False, True])
+def test_a_load_across_the_axis_of_a_sector_is_told(along):
+    mesh = read_gmsh(box.build, size=(1.0, 1.0, 0.5), cells=(2, 2, 1))
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
+    scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
+    scene.fix("zmin")
+    scene.body_force((0.0, 0.0 if along else 0.01, -0.01))
+    scene.traction("zmax", lambda X, t: 0.01 * t * X * [1.0, 1.0, 0.0])  # away from the axis
+    notes = notes_of(solve(scene, steps=1).require(), "acts across the axis")
+    assert [note.startswith("body force acts") for note in notes] == [True] * (not along), notes

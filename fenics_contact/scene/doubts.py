@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # which asks for them
     from fenics_contact.scene.scene import Scene
 
 HEAVIEST = 10.0  # times Young's modulus: a load on a surface under which no rubber keeps its shape
+ALONG_AXIS = 1e-9  # of a load: what of it may be across an axis, being round-off
 ROUGHEST = 5.0  # friction that rubber hardly has
 ALONG = (
     "is not the same all along z: what it stands for is its cut by the plane, endless along z; say so by a rigid_cylinder "
@@ -41,6 +42,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_penalties(system),
         *_pressed(scene, [load for load in loads if not load.shape]),
         *_idle(scene, system, loads),
+        *_across(scene, system, stated, [load for load in loads if load.shape]),
         *_heavy(scene, system, stated, [load for load in loads if load.group]),
     ]
 
@@ -96,6 +98,25 @@ def _idle(scene: "Scene", system: System, loads: Sequence[Load]) -> list[str]:
             if not system.comm.allreduce(bool(system.supports.free(nodes[nodes < owned]).any()), op=MPI.LOR):
                 found[called(load.word, load.group)] = load.group
     return [f"{name} moves nothing: supports hold all nodes of that surface in every direction" for name in found]
+
+
+def _across(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
+    """Of loads in one direction across the axis of a cyclic pair, about which what repeats is turned. Collective."""
+    found, axes = dict[str, str](), [(pair.what, pair.axis) for pair in scene.pairs if pair.axis is not None]
+    for i in range(len(stated)) if axes else ():
+        with system.stages.foreseen(i):
+            for load in loads:
+                force = whole(load.path, system.stages.time(1.0))
+                if load.nodes is not None:
+                    continue
+                for pair, axis in axes:
+                    if np.linalg.norm(force - (force @ axis) * axis) > ALONG_AXIS * np.linalg.norm(force):
+                        found[called(load.word, load.group)] = pair
+    return [
+        f"{name} acts across the axis of the {pair}: it is turned with each sector, so that round the axis it adds up to "
+        "nothing; of weight, or of any force in one direction on the whole, model the whole"
+        for name, pair in found.items()
+    ]
 
 
 def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
