@@ -51,3 +51,16 @@ def test_an_arch_that_stays_on_the_other_side(rise, snaps):
     told = [note for note in result.verdict.notes if "at the end nothing loads the bodies" in note]
     assert (kept > 0.1, len(told)) == (snaps, snaps), (kept, result.verdict.notes)
     assert not snaps or f"keep {kept:.2g} of" in told[0]
+
+
+def test_a_thin_roller_that_presses():
+    """A roller deflects a flat strip by more than its own diameter and the strip's thickness: where it ends it would lie
+    below the strip at rest and free of it, yet it is what holds the strip bent, against the pins."""
+    scene, radius, depth = strip(0.0), 0.2, 1.5
+    roller = rigid_cylinder(radius, (0.0, THICK + radius, 0.0), (0.0, 0.0, 1.0), name="roller")
+    scene.contact("top", roller, name="c")
+    result = solve(scene, move={roller: (0.0, -depth, 0.0)}, steps=6).require()
+    last = result.history[-1]
+    assert depth > THICK + 2.0 * radius and last["c_force_y_N"] < 0.0
+    assert last["left_right_reaction_y_N"] == pytest.approx(-last["c_force_y_N"], rel=1e-6)
+    assert not any("at the end nothing loads the bodies" in note for note in result.verdict.notes), result.verdict.notes
