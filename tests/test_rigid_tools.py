@@ -22,7 +22,7 @@ from fenics_contact import (
     rigid_union,
     solve,
 )
-from fenics_contact.meshes import box, tubes
+from fenics_contact.meshes import box, rectangles, tubes
 
 pytestmark = pytest.mark.parallel
 
@@ -119,6 +119,54 @@ def test_a_block_over_a_groove():
     assert np.abs(straight[:, 0]).max() < size and straight[-1, 1] > 0.1 * abs(straight[-1, 2])
     for tool_of, Q in ((two_bars, np.eye(3)), (groove, ASKEW), (two_bars, ASKEW)):
         np.testing.assert_allclose(over_a_groove(tool_of, Q), straight, rtol=0.0, atol=size)
+
+
+# the wall goes on through the right block, and what is outside of the bore holds a part of the left one
+WALLS = {
+    "left": rigid_plane((4.1, 0.0, 0.0), (-1.0, 0.0, 0.0), name="wall"),
+    "right": rigid_cylinder(6.0, (8.35, 2.0, 0.0), (0.0, 0.0, 1.0), hollow=True, name="bore"),
+}
+
+
+def squeezed(*names):
+    """Blocks between plates, of which one side of each bulges against a tool of its own."""
+    drawn = {name: ((10.0 * (name == "right"), 0.0), (4.0, 4.0), (6, 6)) for name in names}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 10.0)) for name in names), plane="strain")
+    for name in names:
+        scene.fix(f"{name}_ymin")
+        scene.fix(f"{name}_ymax", "x")
+        scene.prescribe(f"{name}_ymax", "y", -1.5)
+        scene.contact(f"{name}_xmax", WALLS[name], name=name)
+    return solve(scene, steps=4).require()
+
+
+def test_a_body_that_a_tool_does_not_meet_may_lie_in_it():
+    """Each block is as it is alone."""
+    both = squeezed("left", "right")
+    for name in WALLS:
+        force, alone = both.column(f"{name}_force_x_N"), squeezed(name).column(f"{name}_force_x_N")
+        assert alone[-1] < -0.1
+        np.testing.assert_allclose(force, alone, rtol=0.0, atol=1e-6 * abs(alone[-1]))
+    assert not any("is no slave" in note or "an inner node" in note for note in both.verdict.notes), both.verdict.notes
+
+
+@pytest.mark.parametrize(("start", "told"), [(4.3, "lies 0.1 inside 'wall'"), (3.0, None)])
+def test_a_body_that_comes_into_a_tool_is_told(start, told):
+    """Two blocks led into a wall that has one of them as slave; that one may not start in the wall, and is named."""
+    drawn = {name: ((0.0, y), (4.0, 4.0), (4, 4)) for name, y in (("met", 0.0), ("other", 6.0))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 10.0)) for name in drawn), plane="strain")
+    for name in drawn:
+        scene.fix((f"{name}_xmin", f"{name}_ymin"), "y")
+        scene.prescribe(f"{name}_xmin", "x", 0.4)
+    scene.contact("met_xmax", rigid_plane((start, 0.0, 0.0), (-1.0, 0.0, 0.0), name="wall"), name="c")
+    if told:
+        notes = [note for note in solve(scene, steps=2).require().verdict.notes if "a node that is no slave" in note]
+        assert len(notes) == 1 and "contact 'c' at (4, " in notes[0] and told in notes[0], notes
+    else:
+        with pytest.raises(SceneError, match="starts 1 inside body 'met', where"):
+            scene.system()
 
 
 def test_shapes_that_cannot_be_are_refused_as_all_statements_are():

@@ -260,7 +260,7 @@ def test_surfaces_of_one_body_that_share_nodes_are_refused():
 
 
 def test_deep_overlap_is_refused():
-    refuse("6 inside the body, where a cell is 5 high", upper_origin=(5.0, 10.0, -6.0))
+    refuse("6 inside body 'upper', where a cell is 5 high", upper_origin=(5.0, 10.0, -6.0))
 
 
 @pytest.mark.parametrize("slave", ["upper_bottom", "lower_top"])
@@ -377,7 +377,7 @@ def test_a_body_behind_the_slave_s_own_is_not_inside_it(points, low, high, slave
     if depth is None:
         scene.system()
     else:
-        with pytest.raises(SceneError, match=f"starts {depth} inside the body"):
+        with pytest.raises(SceneError, match=f"starts {depth} inside body '{slave.split('_')[0]}'"):
             scene.system()
 
 

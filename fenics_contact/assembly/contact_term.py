@@ -1,13 +1,13 @@
 """What solvers and the output ask of a contact; of what is its own they know that it can be handed back: `Any`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.term import Findings, State, Term
 from fenics_contact.assembly.trial import Response, Trial
-from fenics_contact.types import Array, Bools, Floats, Ints
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 
 
 class ContactSurface(Protocol):
@@ -80,7 +80,7 @@ class ContactPlaces(Protocol):
         them, see `chords`. Collective."""
         ...
 
-    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]: ...
+    def overlap(self, state: State, X: Floats, slave: Bools, bodies: Sequence[Ints64]) -> tuple[Floats, Floats]: ...
 
     def back_share(self, state: State) -> float: ...
 

@@ -1,5 +1,6 @@
 """What holds of any master of facets, however the slave meets it."""
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Generic, TypeVar
 
@@ -83,9 +84,12 @@ class PlacesOnFacets(Generic[Feet]):
         """A tool's reference point (3,) at a state [length]; None for a body."""
         return self.master.point(state)
 
-    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
-        """Depth [length] of the deepest slave point inside the master, and zero: no node is asked behind it. Collective."""
-        return -min(self.comm.allgather(self.first_feet(state).projection[4].min(initial=0.0))), 0.0
+    def overlap(self, state: State, X: Floats, slave: Bools, bodies: Sequence[Ints64]) -> tuple[Floats, Floats]:
+        """Depth (bodies,) [length] of the deepest slave point inside the master, of all bodies of local nodes that have such
+        (mask `slave`), and zeros: no node is asked behind it. Collective."""
+        depth = -self.first_feet(state).projection[4].min(initial=0.0)
+        deepest, *met = np.max(self.comm.allgather([depth, *(slave[nodes].any() for nodes in bodies)]), axis=0)
+        return deepest * np.array(met), np.zeros(len(bodies))
 
     def ways_inside(self, state: State, least: float) -> tuple[Floats, Floats, Floats]:
         """Of this rank's slave points that are deeper than `least` in the master before anything has moved: how deep (n,),

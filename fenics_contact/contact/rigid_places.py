@@ -1,5 +1,6 @@
 """Where slave points lie to an analytic tool: distances, normals, and what of the body lies in it."""
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
@@ -14,7 +15,9 @@ from fenics_contact.contact.passing import Facets, depths_passed, tool_distances
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import Points, ToolPose, distances, point_normals
-from fenics_contact.types import Array, Bools, Floats, Space
+from fenics_contact.types import Array, Bools, Floats, Ints64, Space
+
+BEHIND = 0.1  # of a cell's height: what of a body may lie in a tool behind the slave surface at the start
 
 
 class RigidFeet(NamedTuple):
@@ -38,6 +41,7 @@ class RigidPlaces:
         self.reach = tool.reach
         self._feet: RigidFeet | None = None
         self._beside: Beside | None = None  # once asked for
+        self._apart = np.empty(0, dtype=np.int64)  # local nodes of bodies that are none of the contact's
 
     def as_accepted(self) -> AbstractContextManager[None]:
         """Nothing: feet depend on the state alone."""
@@ -92,13 +96,18 @@ class RigidPlaces:
         """Codes (n, ...): where one changes the traction has a kink."""
         return np.empty((self.surface.count, 0), dtype=int)
 
-    def overlap(self, state: State, X: Floats, slave: Bools) -> tuple[float, float]:
-        """How deep [length] nodes X (n, 3) lie in the tool: of the slave surface (mask `slave`), and others. Collective."""
+    def overlap(self, state: State, X: Floats, slave: Bools, bodies: Sequence[Ints64]) -> tuple[Floats, Floats]:
+        """How deep [length] nodes X (n, 3) of each of the bodies, local nodes, lie in the tool: of the slave surface (mask
+        `slave`), and others of the bodies that have such. Another body that lies in the tool is no matter of this contact,
+        neither now nor later, see `beside`. Collective."""
         gap = np.empty(len(X))
         distances(X, self.tool_at(state.pose(self.index)), gap)
-        here = -gap[slave].min(initial=0.0), -gap[~slave].min(initial=0.0)
-        at_surface, behind = np.max(state.comm.allgather(here), axis=0)
-        return float(at_surface), float(behind)
+        parts = [(nodes[slave[nodes]], nodes[~slave[nodes]]) for nodes in bodies]
+        here = [(-gap[on].min(initial=0.0), -gap[off].min(initial=0.0), len(on)) for on, off in parts]
+        at_surface, behind, count = np.max(state.comm.allgather(here), axis=0).T
+        apart = (count == 0) & (behind > BEHIND * self.surface.cell_height)
+        self._apart = np.concatenate([bodies[i] for i in np.flatnonzero(apart)] or [self._apart])
+        return at_surface, np.where(count > 0, behind, 0.0)
 
     def cut_off(self, state: State) -> Floats:
         """How much nearer (ne, nq) [length] the slave is to the tool at the points than its facets."""
@@ -125,7 +134,7 @@ class RigidPlaces:
         """The nodes that may meet the tool and are no slaves. Collective."""
         if self._beside is None:
             space = state.u.function_space
-            free = np.flatnonzero(~named(space, self.surface.nodes.ravel()))
+            free = np.setdiff1d(np.flatnonzero(~named(space, self.surface.nodes.ravel())), self._apart)
             X = space.tabulate_dof_coordinates()[free]
             outer = compat.locate_blocks(space, compat.exterior_facets(space.mesh))
             gap = np.empty(len(free))

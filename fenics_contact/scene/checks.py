@@ -19,6 +19,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, friction_of
 from fenics_contact.contact.overlap import deepest_start
 from fenics_contact.contact.penalties import Penalty
+from fenics_contact.contact.rigid_places import BEHIND
 from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
 from fenics_contact.mesh_io import NamedMesh
 from fenics_contact.scene.statements import ContactStatement, MomentLoad
@@ -32,8 +33,8 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 # Of a cell's height: what may overlap at the start. A rough ball that starts 0.1, 0.3, 0.5, 0.95 deep in place of coming
 # down by as much gives a force that is 0, 5, 6, 11 % too small, for friction has no history of the way; flat tools and two
-# bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing.
-REMARKABLE, DEEPEST, BEHIND = 0.05, 0.5, 0.1
+# bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing: see BEHIND.
+REMARKABLE, DEEPEST = 0.05, 0.5
 OVERLAP = 1e-3  # of a cell's height: an overlap from which on it has an energy to speak of; round-off and facets stay below
 LEANING = 1e-9  # part along z of a normal that lies in the plane
 
@@ -331,7 +332,8 @@ def refuse_behind(system: System) -> None:
 
 
 def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[str]]:
-    """Nothing may overlap by more than half a cell at the start, nor a tool reach nodes behind its slave surface.
+    """Nothing may overlap by more than half a cell at the start, nor a tool reach nodes behind its slave surface, of bodies
+    that it meets: others may lie within a wall, or outside of a bore.
 
     Returns what is to be said of smaller overlaps, and the names of all contacts that overlap. Collective.
     """
@@ -339,14 +341,14 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
         slave = np.zeros(len(X), dtype=bool)
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
-        at_surface, behind = contact.places.overlap(system.state, X, slave)
-        height = contact.surface.cell_height
-        across = 0.0
+        depths = np.array(contact.places.overlap(system.state, X, slave, [nodes for _, nodes in system.bodies]))
+        (at_surface, behind), height, across = depths.max(axis=1).tolist(), contact.surface.cell_height, 0.0
+        within = [body[0] for body, deep in zip(system.bodies, depths.max(axis=0), strict=True) if deep == depths.max()]
         if at_surface > DEEPEST * height and (deepest := deepest_start(system, contact, DEEPEST * height)) is not None:
             at_surface, across = deepest
         depth = max(at_surface, behind)
-        where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside the body"
-        where += f", where a cell is {height:.3g} high"
+        where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside body "
+        where += f"{' or '.join(map(repr, within))}, where a cell is {height:.3g} high"
         if at_surface > DEEPEST * height or behind > BEHIND * height:
             tool, more = statement.master, ""
             if isinstance(tool, RigidTool) and tool.profiled:
