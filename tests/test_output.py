@@ -48,7 +48,7 @@ def test_history_has_a_row_per_step_and_units_in_its_names(run):
         rows = list(csv.DictReader(file))
     assert len(rows) == len(result.history) == STEPS
     wanted = {"step", "t", "iterations", "residual", "seconds", "smallest_J", "balance_error_N"}
-    wanted |= {f"{e}_Nmm" for e in ("external_work", "strain_energy", "penalty_energy", "energy_error")}
+    wanted |= {f"{e}_Nmm" for e in ("external_work", "work_done", "strain_energy", "penalty_energy", "energy_error")}
     wanted |= {f"{tool}_travel_{a}_mm" for tool in ("punch", "floor") for a in "xyz"}
     for name in ("top", "bottom"):
         wanted |= {f"{name}_force_{a}_N" for a in "xyz"} | {f"{name}_moment_{a}_Nmm" for a in "xyz"}

@@ -121,6 +121,7 @@ class Columns:
         unit = energy_unit(self.units)
         row: HistoryRow = {
             f"external_work_{unit}": energies.external_work,
+            f"work_done_{unit}": energies.done,
             f"strain_energy_{unit}": energies.strain,
             f"penalty_energy_{unit}": energies.penalty,
             f"energy_error_{unit}": energies.error,
@@ -168,7 +169,7 @@ class Columns:
         damping = sum(row.get(damping_column(self.units), 0.0) for row in rows)
         return Energies(
             last[f"external_work_{unit}"], last[f"strain_energy_{unit}"], last[f"penalty_energy_{unit}"], friction, damping,
-            last[f"balance_error_{self.units.force}"], pressures,
+            last[f"balance_error_{self.units.force}"], pressures, last[f"work_done_{unit}"],
         )  # fmt: skip
 
 

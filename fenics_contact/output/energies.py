@@ -18,7 +18,7 @@ class Energies:
     """Since the start [force x length]: external_work of supports, loads, tools and swelling, and what it went into: strain,
     in the bodies; penalty, what is stored in the penalties; friction, by contact; damping. pressures: by contact the part of
     the error that its pressures leave, which act along the slave's normals. balance: size of the sum of all outer forces,
-    zero in equilibrium [force]."""
+    zero in equilibrium [force]. done: the work, in or out, of each step by supports, tools and each kind of load."""
 
     external_work: float = 0.0
     strain: float = 0.0
@@ -27,6 +27,7 @@ class Energies:
     damping: float = 0.0
     balance: float = 0.0
     pressures: Mapping[str, float] = field(default_factory=dict)
+    done: float = 0.0
 
     @property
     def error(self) -> float:
@@ -70,8 +71,8 @@ class _Pressing:
 @dataclass(frozen=True)
 class _Forces:
     """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
-    and wrenches on the tools; ratios by which bodies swell and the rates of this rank's energy with them; energy stored in
-    this rank's penalties; by contact its Rubbing and Pressing."""
+    of each term of loads and of all supports, (parts, dofs), and wrenches on the tools; ratios by which bodies swell and the
+    rates of this rank's energy with them; energy stored in this rank's penalties; by contact its Rubbing and Pressing."""
 
     u: Floats
     q: Floats
@@ -105,7 +106,8 @@ class EnergyBalance:
         rough = [contact.name for contact in self._system.contacts if contact.rough]
         strain, stored = self._system.strain_energy(), self._system.comm.allreduce(self._stored())
         pressures = {contact.name: 0.0 for contact in self._system.contacts}
-        return Energies(strain + stored, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures)
+        done = strain + stored
+        return Energies(done, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures, done=done)
 
     def _stored(self) -> float:
         """Energy in this rank's penalties."""
@@ -122,14 +124,14 @@ class EnergyBalance:
     def advance(self, jumped: bool) -> Energies:
         """The Energies at the state just accepted; jumped: damped motion has led there. Collective."""
         system, last, here = self._system, self._last, self._forces()
-        owned = len(here.on_dofs)
-        work = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
-        work += 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
+        parts, owned = here.on_dofs.shape
+        works = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
+        swelling = 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
         rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
-        outer = here.on_dofs.reshape(-1, 3).sum(axis=0)
-        sums = system.comm.allreduce(np.array([work, *rubbed.values(), here.stored, *outer]))
-        work = sums[0] + self._work_on_tools(last.wrenches, here.wrenches, last, here)
-        friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[1:], strict=False)}
+        outer = here.on_dofs.sum(axis=0).reshape(-1, 3).sum(axis=0)
+        sums = system.comm.allreduce(np.array([*works, swelling, *rubbed.values(), here.stored, *outer]))
+        works = np.append(sums[: parts + 1], self._work_on_tools(last.wrenches, here.wrenches, last, here))
+        friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[parts + 1 :], strict=False)}
         left = self._left_by_pressures(last, here)
         pressures = {name: self.now.pressures[name] + more for name, more in zip(here.pressing, left, strict=True)}
         if self._before:
@@ -137,8 +139,8 @@ class EnergyBalance:
         self._before = last, left
         balance = float(np.linalg.norm((sums[-3:] + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
         before, now = self.now, Energies(
-            self.now.external_work + work, system.strain_energy(), float(sums[-4]), friction,
-            self.now.damping, balance, pressures,
+            self.now.external_work + float(works.sum()), system.strain_energy(), float(sums[-4]), friction,
+            self.now.damping, balance, pressures, self.now.done + float(np.abs(works).sum()),
         )  # fmt: skip
         # What a jump lets go is what is left of all else: the work of viscous forces has in it what they add to the way
         self.let_go = max(now.error - before.error, 0.0) if jumped else 0.0
@@ -173,16 +175,16 @@ class EnergyBalance:
     def _forces(self) -> _Forces:
         system, state = self._system, self._system.state
         vector, ignored = system.new_vector(), np.zeros_like(system.tool_residual)
-        with vector.localForm() as local:
-            for term in self._loads:
+        forces = np.zeros((len(self._loads) + 1, len(vector.array)))
+        for term, mine in zip(self._loads, forces, strict=False):
+            with vector.localForm() as local:
+                local.set(0.0)
                 term.add_residual(state, local.array_w, ignored)
-        sum_to_owners(vector)
-        forces = -vector.array
+            sum_to_owners(vector)
+            mine[:] = -vector.array
         vector.destroy()
-        reactions = np.zeros_like(forces)
         # what tools hold is their work
-        system.supports.put_forces(reactions, np.where(system.supports.tied, 0.0, system.reactions))
-        forces += reactions
+        system.supports.put_forces(forces[-1], np.where(system.supports.tied, 0.0, system.reactions))
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
         wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)
         return _Forces(

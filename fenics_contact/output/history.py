@@ -148,10 +148,11 @@ def energy_summary(
     they left and its growth, how many times as much they would leave with steps twice as long, where that is known; {} where
     no work was done but rounding, up to noise [force length]."""
     unit = energy_unit(units)
-    work, error = (np.array([0.0, *(row[f"{name}_{unit}"] for row in rows)]) for name in ("external_work", "energy_error"))
-    done, left = float(np.abs(np.diff(work)).sum()), np.abs(np.diff(error))
+    done = rows[-1][f"work_done_{unit}"] if rows else 0.0
     if not done > noise:
         return {}
+    error = np.array([0.0, *(row[f"energy_error_{unit}"] for row in rows)])
+    left = np.abs(np.diff(error))
     share, most = abs(error[-1]) / done, int(left.argmax())
     pressures = {name: rows[-1][f"{plain_name(name)}_normal_work_error_{unit}"] for name in contacts}
     return {
