@@ -320,6 +320,27 @@ def test_what_is_left_of_a_load_that_is_gone_has_no_note(penetration):
     assert not any("penalties change" in note for note in result.verdict.notes)
 
 
+@pytest.mark.parametrize("way, told", [(1e-5, False), (1e-2, True)])
+def test_a_contact_that_barely_touches_is_told_by_what_it_is_of_the_greatest_load(way, told):
+    """Two columns of modulus M that cannot widen, one pressed by a tenth of its height, the other by little, on a penalty of
+    a sixth of M: infinitely stiff it would carry seven times as much, which of the first one's load is next to nothing."""
+    drawn = {name: ((x, 0.0), (1.0, 1.0), (2, 2)) for name, x in (("pressed", 0.0), ("touching", 3.0))}
+    modulus = 5.0 + 4.0 / 3.0  # K + 4/3 mu
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 5.0)) for name in drawn), plane="strain")
+    floor = rigid_plane((0, 0, 0), (0, 1, 0), name="floor")
+    for name, down, penalty in (("pressed", 0.1, None), ("touching", way, modulus / 6.0)):
+        scene.fix((f"{name}_xmin", f"{name}_xmax"), "x")
+        scene.prescribe(f"{name}_ymax", "y", -down)
+        scene.contact(f"{name}_ymin", floor, penalty=penalty, name=name)
+    result = solve(scene, steps=2).require()
+    pressed, touching = (result.column(f"{name}_load_N")[-1] for name in drawn)
+    missing = modulus * way - touching
+    assert missing == pytest.approx(6.0 * touching, rel=0.05) and (missing > 1e-4 * pressed) == told
+    notes = [note for note in result.verdict.notes if note.startswith("contact 'touching': its penalties change the force")]
+    assert bool(notes) == told, result.verdict.notes
+
+
 @pytest.mark.parametrize("points", [None, 3])
 @pytest.mark.parametrize("penetration", [None, 1e-4])
 def test_a_contact_that_has_come_to_a_halt_costs_what_it_did_sliding(points, penetration):

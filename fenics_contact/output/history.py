@@ -247,8 +247,9 @@ def penalty_notes(
     """A note per contact whose penalties cost more than COSTLY of its load, and per tool that is so far off by them, as a
     share of its greatest travel {name: [length]}.
 
-    greatest: of each contact the greatest load in any step [force]: one that has been let off, to less than COSTLY of that,
-    has what balance and multipliers have left, of which the penalties may hold all; astray: contacts that end far from
+    greatest: of each contact the greatest load in any step [force]: one that has been let off, or barely touches, with less
+    than COSTLY of the greatest of all, has what balance and multipliers have left, of which the penalties may hold all, or
+    what matters to none; astray: contacts that end far from
     their penetration=, of which no first order tells what that costs.
 
     Where points that would pull, and open before, have most of the change, few carry, and no first order tells what the
@@ -257,13 +258,13 @@ def penalty_notes(
     Penalties are springs in series with the bodies: of stiffnesses e and k they lose k / (k + e) of the load to first order,
     and k / e in truth.
     """
-    notes = []
+    notes, least = [], COSTLY * max(greatest.values(), default=0.0)
     for name, e in summary.get("contacts", {}).items():
         share, load = max(e["force_change_over_load"], abs(e["load_change_over_load"])), e[f"load_{units.force}"]
         if name in astray:
             text = "its force may be far off, for it ends far from the penetration= asked for"
             notes.append(f"contact '{name}': {text}; {KEPT}")
-        elif share * load > COSTLY * max(load, COSTLY * greatest[name]) and e["opening_over_load"] < MOST * share:
+        elif share * load > COSTLY * max(load, least) and e["opening_over_load"] < MOST * share:
             about = f"about {share / (1.0 - share):.1%}" if share < SOFT else f"more than {SOFT / (1.0 - SOFT):.0%}"
             notes.append(f"contact '{name}': its penalties change the force by {about} of the load; {STIFFER}")
     for name, size in travel.items() if summary else ():
