@@ -1,10 +1,12 @@
-"""Steps in which a path turns a hub or tool far: a state a whole turn on is in balance, too."""
+"""Steps in which a path turns a hub or tool far: a state a whole turn on is in balance, too; sectors that make a turn."""
 
 import math
 
+import gmsh
+import numpy as np
 import pytest
 
-from fenics_contact import Body, Motion, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_hub, solve
+from fenics_contact import Body, Motion, Scene, SceneError, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_hub, solve
 from fenics_contact.meshes import ring_sector
 
 pytestmark = pytest.mark.parallel
@@ -37,3 +39,27 @@ def test_no_step_leads_the_shorter_way_round(turns, steps):
 def test_steps_of_an_eighth_turn_are_taken_as_they_are():
     result = turned(math.pi / 2.0, 2)
     assert len(result.history) == 4 + result.verdict.cuts and not any("a step would turn" in n for n in result.verdict.notes)
+
+
+@pytest.mark.parametrize("degrees, told", [(360.0 / 7.0, False), (180.0, False), (50.0, True), (360.0 / 7.0 + 1e-3, True)])
+def test_sectors_that_make_no_turn_are_refused(degrees, told):
+    """Of 50 degrees 7.2 would, which no ring has."""
+
+    def sector():
+        ring_sector.build()
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        for tag, (x, y, _) in zip(tags, places.reshape(-1, 3), strict=True):
+            r, angle = np.hypot(x, y), np.arctan2(y, x) * degrees / 90.0
+            gmsh.model.mesh.setNode(tag, [r * np.cos(angle), r * np.sin(angle), 0.0], [])
+
+    scene = Scene(Body(read_gmsh(sector), "ring", neo_hooke(1.0, 5.0)), plane="strain")
+    scene.cyclic("ymin", "xmin")
+    scene.fix("inner")
+    if not told:
+        scene.system()
+        return
+    with pytest.raises(
+        SceneError, match=f"{degrees:.6g} degrees apart.* {360.0 / degrees:.6g} sectors make no turn"
+    ) as found:
+        scene.system()
+    assert "51.4286 degrees, 7 sectors, or 45, 8 sectors" in str(found.value) or degrees > 51.0

@@ -285,6 +285,8 @@ def _matched(pair: Pair, first: _Nodes, second: _Nodes) -> tuple[Floats, Floats,
         )
     if len(np.unique(at)) < len(at):
         raise SceneError(f"{pair.what}: several nodes of one face lie on one another; name faces that do not overlap")
+    if pair.axis is not None:
+        _refuse_part(pair, turn)
     if pair.axis is None and np.array_equal(first.keys, second.keys[at]):
         raise SceneError(f"{pair.what}: both faces have the same nodes; name two faces")
     return turn, places, at
@@ -300,6 +302,18 @@ def _turn(pair: Pair, one: Floats, other: Floats, axis: Floats, point: Floats) -
     if abs(angle) < MATCH:
         raise SceneError(f"{pair.what}: about that axis there is no angle between the faces; check axis= and point=")
     return rotation(angle * axis)
+
+
+def _refuse_part(pair: Pair, turn: Floats) -> None:
+    """A turn (3, 3) must lead back to the start, for sectors to make a whole."""
+    angle = float(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+    sectors = 2.0 * np.pi / angle
+    if abs(angle - 2.0 * np.pi / round(sectors)) > MATCH:
+        few = int(sectors)
+        raise SceneError(
+            f"{pair.what}: the faces are {np.degrees(angle):.6g} degrees apart, and {sectors:.6g} sectors make no turn; "
+            f"draw {360.0 / few:.6g} degrees, {few} sectors, or {360.0 / (few + 1):.6g}, {few + 1} sectors"
+        )
 
 
 def _nearest(places: Floats, X: Floats) -> tuple[Ints64, Floats]:
