@@ -17,7 +17,8 @@ from fenics_contact import (
     rigid_torus,
     solve,
 )
-from fenics_contact.meshes import box
+from fenics_contact.meshes import box, rectangles
+from fenics_contact.output.fields import surfaces_of
 
 pytestmark = pytest.mark.parallel
 
@@ -138,3 +139,27 @@ def test_a_ball_that_presses_a_wall_beside_its_edge_is_not_in_the_face_above(z):
     scene.contact(("zmax", "xmax"), tool, name="side")
     result = solve(scene, move={tool: (-0.5, 0, 0)}, steps=6).require()
     assert "projection lost" not in result.verdict.causes and (np.diff(result.column("side_force_x_N")) < 0.0).all()
+
+
+def test_a_node_at_which_a_facet_folds_over_has_a_pressure_per_area_of_what_is_around_it():
+    """A block pressed evenly between walls; then the middle node of the facet at its end is drawn so near to the corner that
+    the facet folds over there. Its depth under the plane, and the facet's length, stay as they were, and so must what the
+    corner and the middle are pressed with."""
+    mesh = read_gmsh(rectangles.build, rectangles={"r": ((0.0, 0.0), (4.0, 1.0), (4, 2))})
+    scene = Scene(Body(mesh, "r", neo_hooke(mu=1.0, K=5.0)), plane="strain", degree=2)
+    scene.fix("r_ymin", "y")
+    for side in ("r_xmin", "r_xmax"):
+        scene.fix(side, "x")
+    lid = rigid_plane((0, 1, 0), (0, -1, 0), name="lid")
+    scene.contact("r_ymax", lid, name="lid")
+    result = solve(scene, move={lid: (0, -0.1, 0)}, steps=1).require()
+    before = result.line("lid", "x")["pressure_MPa"]
+    assert before == pytest.approx(np.full(9, before[0]), rel=1e-9) and before[0] > 0.1
+    u, X = result.system.state.u.x.array.reshape(-1, 3), result.system.space.tabulate_dof_coordinates()
+    for x, aside in ((0.5, -0.3), (3.5, 0.3)):
+        u[np.linalg.norm(X - (x, 1.0, 0.0), axis=1) < 1e-9, 0] += aside
+    (surface,) = surfaces_of(scene, result.system)
+    after = surface.at_state()
+    on = after.on & np.isin(np.round(X[:, 0], 9), [0.0, 0.5, 1.5, 2.0, 2.5, 3.5, 4.0])
+    assert after.pressure[on] == pytest.approx(np.full(on.sum(), before[0]), rel=1e-9)
+    assert surface.zone(after).peak_pressure == pytest.approx(before[0], rel=1e-9)

@@ -20,7 +20,10 @@ RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
 STATUS_OF_RANK = np.argsort(RANK_OF_STATUS)
 ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in common
 STRETCHED = 0.05  # change of the area in contact from which on a law of friction that knows pressures is off by it
-SUMS = 12  # numbers that are summed at a node
+SUMS = 14  # numbers that are summed at a node
+# Of its share of the facets around: a node that keeps less present area has no pressure of its own. On a facet of degree 2
+# that folds over at its corner the shape functions leave it less than none
+FOLDED = 0.1
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,8 @@ class NodalContact:
     """At all local nodes (n,), ghosts too; what is no slave node is not `on`.
 
     area: current one of the slave surface that belongs to a node [length^2]; pressure, friction (n, 3): tractions on the
-    current area [pressure]; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
+    current area [pressure], where a facet has folded over at a node on its share, as at the start, of that of the facets
+    around; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
     kernels/status.py; closed: share of the node's area in contact; covered: share of it that lies over the master;
     stretch: that area over the one at the start.
     """
@@ -90,14 +94,18 @@ class SlaveNodes:
         values = np.concatenate([values, friction], axis=-1)
         sums = self._sums.array.reshape(-1, SUMS)
         sums[:] = 0.0
-        np.add.at(sums[:, 2:], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
-        areas = self._areas()
-        np.add.at(sums[:, 0], self.skin.nodes, np.einsum("eq,eqk->ek", areas, self._lumped))
-        np.add.at(sums[:, 1], self.skin.nodes, np.einsum("eq,eqk->ek", areas * self._over_depth, self._lumped))
+        np.add.at(sums[:, 2:12], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
+        areas, skin = self._areas(), self.skin
+        around = np.stack([areas, skin.area]) * self._over_depth
+        np.add.at(sums[:, 0], skin.nodes, np.einsum("eq,eqk->ek", areas, self._lumped))
+        np.add.at(sums[:, 1], skin.nodes, np.einsum("eq,eqk->ek", around[0], self._lumped))
+        np.add.at(sums[:, 12:], skin.nodes, around.sum(axis=2).T[:, None])
         compat.sum_to_owners(self._sums)
         compat.copy_to_ghosts(self._sums)
-        area, now, weight, means = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:]
+        area, now, weight, means = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:12]
         on = weight > 0.0
+        shared = weight * np.divide(sums[:, 12], sums[:, 13], out=np.zeros_like(now), where=on)
+        now = np.where(now < FOLDED * shared, shared, now)
         mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, now))
         gap, rank, closed, covered, slip = (means[:, 1:6] * mean[:, None]).T
         status = STATUS_OF_RANK[np.clip(np.rint(rank), 0, 3).astype(int)]
