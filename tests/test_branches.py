@@ -27,11 +27,12 @@ from fenics_contact import (
     from_elastic,
     neo_hooke,
     read_gmsh,
+    rigid_cylinder,
     rigid_hub,
     rigid_plane,
     solve,
 )
-from fenics_contact.meshes import box
+from fenics_contact.meshes import box, ring_sector
 from fenics_contact.solvers.pivots import PivotWatch
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.softest import Softest
@@ -278,6 +279,39 @@ def test_a_ring_that_may_turn_between_smooth_walls_has_not_bifurcated(degree, un
     assert not any("bifurcation" in note for note in notes)
 
 
+def sector(radii, swell):
+    """A quarter of a ring that goes on all round, free to turn between smooth round tools."""
+    mesh = read_gmsh(ring_sector.build, radii=radii, cells=(4, 8), order=2)
+    scene = Scene(Body(mesh, "ring", neo_hooke(1.0, 10.0)), plane="strain", degree=2)
+    scene.cyclic("ymin", "xmin")
+    scene.swell("ring", swell)
+    for side, radius, hollow in ("inner", 0.99 * radii[0], False), ("outer", 1.01 * radii[1], True):
+        tool = rigid_cylinder(radius, (0, 0, 0), (0, 0, 1), hollow=hollow, name=f"{side} tool")
+        scene.contact(side, tool, points=3, name=side)
+    return scene
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("swell", [1.1, 1.3])
+def test_a_sector_that_nothing_keeps_from_turning_has_not_bifurcated(swell):
+    """The pivot of its turn is zero, of either sign by round-off."""
+    notes = solve(sector((1.0, 2.0), swell), steps=4).require().verdict.notes
+    assert not any("pivots" in note or "resists" in note for note in notes)
+
+
+@pytest.mark.parallel
+def test_a_ring_that_may_turn_buckles_when_a_ring_does():
+    """Under a pressure of (n^2 - 1) E I / R^3 along its normals, into n = 4 waves of which one is in a quarter (Timoshenko
+    and Gere, Theory of Elastic Stability, 1961, section 7.2); its turn is a zero pivot, its buckling one below zero."""
+    thin, scene = 0.05, sector((0.975, 1.025), 1.0)
+    plane = 9 * 10.0 / 31 / (1 - (28 / 62) ** 2)  # E / (1 - nu^2) of mu = 1, K = 10
+    critical = 15 * plane * thin**3 / 12
+    scene.pressure("outer", lambda t: critical * t)
+    result = solve(scene, steps=[0.5, 0.9, 1.1]).require()
+    (said,) = (note for note in result.verdict.notes if "pivots" in note)
+    assert said.startswith("step 3") and "a bifurcation has been passed" in said
+
+
 class Watched:
     """A System and its LinearSolver with the pivots (at the last iterate of a step, in the state that is accepted) of steps,
     and what a PivotWatch says of them."""
@@ -286,6 +320,7 @@ class Watched:
         self.symmetric, self.scales, self.still = symmetric, SimpleNamespace(accepted=0.0), lambda: ()
         self.assemble_residual = self.assemble_tangent = self.forget = lambda: None
         self.fresh, self.negative, self.verdict = True, 0, Verdict()
+        self.vector = SimpleNamespace(getSize=lambda: np.inf)  # too large to look for motions
         watch = PivotWatch(self, self, self.verdict, lambda *_: None, arcs)
         for self.negative, self.accepted in steps:
             self.verdict.residuals.append([1e-5, 1e-9])

@@ -5,7 +5,7 @@ from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.newton import LOOSEST
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.softness import rolling
+from fenics_contact.solvers.softness import rolling, unresisted
 from fenics_contact.solvers.verdict import Verdict
 
 UNRESISTED = "the tangent no longer resists every motion, as it did in the step before"
@@ -55,12 +55,26 @@ class PivotWatch:
             return None, False
         return self._seen()
 
+    def _all_rounding(self) -> bool:
+        """Whether pivots are negative by round-off alone, those of rigid motions that nothing resists. Collective."""
+        if not unresisted(self.system):
+            return False
+        linear = LinearSolver(self.system, "direct", afresh=True)
+        try:
+            linear.solve(*self.system.still())
+        except LinearFailure:
+            return False
+        now = linear.count_negative(self.negative)
+        return now is not None and now <= (self.negative or 0)
+
     def forget(self) -> None:
         """The path has been followed by arc length meanwhile: what its pivots are is not known until they are seen."""
         self.negative = None
 
     def _look(self, now: int, counted: bool = True) -> None:
         if self.negative is not None and now > self.negative and (self._counted or not self.negative):
+            if self._all_rounding():
+                return
             why = "a bifurcation has been passed, and this path may be unstable"
             if not self.system.symmetric:  # with friction a determinant below zero is no proof of another path
                 found = "the determinant of the tangent has become negative" if now % 2 else UNRESISTED

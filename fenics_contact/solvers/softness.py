@@ -69,6 +69,18 @@ def rolling(system: System) -> str:
     return f"{'body' if len(names) == 1 else 'bodies'} '{', '.join(names)}' {how}" if part > ROLLS else ""
 
 
+def unresisted(system: System) -> bool:
+    """Whether the accepted state leaves bodies free to move as rigid ones, as rings between smooth round tools are to turn:
+    the sign of the pivot is round-off then. What that hides is told by the tangent which is left here, stiffened by as much
+    as round-off may be. Collective."""
+    soft = _soft(system)
+    if soft is None or not abs(soft[1]) < LOOSE * soft[2] or _rigid_part(system, soft[0])[1] < RIGID:
+        return False
+    system.assemble_tangent()
+    system.matrix.shift(LOOSE * system.matrix.getDiagonal().sum() / system.vector.getSize())
+    return True
+
+
 def slides_over(system: System, tool: int) -> bool:
     """Whether the motion that the accepted state resists least by itself is one of this tool over bodies that stay: at a
     limit point they give way with it. Collective."""
