@@ -10,12 +10,13 @@ from fenics_contact.types import Bools
 class Damping(SpringTerm):
     """Springs to the last accepted state, a step of implicit Euler for viscous forces; none, as in every load step, where
     the share is zero. always: asked for by the user, for any step that fails; else for those alone in which contact points
-    find no state. most: jumps taken, and the greatest energy that one has let go [force length], and share of it and what
-    was left."""
+    find no state. fluids_stay: whether fluids only go on just now, and none is taken back; most: jumps taken, and the
+    greatest energy that one has let go [force length], and share of it and what was left."""
 
     def __init__(self, springs: Springs, free: Callable[[], Bools], always: bool) -> None:
         super().__init__("damping", *springs, free)
         self.always = always
+        self.fluids_stay = False
         self.most = {"jumps": 0.0, "work": 0.0, "work_share": 0.0}
 
     def took(self, work: float, strain: float) -> None:

@@ -19,7 +19,7 @@ FIRST = 1.0  # damping at first, over E V / L^2 of a body of volume V and size L
 # to a thousand times (L/h)^2, 5e5 where cells are a sixteenth of the body
 MOST, LEAST = 1e8, 1e-6
 HARDER, SOFTER = 8.0, 0.25  # its change after a motion that failed, and after an easy one
-EASY = 6  # tangents up to which it was easy
+EASY = 6  # tangents up to which it was easy, of each solve
 MOTIONS = 100  # at most
 FOLLOWS = 2.0  # times what drives it: where a body goes farther it does not follow, it is about to buckle
 RESTING = 1e-2  # of the largest force: what damping may still carry where balance without it is tried
@@ -40,6 +40,7 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
     system.trail.rollback()
     origin, q, scale = _driven(system, goal), system.state.q.copy(), system.scales.accepted
     _damping(system).begin(origin, q)
+    _damping(system).fluids_stay = True
     report, moving, share, failed = StepReport(), _moving(system), FIRST, ""
     for _ in range(MOTIONS):
         try:
@@ -52,7 +53,7 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
         resting = _damping(system).spent(system.state)[0] <= RESTING * max(system.scales.forces, scale)
         report.add(moved)
         system.trail.commit()
-        share = max(SOFTER * share, LEAST) if moved.iterations <= EASY else share
+        share = max(SOFTER * share, LEAST) if moved.iterations <= EASY * (1 + moved.raises) else share
         if system.way_from(origin, q) > farthest:
             break
         if resting and (last := _at_rest(system, stepper, goal)):
@@ -83,11 +84,15 @@ def _settle(system: System, stepper: Stepper, goal: float, share: float) -> Step
 
 
 def _at_rest(system: System, stepper: Stepper, goal: float) -> StepReport | None:
-    """The report of balance without damping, or None."""
-    try:
-        return _settle(system, stepper, goal, 0.0)
-    except StepFailed:
-        return None
+    """The report of balance without damping, or None; where contact has cut a fluid off again, and there is none without
+    it, with what has come in."""
+    for stays in (False, True) if system.fluids else (False,):
+        _damping(system).fluids_stay = stays
+        try:
+            return _settle(system, stepper, goal, 0.0)
+        except StepFailed:
+            pass
+    return None
 
 
 def _driven(system: System, goal: float) -> Floats:
@@ -122,6 +127,7 @@ def _driven(system: System, goal: float) -> Floats:
 def _conclude(system: System, report: StepReport, way: float, scale: float) -> None:
     """What the jump was, in the report; steps go on from its end alone. way: how far it went [length]."""
     report.jumped, report.way = True, way
+    _damping(system).fluids_stay = False
     report.notes = [
         f"the state jumped by {way:.3g} {JUMPED}; where several states may follow it is the one that slow motion comes to"
     ]
@@ -144,7 +150,7 @@ def _keep(system: System) -> Kept:
 
 def _restore(system: System, kept: Kept) -> None:
     u, q, t, poses, scale, histories = kept
-    _damping(system).share = 0.0
+    _damping(system).share, _damping(system).fluids_stay = 0.0, False
     system.state.u.x.array[:] = u
     system.state.poses.resume(*poses)
     system.trail.resume(q, t, histories)

@@ -13,13 +13,14 @@ KNOWN = (MEMORY, NO_LAW, TOO_STIFF)  # failures that have nothing to do with whe
 class Entering(Corrected[float, StepReport]):
     """A stepper, and its solves repeated while fluids come further in.
 
-    The first look at a balanced state may also take a fluid back from what contact has cut off; after it the fluid only goes
-    on, by a node at least each time: so this ends. Where it reaches is what is connected to its source in the state that the
-    step ends with, or, where it has opened the way itself, was so in one of these.
+    The first look at a balanced state may also take a fluid back from what contact has cut off, but not while bodies are in
+    damped motion, in which it would come and go; after it the fluid only goes on, by a node at least each time: so this
+    ends. Where it reaches is what is connected to its source in the state that the step ends with, or, where it has opened
+    the way itself, was so in one of these.
     """
 
     def _corrected(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
-        report, back = solve(system, t), True
+        report, back = solve(system, t), not (system.damping and system.damping.fluids_stay)
         while sum(fluid.advance(system.state, back) for fluid in system.fluids):  # all of them, which an `any` would not ask
             try:
                 report.add(self.stepper.settle(system, t))
