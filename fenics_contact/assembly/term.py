@@ -213,3 +213,7 @@ class FluidTerm(FormTerm, ABC):
     def gained(self) -> tuple[int, str, str] | None:
         """None where it is as in the accepted state; else how many nodes it has reached since, one of them that lay next to
         it and the one farthest from that, as text. Collective."""
+
+    @abstractmethod
+    def opening(self, state: State, more: float) -> tuple[int, str, str] | None:
+        """The same of what it would gain in the accepted state if its pressure were greater by a share. Collective."""

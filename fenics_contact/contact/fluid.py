@@ -206,6 +206,16 @@ class Fluid(FluidTerm):
         last = foremost(comm, ((new - here) ** 2).sum(axis=1), new)
         return len(new), spot(here), spot(last.place if last else here)
 
+    def opening(self, state: State, more: float) -> tuple[int, str, str] | None:
+        """What it would gain in the accepted state if its pressure were greater by a share. Collective."""
+        if self._source is None:
+            return None
+        pressure, self._pressure = self._pressure, (1.0 + more) * self._pressure
+        self.reached = self._accepted | self._connected(state)
+        gain = self.gained()
+        self._pressure, self.reached = pressure, self._accepted
+        return gain
+
     def _connected(self, state: State) -> Bools:
         """The local nodes (n,) that the fluid reaches under the present contact pressures. Collective."""
         pressed, none = self._pressed(state), np.zeros(self._sums.count, dtype=bool)

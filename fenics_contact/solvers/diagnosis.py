@@ -19,6 +19,7 @@ from fenics_contact.assembly.finding import (
 )
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
+from fenics_contact.solvers.entering import all_but_open
 from fenics_contact.solvers.holding import (
     MOSTLY,
     closed,
@@ -92,8 +93,10 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if found is None and inverted and _inverts_ahead(system, goal):
         return inverted
     if found is None and known.kind == UNKNOWN:
-        found = _restless(system, goal) or _letting_go(system) or sliding(system, MOSTLY)
+        found = _restless(system, goal) or _letting_go(system) or _opening(system, known) or sliding(system, MOSTLY)
         return found or _unexplained(system, known._replace(place=known.place or unbalanced), inverted, goal)
+    if found is None and known.kind == CYCLING:
+        found = _opening(system, known)
     if found is None and known.kind in (CYCLING, LOST):
         if goal is None or goal - system.trail.last.t > LONG:
             return known._replace(remedy=" or ".join([known.remedy, *damping(system)]))
@@ -126,6 +129,12 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
     if len(system.trail.accepted) < 2 and system.grounding and not system.stabilised:
         ways = ["see what holds before the contacts do: solve(..., method=Method(stabilise=True))", *ways]
     return Finding(UNKNOWN, reason, place, " or ".join(ways))
+
+
+def _opening(system: System, known: Finding) -> Finding | None:
+    """The finding that a fluid is about to come through. Collective."""
+    found = all_but_open(system, known)
+    return found and found._replace(remedy=" or ".join([*damping(system), found.remedy]))
 
 
 def _restless(system: System, goal: float | None) -> Finding | None:

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 
-from fenics_contact.assembly.finding import COMES_IN, MEMORY, NO_LAW, TOO_STIFF
+from fenics_contact.assembly.finding import COMES_IN, MEMORY, NO_LAW, TOO_STIFF, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import Corrected, StepReport
 from fenics_contact.solvers.verdict import StepFailed
 
 KNOWN = (MEMORY, NO_LAW, TOO_STIFF)  # failures that have nothing to do with where the fluid is
+ALL_BUT = 0.01  # of its pressure: contact that presses more by less holds a fluid no more when it next changes
+LESS = "press the surfaces together more, or end the path before"
 
 
 class Entering(Corrected[float, StepReport]):
@@ -35,10 +37,26 @@ def _come_through(system: System, failure: StepFailed) -> StepFailed:
     gains = [(fluid.name, gain) for fluid in system.fluids if (gain := fluid.gained())]
     if failure.finding.kind in KNOWN or not gains:
         return failure
-    (name, (count, first, last)), nodes = gains[0], "nodes"
-    nodes = f"{count} more nodes, from {first} to {last}" if count > 1 else f"one more node, {first}"
+    name, gain = gains[0]
     reason = (
-        f"the fluid opens its way on under the contact: it has come to {nodes}, and Newton's method finds no "
+        f"the fluid opens its way on under the contact: it has come to {_nodes(*gain)}, and Newton's method finds no "
         "balance near the one before"
     )
-    return StepFailed(reason, COMES_IN, name, "press the surfaces together more, or end the path before")
+    return StepFailed(reason, COMES_IN, name, LESS)
+
+
+def all_but_open(system: System, failure: Finding) -> Finding | None:
+    """The finding that a little more pressure lets a fluid in under the contact of the accepted state, where nothing else
+    explains a failure. Collective."""
+    for fluid in system.fluids:
+        if gain := fluid.opening(system.state, ALL_BUT):
+            reason = (
+                f"the fluid all but opens its way on under the contact: with {ALL_BUT:.0%} more pressure it comes to "
+                f"{_nodes(*gain)}; {failure.reason}"
+            )
+            return Finding(COMES_IN, reason, fluid.name, LESS)
+    return None
+
+
+def _nodes(count: int, first: str, last: str) -> str:
+    return f"{count} more nodes, from {first} to {last}" if count > 1 else f"one more node, {first}"
