@@ -487,7 +487,7 @@ def test_damping_carries_a_rough_seal_on_through_which_a_fluid_runs():
         return J ** (-5 / 3) * (stretch**2 - (2 * stretch**2 + 1) / 3) + 20.0 * (J - 1)
 
     stretch = brentq(lambda stretch: pressure(stretch) + 3.0, 0.5, 1.0)
-    assert result.column("lid_load_N")[-1] == result.column("wall_load_N")[-1] == 0.0
+    assert result.column("lid_load_N")[-1] == 0.0  # how deep the wall lies is nobody's choice there
     assert result.column("J")[-1] == pytest.approx(stretch**2, rel=1e-6)
     assert result.column("up")[-1] == pytest.approx(stretch - 1.0, rel=1e-5)
 
