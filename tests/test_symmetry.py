@@ -2,7 +2,7 @@
 
 import pytest
 
-from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, solve
 from fenics_contact.meshes import box, rectangles
 
 pytestmark = pytest.mark.parallel
@@ -31,6 +31,37 @@ def test_a_tool_that_goes_aside_on_half_a_block_is_told(free):
         found.append((result.column("lid_travel_y_mm")[-1], len(notes_of(result, "'lid'", "plane of symmetry"))))
     (part, told), (whole, untold) = found
     assert untold == 0 and (told > 0) == (abs(part / whole - 1.0) > 1e-6) == (free == "x"), found
+
+
+@pytest.mark.parametrize("way, told", [((0.0, -0.4, 0.0), False), ((0.3, -0.4, 0.0), True)])
+def test_a_tool_that_is_moved_aside_on_half_a_block_is_told(way, told):
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (6.0, 4.0), (18, 8))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 5.0)), plane="strain")
+    scene.fix("pad_ymin")
+    scene.fix("pad_xmin", "x")
+    roller = rigid_cylinder(2.0, (0.0, 6.0, 0.0), (0, 0, 1), name="roller")
+    scene.contact("pad_ymax", roller, 0.5, name="c")
+    notes = notes_of(solve(scene, move={roller: way}, steps=4).require(), "'roller'", "plane of symmetry")
+    assert bool(notes) == told, notes
+
+
+@pytest.mark.parametrize("friction, stretch", [(0.0, 0.1), (0.5, 0.0), (0.5, 0.1)])
+def test_a_rough_lid_at_rest_over_a_strip_that_is_stretched_is_told(friction, stretch):
+    """A cell of any length is the same strip; beneath a rough lid, which the next cell has farther on, it is not."""
+    forces, notes = [], []
+    for length in (3.0, 6.0):
+        mesh = read_gmsh(rectangles.build, rectangles={"s": ((0.0, 0.0), (length, 2.0), (round(2 * length), 4))})
+        scene = Scene(Body(mesh, "s", neo_hooke(1.0, 5.0)), plane="strain")
+        scene.periodic("s_xmin", "s_xmax", (stretch * length, 0.0, 0.0))
+        scene.fix("s_ymin", "y")
+        scene.fix("s_xmin", "x")
+        lid = rigid_plane((0.0, 2.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+        scene.contact("s_ymax", lid, friction, name="c")
+        result = solve(scene, move={lid: (0.0, -0.2, 0.0)}, steps=4).require()
+        notes.append(bool(notes_of(result, "'lid'", "otherwise than what repeats")))
+        forces.append(result.column("s_xmin_s_xmax_pair_force_x_N")[-1])
+    alike = abs(forces[1] - forces[0]) < 1e-6
+    assert notes == [not alike] * 2 and alike == (friction == 0.0 or stretch == 0.0), (notes, forces)
 
 
 @pytest.mark.parametrize("plane", [False, True])

@@ -90,13 +90,13 @@ class Symmetry:
             worst.value,
             f"a node of the bodies, {spot(worst.place)}, lies {worst.value:.3g} beyond the plane of '{plane.name}', which "
             f"is held along {'xyz'[axis]}: where that is a plane of symmetry, the other half is there, and nothing keeps "
-            "the two apart; state the plane as a tool that this side meets",
+            "the two apart; state the plane as a tool that this side meets (a guide that ends there needs nothing)",
         )
 
     def _aside(self, contact: ContactTerm) -> Remark | None:
-        """None, or that a tool that is free to has gone across a plane, on nodes of which it presses. Collective."""
+        """None, or that a tool has gone across a plane, on nodes of which it presses. Collective."""
         system = self._system
-        if not (self._planes and system.tools.free[self._tool(contact)].any()):
+        if not self._planes:
             return None
         pressed = self._pressed(contact)
         gone = self._gone(contact)
@@ -124,16 +124,20 @@ class Symmetry:
         count = 3 * system.space.dofmap.index_map.size_local
         leading = pairs.led(np.repeat(pressed.astype(float), 3)[:count])[:, 0] > 0.0
         led = np.einsum("nab,nb->na", pairs.follower.turn, pairs.led(gone.ravel()[:count]))
+        if contact.rough:  # beneath a smooth lid what is stretched may slide
+            led += pairs.follower.offset(pairs.ways(system.state.t))
         apart = np.linalg.norm(gone[pairs.nodes] - led, axis=1) * (leading & pressed[pairs.nodes])
-        size = max(system.comm.allgather(np.linalg.norm(gone, axis=1).max(initial=0.0)))
+        ways = [np.linalg.norm(way, axis=1).max(initial=0.0) for way in (gone, led)]
+        size = max(system.comm.allgather(max(ways)))
         most = max(system.comm.allgather(apart.max(initial=0.0)))
         if not most > ASIDE * size:
             return None
         return Remark(
             most,
             f"tool '{contact.master_name}' presses on both faces of a pair, and moves there by {most:.3g} otherwise than "
-            "what repeats: on the next sector it would go another way, and the whole would not; let it move along the axis, "
-            "and turn about it, alone",
+            "what repeats: on the next cell or sector it would go another way, and the whole would not; with a cyclic pair "
+            "let it move along the axis, and turn about it, alone, with a periodic one travel, and turn about the way from "
+            "face to face, and leave relative= out where it is rough",
         )
 
     def _tool(self, contact: ContactTerm) -> int:
