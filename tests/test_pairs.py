@@ -571,27 +571,32 @@ def test_a_block_past_faces_is_named():
     )
 
 
+def bulged(paired, down=-0.7, planes=(), points=None):
+    """A block of 3.6 pressed on a base of 4, whose ends are a pair, or held along x; sides that planes in them meet."""
+    drawn = {"base": ((0.0, 0.0), (4.0, 1.0), (8, 2)), "top": ((0.2, 1.0), (3.6, 2.0), (8, 6))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 50.0)) for name in drawn), plane="strain")
+    if paired:
+        scene.periodic("base_xmin", "base_xmax")
+    else:
+        scene.fix("base_xmin", "x")
+        scene.fix("base_xmax", "x")
+    scene.fix("base_ymin", "y")
+    scene.contact("top_ymin", "base_ymax", 1.0, name="c")
+    for side in planes:
+        x, inward = (0.0, 1.0) if side == "top_xmin" else (4.0, -1.0)
+        scene.contact(side, rigid_plane((x, 0.0, 0.0), (inward, 0.0, 0.0), name=f"at{x:g}"), points=points, name=f"at{x:g}")
+    scene.fix("top_ymax", "x")
+    scene.prescribe("top_ymax", "y", down)
+    return solve(scene, steps=5).require()
+
+
 @pytest.mark.parametrize("points", [None, 3])
 def test_a_plane_between_neighbours_has_no_note(points):
     """Blocks that bulge between planes, each of which stands for the next one: as if planes of symmetry ended the base."""
     forces = []
     for paired in (True, False):
-        drawn = {"base": ((0.0, 0.0), (4.0, 1.0), (8, 2)), "top": ((0.2, 1.0), (3.6, 2.0), (8, 6))}
-        mesh = read_gmsh(rectangles.build, rectangles=drawn)
-        scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 50.0)) for name in drawn), plane="strain")
-        if paired:
-            scene.periodic("base_xmin", "base_xmax")
-        else:
-            scene.fix("base_xmin", "x")
-            scene.fix("base_xmax", "x")
-        scene.fix("base_ymin", "y")
-        scene.contact("top_ymin", "base_ymax", 1.0, name="c")
-        for x, side in ((0.0, "top_xmin"), (4.0, "top_xmax")):
-            plane = rigid_plane((x, 0.0, 0.0), (1.0 - 0.5 * x, 0.0, 0.0), name=f"at{x:g}")
-            scene.contact(side, plane, points=points, name=f"at{x:g}")
-        scene.fix("top_ymax", "x")
-        scene.prescribe("top_ymax", "y", -0.7)
-        result = solve(scene, steps=5).require()
+        result = bulged(paired, planes=("top_xmin", "top_xmax"), points=points)
         assert not [note for note in result.verdict.notes if "neighbour" in note]
         assert result.column("at4_load_N")[-1] > 0.1
         forces.append(result.column("c_force_y_N")[-1])
@@ -600,16 +605,8 @@ def test_a_plane_between_neighbours_has_no_note(points):
 
 @pytest.mark.parametrize("down, meets", [(-0.1, False), (-0.7, True)])
 def test_a_body_that_grows_into_its_neighbour_is_told(down, meets):
-    """A block of 3.6 in a cell of 4 that bulges by a quarter as it is pressed."""
-    drawn = {"base": ((0.0, 0.0), (4.0, 1.0), (8, 2)), "top": ((0.2, 1.0), (3.6, 2.0), (8, 6))}
-    mesh = read_gmsh(rectangles.build, rectangles=drawn)
-    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 50.0)) for name in drawn), plane="strain")
-    scene.periodic("base_xmin", "base_xmax")
-    scene.fix("base_ymin")
-    scene.contact("top_ymin", "base_ymax", 1.0, name="c")
-    scene.fix("top_ymax", "x")
-    scene.prescribe("top_ymax", "y", down)
-    notes = [note for note in solve(scene, steps=5).require().verdict.notes if "neighbour" in note]
+    """A block that bulges by a quarter as it is pressed."""
+    notes = [note for note in bulged(True, down).verdict.notes if "neighbour" in note]
     assert bool(notes) == meets and (not meets or "inside another part of itself" in notes[0]), notes
 
 

@@ -1,6 +1,7 @@
 """Parts that stand for a whole: what does not go with their planes of symmetry, or with what repeats, is told."""
 
 import pytest
+from test_pairs import bulged
 
 from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, solve
 from fenics_contact.meshes import box, rectangles
@@ -67,28 +68,23 @@ def test_a_rough_lid_at_rest_over_a_strip_that_is_stretched_is_told(friction, st
 @pytest.mark.parametrize("plane", [False, True])
 def test_a_half_that_grows_through_its_plane_is_told(plane):
     """A block on a wider base, the planes of symmetry of which it reaches as it is pressed."""
-    drawn = {"base": ((0.0, 0.0), (4.0, 1.0), (8, 2)), "top": ((0.2, 1.0), (3.6, 2.0), (8, 6))}
-    mesh = read_gmsh(rectangles.build, rectangles=drawn)
-    scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 50.0)) for name in drawn), plane="strain")
-    for side in ("base_xmin", "base_xmax"):
-        scene.fix(side, "x")
-    scene.fix("base_ymin", "y")
-    scene.fix("top_ymax", "x")
-    scene.prescribe("top_ymax", "y", -0.7)
-    scene.contact("top_ymin", "base_ymax", 1.0, name="c")
-    for x, side in ((0.0, "top_xmin"), (4.0, "top_xmax")) if plane else ():
-        scene.contact(side, rigid_plane((x, 0.0, 0.0), (1.0 - 0.5 * x, 0.0, 0.0), name=f"at{x:g}"))
-    notes = notes_of(solve(scene, steps=5).require(), "plane of symmetry", "beyond the plane of 'base_x")
+    result = bulged(paired=False, planes=("top_xmin", "top_xmax") if plane else ())
+    notes = notes_of(result, "plane of symmetry", "beyond the plane of 'base_x")
     assert bool(notes) != plane, notes
+
+
+def quarter(cells):
+    """Of a block about its middle, that stands on the ground."""
+    scene = Scene(Body(read_gmsh(box.build, size=(1.0, 1.0, 0.5), cells=cells), "box", neo_hooke(1.0, 5.0)))
+    scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
+    scene.fix("zmin")
+    return scene
 
 
 @pytest.mark.parametrize("turns", [False, True])
 def test_a_lid_that_does_not_repeat_with_its_sector_is_told(turns):
     """A quarter of a block about its middle under a rough lid that turns about that, or about a corner."""
-    mesh = read_gmsh(box.build, size=(1.0, 1.0, 0.5), cells=(4, 4, 2))
-    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
-    scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
-    scene.fix("zmin")
+    scene = quarter((4, 4, 2))
     lid = rigid_plane((0.0, 0.0, 0.5) if turns else (1.0, 1.0, 0.5), (0.0, 0.0, -1.0), name="lid")
     scene.contact("zmax", lid, 0.5, name="c")
     spin = Motion(z=-0.05, rz=0.1)
@@ -98,10 +94,7 @@ def test_a_lid_that_does_not_repeat_with_its_sector_is_told(turns):
 
 @pytest.mark.parametrize("along", [False, True])
 def test_a_load_across_the_axis_of_a_sector_is_told(along):
-    mesh = read_gmsh(box.build, size=(1.0, 1.0, 0.5), cells=(2, 2, 1))
-    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
-    scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
-    scene.fix("zmin")
+    scene = quarter((2, 2, 1))
     scene.body_force((0.0, 0.0 if along else 0.01, -0.01))
     scene.traction("zmax", lambda X, t: 0.01 * t * X * [1.0, 1.0, 0.0])  # away from the axis
     notes = notes_of(solve(scene, steps=1).require(), "acts across the axis")

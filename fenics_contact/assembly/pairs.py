@@ -97,12 +97,12 @@ class Pairs:
     def dofs(self) -> Ints64:
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
 
-    def images(self, ways: Floats) -> list[Image]:
-        """All neighbours that share a face, an edge or a corner with what is modelled, the pairs' ways being (pairs, 3); of
-        pairs that stand for the same step, as those of several bodies, the first one's way counts."""
+    def images(self, t: float) -> list[Image]:
+        """All neighbours at t that share a face, an edge or a corner with what is modelled; of pairs that stand for the same
+        step, as those of several bodies, the first one's way counts."""
         known: list[Image] = []
         once: list[Image] = []
-        for one, way in zip(self._across, ways, strict=True):
+        for one, way in zip(self._across, self.ways(t), strict=True):
             if not any(one.like(other) or one.back.like(other) for other in known):
                 known.append(one)
                 once.append(Image(one.turn, one.offset + way))

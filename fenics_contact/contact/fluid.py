@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -80,7 +80,7 @@ class Fluid(FluidTerm):
     has `reached`: those of the source, and the nodes of each facet that has one that is reached and open there, p < p_f.
     That set stays while Newton's method looks for balance; `advance` moves it in balanced states.
 
-    patches: of the surface; contacts: the terms, and the skins of all facets that each has; path(t): the pressure
+    patches: of the surface; contacts: by number the terms, and the skins of all facets that each has; path(t): the pressure
     [pressure], one for all, or (n,) at the local nodes; source (n,): which local nodes the fluid comes from, None: it is
     everywhere. All methods that take a state are collective.
     """
@@ -90,14 +90,13 @@ class Fluid(FluidTerm):
         name: str,
         space: Space,
         patches: Sequence[Patch],
-        contacts: Sequence[tuple[ContactTerm, Skin]],
+        contacts: Mapping[int, tuple[ContactTerm, Skin]],
         path: Callable[[float], Floats],
         source: Bools | None,
     ) -> None:
         super().__init__(name, None, None, symmetric=False)
         self._space, self._path, self._pressure = space, path, np.zeros(())
-        self._patches = patches
-        self._contacts = {i: contacts[i] for patch in patches for i in patch.contacts}
+        self._patches, self._contacts = patches, contacts
         self._owned = space.dofmap.index_map.size_local
         self._sums = NodalSums(space)
         self._source = None if source is None else self._sums.anywhere(source)

@@ -39,7 +39,7 @@ class Images:
             return
         rest = State(compat.Function(system.space), np.zeros_like(system.state.q), system.tools.poses())
         feet = [contact.places.first_feet(rest) for contact in system.contacts]
-        images = self._pairs.images(self._pairs.ways(0.0))
+        images = self._pairs.images(0.0)
         self._drawn = []  # of each contact and image (images, ne, nq): whether points lay in the master from the start
         for contact, at in zip(system.contacts, feet, strict=True):
             own = max(system.comm.allgather(_depths(contact, at, HERE).max(initial=0.0)))
@@ -52,7 +52,7 @@ class Images:
         if self._pairs is None:
             return {}
         system, remarks = self._system, dict[str, Remark]()
-        state, images = system.state, self._pairs.images(self._pairs.ways(system.state.t))
+        state, images = system.state, self._pairs.images(system.state.t)
         pressed = np.zeros(len(state.u.x.array) // 3)
         feet = [contact.places.feet(state) for contact in system.contacts]
         own = [_depths(contact, at, HERE) for contact, at in zip(system.contacts, feet, strict=True)]

@@ -10,9 +10,8 @@ from fenics_contact.assembly.finding import Remark, spot, tidied
 from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
-from fenics_contact.contact.rigid_places import named
+from fenics_contact.contact.rigid_places import pressed
 from fenics_contact.kernels.broad_phase import candidates
-from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Bools, Floats, Ints64
 
 DEEP = 0.05  # of a cell's size: what lies less deep may be what straight cells cut off
@@ -87,7 +86,7 @@ class Overlaps:
     def _images(self, t: float) -> list[Image]:
         """Where pairs of faces put the bodies' neighbours at t. Collective."""
         pairs = self._system.supports.pairs
-        return [] if pairs is None else pairs.images(pairs.ways(t))
+        return [] if pairs is None else pairs.images(t)
 
     def _held(self) -> Bools:
         """Which bodies (n, bodies) this process's nodes have a contact with that keeps them out. Collective."""
@@ -116,17 +115,12 @@ class Overlaps:
     def _pressed(self) -> Bools:
         """Which of all nodes (n,), and of their images, are images of what a tool presses: of a plane between neighbours two
         bodies stand off by what the penalties leave. Collective."""
-        system, marked = self._system, [np.empty(0, dtype=np.int32)]
-        images = len(self._nodes) // max(self._count, 1) - 1
+        system, images = self._system, len(self._nodes) - self._count
         if not images:
             return np.zeros(self._count, dtype=bool)
-        for contact in system.contacts:
-            if contact.partner.grounded and len(statuses := contact.statuses()):
-                active = statuses.reshape(contact.surface.area.shape) != OPEN
-                marked.append(contact.surface.nodes[active.any(axis=1)].ravel())
-        held = named(system.space, np.concatenate(marked))[self._outer]
-        held = np.concatenate(system.comm.allgather(held))
-        return np.concatenate([np.zeros_like(held), np.tile(held, images)])
+        tools = [contact for contact in system.contacts if contact.partner.grounded]
+        held = np.concatenate(system.comm.allgather(pressed(system.space, tools)[self._outer]))
+        return np.append(np.zeros_like(held), np.tile(held, images // self._count))
 
     def _inside(self, x: Floats, places: Floats, held: Bools) -> tuple[list[int], list[int], list[float]]:
         """Of nodes at x (n, 3) inside this process's cells, of a body that nothing keeps them out of, but held (n,) ones:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Trial
@@ -15,6 +16,7 @@ from fenics_contact.contact.passing import Facets, depths_passed, tool_distances
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import Points, ToolPose, distances, point_normals
+from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Array, Bools, Floats, Ints64, Space
 
 BEHIND = 0.1  # of a cell's height: what of a body may lie in a tool behind the slave surface at the start
@@ -165,6 +167,16 @@ class RigidPlaces:
     def back_share(self, state: State) -> float:
         """Zero: an analytic tool knows its outside."""
         return 0.0
+
+
+def pressed(space: Space, contacts: Sequence[ContactTerm]) -> Bools:
+    """Which of this rank's nodes are of slave facets that contacts press in the state evaluated last. Collective."""
+    nodes = [np.empty(0, dtype=np.int32)]
+    for contact in contacts:
+        if len(statuses := contact.statuses()):
+            active = statuses.reshape(contact.surface.area.shape) != OPEN
+            nodes.append(contact.surface.nodes[active.any(axis=1)].ravel())
+    return named(space, np.concatenate(nodes))
 
 
 def named(space: Space, nodes: Array) -> Bools:

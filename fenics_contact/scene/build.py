@@ -259,8 +259,9 @@ def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact
         source[compat.locate_blocks(space, mesh.facets(*stated.source))] = True
         on[compat.locate_blocks(space, facets)] = True
         source &= on
-    of_contacts = [(one, skin_of(space, of, scene.section)) for one, of in zip(contacts, touching, strict=True)]
-    return Fluid(f"fluid {number} on {name}", space, patches, of_contacts, path, source)
+    among = {i for patch in patches for i in patch.contacts}
+    met = {i: (contacts[i], skin_of(space, touching[i], scene.section)) for i in sorted(among)}
+    return Fluid(f"fluid {number} on {name}", space, patches, met, path, source)
 
 
 def _touching(mesh: NamedMesh, contact: ContactStatement) -> Ints:

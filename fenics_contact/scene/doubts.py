@@ -42,7 +42,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_penalties(system),
         *_pressed(scene, [load for load in loads if not load.shape]),
         *_idle(scene, system, loads),
-        *_across(scene, system, stated, [load for load in loads if load.shape]),
+        *_across(scene, system, stated, [load for load in loads if load.shape and load.nodes is None]),
         *_heavy(scene, system, stated, [load for load in loads if load.group]),
     ]
 
@@ -101,14 +101,12 @@ def _idle(scene: "Scene", system: System, loads: Sequence[Load]) -> list[str]:
 
 
 def _across(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
-    """Of loads in one direction across the axis of a cyclic pair, about which what repeats is turned. Collective."""
+    """Of loads, each in one direction, across the axis of a cyclic pair, about which what repeats is turned. Collective."""
     found, axes = dict[str, str](), [(pair.what, pair.axis) for pair in scene.pairs if pair.axis is not None]
     for i in range(len(stated)) if axes else ():
         with system.stages.foreseen(i):
             for load in loads:
                 force = whole(load.path, system.stages.time(1.0))
-                if load.nodes is not None:
-                    continue
                 for pair, axis in axes:
                     if np.linalg.norm(force - (force @ axis) * axis) > ALONG_AXIS * np.linalg.norm(force):
                         found[called(load.word, load.group)] = pair

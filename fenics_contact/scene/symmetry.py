@@ -11,7 +11,7 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Remark, foremost, spot
 from fenics_contact.assembly.size import extremes
 from fenics_contact.assembly.system import System
-from fenics_contact.contact.rigid_places import named
+from fenics_contact.contact.rigid_places import pressed
 from fenics_contact.types import Bools, Floats, Ints
 
 if TYPE_CHECKING:  # which states them
@@ -69,19 +69,23 @@ class Symmetry:
 
     def remarks(self) -> dict[str, Remark]:
         """{what: its Remark} of the state accepted last. Collective."""
-        found = dict[str, Remark]()
+        found, system, x = dict[str, Remark](), self._system, self._X + self._system.state.u.x.array.reshape(-1, 3)
         for plane in self._planes:
-            if remark := self._beyond(plane):
+            if remark := self._beyond(plane, x):
                 found[f"beyond {plane.name}"] = remark
-        for contact in self._system.contacts:
-            if contact.partner.grounded and (remark := self._aside(contact) or self._unlike(contact)):
+        for contact in system.contacts if self._planes or system.supports.pairs else ():
+            if not contact.partner.grounded:
+                continue
+            # how far (n, 3) what the tool has at the nodes has come from where it was at the start
+            gone = x - system.state.pose(system.tools.names.index(contact.master_name)).before(x)
+            held = pressed(system.space, [contact])
+            if remark := self._aside(contact, gone, held) or self._unlike(contact, gone, held):
                 found[f"tool {contact.master_name}"] = remark
         return found
 
-    def _beyond(self, plane: Plane) -> Remark | None:
-        """None, or that a body has grown through a plane. Collective."""
+    def _beyond(self, plane: Plane, x: Floats) -> Remark | None:
+        """None, or that a body, whose nodes are at x (n, 3), has grown through a plane. Collective."""
         system, axis = self._system, plane.axis
-        x = self._X + system.state.u.x.array.reshape(-1, 3)
         owned = slice(system.space.dofmap.index_map.size_local)
         worst = foremost(system.comm, plane.inward * (plane.place - x[owned, axis]), self._X[owned])
         if worst is None or not worst.value > BEYOND * self._extents[axis]:
@@ -93,19 +97,14 @@ class Symmetry:
             "the two apart; state the plane as a tool that this side meets (a guide that ends there needs nothing)",
         )
 
-    def _aside(self, contact: ContactTerm) -> Remark | None:
-        """None, or that a tool has gone across a plane, on nodes of which it presses. Collective."""
-        system = self._system
-        if not self._planes:
-            return None
-        pressed = self._pressed(contact)
-        gone = self._gone(contact)
-        size = max(system.comm.allgather(np.linalg.norm(gone, axis=1).max(initial=0.0)))
+    def _aside(self, contact: ContactTerm, gone: Floats, held: Bools) -> Remark | None:
+        """None, or that a tool, which has gone (n, 3) at the local nodes, has gone across a plane, on nodes of which it
+        presses, held (n,) ones. Collective."""
+        comm = self._system.comm
+        size = max(comm.allgather(np.linalg.norm(gone, axis=1).max(initial=0.0)))
         for plane in self._planes:
-            on = np.zeros(len(pressed), dtype=bool)
-            on[plane.nodes] = True
-            along = np.abs(gone[:, plane.axis]) * (on & pressed)
-            most, letter = max(system.comm.allgather(along.max(initial=0.0))), "xyz"[plane.axis]
+            along = np.abs(gone[plane.nodes, plane.axis]) * held[plane.nodes]
+            most, letter = max(comm.allgather(along.max(initial=0.0))), "xyz"[plane.axis]
             if most > ASIDE * size:
                 return Remark(
                     most,
@@ -115,18 +114,18 @@ class Symmetry:
                 )
         return None
 
-    def _unlike(self, contact: ContactTerm) -> Remark | None:
-        """None, or that a tool that presses on both faces of a pair moves otherwise than what repeats. Collective."""
+    def _unlike(self, contact: ContactTerm, gone: Floats, held: Bools) -> Remark | None:
+        """None, or that a tool that presses on both faces of a pair moves otherwise than what repeats; gone, held: as above.
+        Collective."""
         system, pairs = self._system, self._system.supports.pairs
         if pairs is None:
             return None
-        pressed, gone = self._pressed(contact), self._gone(contact)
         count = 3 * system.space.dofmap.index_map.size_local
-        leading = pairs.led(np.repeat(pressed.astype(float), 3)[:count])[:, 0] > 0.0
+        leading = pairs.led(np.repeat(held.astype(float), 3)[:count])[:, 0] > 0.0
         led = np.einsum("nab,nb->na", pairs.follower.turn, pairs.led(gone.ravel()[:count]))
         if contact.rough:  # beneath a smooth lid what is stretched may slide
             led += pairs.follower.offset(pairs.ways(system.state.t))
-        apart = np.linalg.norm(gone[pairs.nodes] - led, axis=1) * (leading & pressed[pairs.nodes])
+        apart = np.linalg.norm(gone[pairs.nodes] - led, axis=1) * (leading & held[pairs.nodes])
         ways = [np.linalg.norm(way, axis=1).max(initial=0.0) for way in (gone, led)]
         size = max(system.comm.allgather(max(ways)))
         most = max(system.comm.allgather(apart.max(initial=0.0)))
@@ -139,18 +138,3 @@ class Symmetry:
             "let it move along the axis, and turn about it, alone, with a periodic one travel, and turn about the way from "
             "face to face, and leave relative= out where it is rough",
         )
-
-    def _tool(self, contact: ContactTerm) -> int:
-        """Its row in the state's q."""
-        return self._system.tools.names.index(contact.master_name)
-
-    def _pressed(self, contact: ContactTerm) -> Bools:
-        """The local nodes (n,) of slave facets that the tool presses. Collective."""
-        closed = contact.statuses().reshape(contact.surface.area.shape).any(axis=1)
-        return named(self._system.space, contact.surface.nodes[closed].ravel())
-
-    def _gone(self, contact: ContactTerm) -> Floats:
-        """How far (n, 3) what a tool has at the local nodes has come from where it was at the start [length]."""
-        state = self._system.state
-        x = self._X + state.u.x.array.reshape(-1, 3)
-        return np.asarray(x - state.pose(self._tool(contact)).before(x))
