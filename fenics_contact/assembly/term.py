@@ -217,3 +217,8 @@ class FluidTerm(FormTerm, ABC):
     @abstractmethod
     def opening(self, state: State, more: float) -> tuple[int, str, str] | None:
         """The same of what it would gain in the accepted state if its pressure were greater by a share. Collective."""
+
+    @abstractmethod
+    def kept_out(self, state: State) -> tuple[list[str], float]:
+        """Names of the contacts that press some node at which the fluid does not act, and its greatest pressure.
+        Collective."""

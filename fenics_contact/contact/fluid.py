@@ -231,6 +231,15 @@ class Fluid(FluidTerm):
             reached = self._sums.anywhere(reached)
         return reached
 
+    def kept_out(self, state: State) -> tuple[list[str], float]:
+        pressed, comm = self._pressed(state), self._space.mesh.comm
+        dry, keeping = self._acting(self._on_patches(pressed)) == 0.0, list[str]()
+        for i, (contact, _) in self._contacts.items():
+            on = [k for k, patch in enumerate(self._patches) if i in patch.contacts]
+            if comm.allreduce(int((dry[on] & (pressed[i].p > 0.0)).sum())):
+                keeping.append(contact.name)
+        return keeping, max(comm.allgather(float(self._pressure.max(initial=0.0))))
+
     def commit(self, state: State) -> None:
         self._accepted = self.reached
 

@@ -10,6 +10,7 @@ from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIF
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.entering import Leaks
 from fenics_contact.solvers.holding import thrown, undecided
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
@@ -57,6 +58,7 @@ def run(
     verdict.smallest = smallest or shortest
     sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest if system.damped else 0.0) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
+    leaks = Leaks(system)
     for target in times:
         restless, why = 0, ""
         while target - system.trail.last.t > 1e-12:
@@ -90,7 +92,7 @@ def run(
                 verdict.longest *= 2.0
             verdict.accept(report, system)
             verdict.remark_on(TURNS, turn)
-            verdict.remark(undecided(system, verdict.remarked))
+            verdict.remark(undecided(system, verdict.remarked) | leaks.found(verdict.remarked))
             on_step(report, time.perf_counter() - start, goal == target)
     verdict.reason = CONVERGED  # in the place of the targets that arcs have reached before
     return verdict

@@ -1,6 +1,6 @@
 """Steps solved again while a fluid comes in where contact has let go, until it goes no further."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from fenics_contact.assembly.finding import COMES_IN, MEMORY, NO_LAW, TOO_STIFF, Finding
 from fenics_contact.assembly.system import System
@@ -56,6 +56,29 @@ def all_but_open(system: System, failure: Finding) -> Finding | None:
             )
             return Finding(COMES_IN, reason, fluid.name, LESS)
     return None
+
+
+class Leaks:
+    """Tells of accepted states in which a fluid, as its pressure grew, has opened all that kept it out."""
+
+    def __init__(self, system: System) -> None:
+        self._system, self._last = system, [fluid.kept_out(system.state) for fluid in system.fluids]
+
+    def found(self, told: Collection[str]) -> dict[str, str]:
+        """{place: a note} of fluids that have done so in the step accepted last; told: places that have had theirs. To be
+        asked in every step. Collective."""
+        system, before = self._system, self._last
+        self._last, notes = [fluid.kept_out(system.state) for fluid in system.fluids], dict[str, str]()
+        for fluid, (kept, lower), (keeping, pressure) in zip(system.fluids, before, self._last, strict=True):
+            names = " and ".join(f"'{name}'" for name in kept)
+            place = f"{fluid.name} through {names}"
+            if kept and not keeping and pressure > lower and place not in told:
+                found = sorted(system.acceptance.loose().items())
+                loose = [f"body '{system.bodies[i][0]}' along {', '.join(axes)}" for i, axes in found]
+                held = f"nothing but the fluid holds {' and '.join(loose)} now, whose place is nobody's choice"
+                words = f"{fluid.name} has come through: what {names} kept it out of, the step before, is open to it"
+                notes[place] = "; ".join([words, *([held] if loose else []), LESS])
+        return notes
 
 
 def _nodes(count: int, first: str, last: str) -> str:

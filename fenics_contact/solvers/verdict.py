@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
+from fenics_contact.assembly.finding import COMES_IN, CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
@@ -16,6 +16,8 @@ ALIKE = {SHORTENED: SHORTENED, JUMPED: "the state jumped", SPRUNG: "soft springs
 # Words of notes on what was overcome, of which nothing is in the result: they come last
 OVERCOME = (" cut back: ", " nothing in the result: ", "to which the result belongs", SHORTENED)
 GREW = 1.5  # times what was said of a term first: what is worse later is worth a note at the end
+# Kinds of failure in the words of cut-backs, where what they name may yet be in the result, found in shorter steps
+ON_THE_WAY = {COMES_IN: "a fluid came further in than one step could follow"}
 LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at each failure
 
 
@@ -91,7 +93,7 @@ class Verdict:
             return notes
         most = sorted(self.causes.items(), key=lambda cause: -cause[1])
         times = "cut-back, which leaves" if self.cuts == 1 else "cut-backs, which leave"
-        why = ", ".join(f"{cause} ({count} of {self.cuts})" for cause, count in most)
+        why = ", ".join(f"{ON_THE_WAY.get(cause, cause)} ({count} of {self.cuts})" for cause, count in most)
         return [*notes, f"{self.cuts} {times} nothing in the result: {why}"]
 
     def order(self) -> None:
