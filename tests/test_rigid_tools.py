@@ -7,6 +7,7 @@ from refusals import refused
 
 from fenics_contact import (
     Body,
+    Method,
     Scene,
     SceneError,
     from_elastic,
@@ -22,7 +23,7 @@ from fenics_contact import (
     rigid_union,
     solve,
 )
-from fenics_contact.meshes import box, rectangles, tubes
+from fenics_contact.meshes import box, o_ring, rectangles, tubes
 
 pytestmark = pytest.mark.parallel
 
@@ -180,3 +181,38 @@ def test_shapes_that_cannot_be_are_refused_as_all_statements_are():
     }
     for words, action in wrong.items():
         refused(action, words, kind=SceneError)
+
+
+def ring_in(tools):
+    """Half of a frictionless ring of radius 1.5 around (8, 0), on its plane of symmetry and in these tools, the first one of
+    which is to move down by 0.4."""
+    mesh = read_gmsh(o_ring.build, radius=1.5, centre=8.0, cells=5)
+    scene = Scene(Body(mesh, "ring", neo_hooke(4.0, 40.0)), plane="strain")
+    scene.fix("symmetry_y", "y")
+    for tool in tools:
+        scene.contact("rim", tool, name=tool.name)
+    return scene, {"move": {tools[0]: (0.0, -0.4, 0.0)}, "steps": 2, "method": Method(stabilise=True)}
+
+
+@pytest.mark.parametrize("gap", [0.05, 1.0])
+def test_a_groove_of_one_tool_holds_what_its_walls_hold(gap):
+    """It was refused: nothing holds the ring along x, for the tool's normal at the place nearest to it is along y. The same
+    groove of three planes is the truth, here where the corners between them meet nothing."""
+    left, right = 6.5 - gap, 9.5 + gap
+    lid = rigid_plane((0, 1.5, 0), (0, -1, 0), name="lid")
+    walls = [rigid_plane((x, 0, 0), (normal, 0, 0), name=f"wall {x}") for x, normal in ((left, 1.0), (right, -1.0))]
+    corners = [(right, -5.0), (right, 1.5, 0.04), (left, 1.5, 0.04), (left, -5.0)]
+    groove = rigid_extrusion(corners, along=(0, 0, -1), up=(0, 1, 0), name="lid")
+    forces = []
+    for tools in ([lid, *walls], [groove]):
+        scene, run = ring_in(tools)
+        forces.append(solve(scene, **run).require().column("lid_force_y_N")[-1])
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
+def test_along_what_no_wall_stops_it_a_body_is_loose_as_before():
+    """On a flat tool, said as a profile, under a step of it that lies beyond the ring's own size, and on a convex one."""
+    flat = rigid_extrusion([(20.0, 1.5), (0.0, 1.5)], along=(0, 0, -1), up=(0, 1, 0), name="lid")
+    far = rigid_extrusion([(40.0, -5.0), (40.0, 1.5, 0.1), (0.0, 1.5)], along=(0, 0, -1), up=(0, 1, 0), name="lid")
+    for tool in (flat, far, rigid_cylinder(2.0, (8.0, 3.5, 0.0), (0, 0, 1), name="lid")):
+        refused(ring_in([tool])[0].system, "nothing holds body 'ring' along x")

@@ -7,6 +7,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction, turned
 from fenics_contact.contact.partner import PointPressures
+from fenics_contact.contact.passing import tool_distances
 from fenics_contact.contact.rigid_anchors import RigidAnchors
 from fenics_contact.contact.rigid_places import RigidFeet, RigidPlaces
 from fenics_contact.contact.surface import SlaveSurface
@@ -14,7 +15,10 @@ from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.types import Array, Floats, Ints
+from fenics_contact.types import Array, Bools, Floats, Ints
+
+WAYS = tuple(0.5**k for k in range(6))  # of the slave's size, of a body that is looked at whether it runs into a tool
+NEARER = 1e-3  # of its way: what comes nearer by less goes along the tool
 
 
 class RigidPartner(PointPressures):
@@ -102,10 +106,23 @@ class RigidPartner(PointPressures):
         return False
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
-        """Axes along which the contact can hold a body: all with friction, else those of its first normal. Collective."""
+        """Axes along which the contact can hold a body: all with friction, else those in which its first normal has a part,
+        and those along which the body runs into the tool, as into the walls of a groove. Collective."""
         here = (np.inf, np.zeros(3))
         if gap.size:
             nearest = np.unravel_index(gap.argmin(), gap.shape)
             here = (gap[nearest], self.places.looks(state)[nearest])
         normal = np.abs(min(state.comm.allgather(here), key=lambda pair: pair[0])[1])
-        return {axis for axis, part in zip("xyz", normal, strict=True) if rough or part > 1e-6}
+        holds = (normal > 1e-6) | self._runs_into(state)
+        return {axis for axis, held in zip("xyz", holds, strict=True) if rough or held}
+
+    def _runs_into(self, state: State) -> Bools:
+        """Along which axes (3,), one way or the other, a slave that moves as a rigid body comes nearer to the tool than it
+        is, or deeper into it. Collective."""
+        feet, comm = self.places.feet(state), state.comm
+        x, tool = (self.surface.a @ feet.x).reshape(-1, 3), self.places.tool_at(feet.pose)
+        low, high = np.min(comm.allgather([x.min(axis=0, initial=np.inf), (-x).min(axis=0, initial=np.inf)]), axis=0)
+        ways = np.linalg.norm(low + high) * np.array([0.0, *WAYS, *(-way for way in WAYS)])
+        nearest = [[tool_distances(x + way * axis, tool).min(initial=np.inf) for way in ways] for axis in np.eye(3)]
+        gaps = np.min(comm.allgather(nearest), axis=0)
+        return np.asarray((gaps < gaps[:, :1] - NEARER * np.abs(ways)).any(axis=1))
