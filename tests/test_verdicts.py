@@ -37,6 +37,7 @@ from fenics_contact.meshes import box, dome, rectangles, rod, two_blocks
 from fenics_contact.solvers import diagnosis
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.holding import sliding
+from fenics_contact.solvers.overdrawn import overdrawn
 from fenics_contact.solvers.softness import fold_ahead, moved_instead
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.studies.punch import punched_plate
@@ -362,12 +363,21 @@ def on_an_incline(friction=0.3):
 
 
 def on_a_steep_slope(**options):
-    """As on_an_incline, in the plane: without springs the first step's tangent is singular."""
+    """As on_an_incline, in the plane, from the first step on: its tangent is singular, and nothing presses before it."""
     mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (10.0, 5.0), (16, 8))})
     scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane="strain")
     scene.contact("box_ymin", rigid_plane(normal=(0, 1, 0), name="slope"), 0.5, name="c")
     scene.body_force((0.0094, -0.0177, 0.0))
     return scene, options
+
+
+def on_rough_ground(push, twist):
+    """A block of 2 by 2 on a plane, pressed on it by 0.2, pushed aside and twisted, all at once; friction is 0.3."""
+    scene = cube(cells=(4, 4, 2), material=neo_hooke(1.0, 5.0))
+    scene.contact("zmin", rigid_plane(), 0.3, name="c")
+    scene.force("zmax", (push, 0.0, -0.2))
+    scene.moment("zmax", (0.0, 0.0, twist))
+    return scene
 
 
 def two_in_one_group():
@@ -471,7 +481,13 @@ CATALOGUE = {
     "clutch": (clutch, "friction used up", "contact 'c'", "or prescribe this motion"),
     "clutch of blocks": (clutch_of_blocks, "friction used up", "contact 'c'", "or prescribe this motion"),
     "on an incline": (on_an_incline, "friction used up", "contact 'c'", "raise friction="),
-    "on a steep slope": (on_a_steep_slope, "no convergence", "most at (", "solve(..., method=Method(stabilise=True))"),
+    "on a steep slope": (on_a_steep_slope, "friction used up", "contact 'c'", "raise friction="),
+    "pushed and twisted": (
+        lambda: (on_rough_ground(0.05, 0.03), {"steps": 1}),
+        "friction used up",
+        "contact 'c'",
+        "raise friction=",
+    ),
     "wedge on springs": (
         lambda: drawn_wedge(method=HELD),
         "friction used up",
@@ -649,6 +665,20 @@ def test_a_clutch_slips_at_its_largest_moment():
     np.testing.assert_allclose(1.1 * (2.0 * verdict.t - 1.0), 1.0, atol=0.01)
     scene, drive = clutch(over=0.95)
     assert sliding(solve(scene, **drive).require().system) is None
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(
+    ("push", "twist", "least", "most"), [(0.08, 0.0, 1.32, 1.34), (0.05, 0.03, 1.0, 1.49), (0.0, 0.08, 1.5, 1.75)]
+)
+def test_a_first_step_that_asks_too_much_of_friction(push, twist, least, most):
+    """It was "no convergence", as no contact pressed in the state before, while the same in stages was known. Of a push T is
+    the push, 4/3 of mu N; a twist asks for at most 1.743 times what an even pressure allows, mu N times the mean distance
+    from the middle, 0.765, for at the edges the block presses more; both together for less than the sum."""
+    found = overdrawn(on_rough_ground(push, twist).system(), 1e-3)
+    assert found.kind == "friction used up"
+    assert least < float(found.reason.split("T / (mu N) = ")[1].split(";")[0]) < most
+    assert overdrawn(on_rough_ground(0.4 * push, 0.4 * twist).system(), 1e-3) is None
 
 
 @pytest.mark.parallel

@@ -30,6 +30,7 @@ from fenics_contact.solvers.holding import (
     turns_freely,
 )
 from fenics_contact.solvers.linear import FACTORISE, LinearSolver
+from fenics_contact.solvers.overdrawn import overdrawn
 from fenics_contact.solvers.softness import (
     LARGEST,
     damping,
@@ -88,6 +89,8 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         found = _snaps_off(system, known.place)
     if found is None and known.kind in (UNKNOWN, CYCLING) and goal is not None and system.vector.getSize() <= LARGEST:
         found = topples_ahead(system, goal)
+    if found is None and known.kind in (UNKNOWN, CYCLING):
+        found = overdrawn(system, goal)
     if found is None and known.kind == COMES_IN:
         return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):

@@ -174,10 +174,11 @@ def _against(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
 
 
 # -- friction used up -------------------------------------------------------------------------------------------------
-def sliding(system: System, rest: float = HELD) -> Finding | None:
+def sliding(system: System, rest: float = HELD, asked: bool = False) -> Finding | None:
     """A finding if bodies or pushed tools are held along some way by friction, and no more of it can be had.
 
-    rest: share of what resists that way with endless friction, of which less must be left without any.
+    rest: share of what resists that way with endless friction, of which less must be left without any; asked: the state is
+    one in balance with endless friction, and what counts is that.
     """
     rough, near = _gripping(system, TURNING)
     if not near:
@@ -185,7 +186,7 @@ def sliding(system: System, rest: float = HELD) -> Finding | None:
     motions = rigid_motions(system)
     stuck = _energies(system, rough, motions, {})
     held = _relying(system, rough, motions, stuck, rough, rest)[0]
-    used = _spent(system, near, [_combined(system, motions, way) for way in held.T])
+    used = _spent(system, near, [_combined(system, motions, way) for way in held.T], asked)
     if not used:
         return None
     held, values = _relying(system, rough, motions, stuck, list(used), rest)
@@ -227,14 +228,16 @@ def _gripping(system: System, share: float) -> tuple[list[ContactTerm], dict[Con
     return rough, {contact: grip for contact, grip in grips.items() if grip[0] > share * grip[1] > share * least}
 
 
-def _spent(system: System, grips: dict[ContactTerm, Floats], ways: Sequence[Motion]) -> dict[ContactTerm, Floats]:
+def _spent(
+    system: System, grips: dict[ContactTerm, Floats], ways: Sequence[Motion], asked: bool
+) -> dict[ContactTerm, Floats]:
     """Those of these contacts that can take no more friction: at all points, or against one of the combinations of these
-    ways, of which the friction taken is then said. Collective."""
+    ways, of which the friction taken, or asked for, is then said. Collective."""
     used = {}
     for contact, (taken, most) in grips.items():
         share = taken / most
-        if share <= USED_UP:
-            share = used_share(system, contact, ways)
+        if asked or share <= USED_UP:
+            share = used_share(system, contact, ways, asked)
         if share > USED_UP:
             used[contact] = np.array([share * most, most])
     return used

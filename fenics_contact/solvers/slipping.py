@@ -15,9 +15,9 @@ SWEEPS = 50  # of reweighted least squares; each share is one that a motion has,
 LEAST = 1e-6  # of the fastest point's: a slower one, at the centre of a turn, weighs as one of that
 
 
-def used_share(system: System, contact: ContactTerm, motions: Sequence[Motion]) -> float:
+def used_share(system: System, contact: ContactTerm, motions: Sequence[Motion], asked: bool = False) -> float:
     """The largest share, over all combinations of motions, that the work of the friction present is of what it would be with
-    all points slipping along the combination. Collective.
+    all points slipping along the combination; asked: of the friction that there would be, were it endless. Collective.
 
     It is sum f v / sum mu p |v| of the points' slips v, and 1 where the contact is at its limit: a point at the centre of a
     turn slips nowhere and does not count (limit analysis of rigid bodies, Drucker 1954). The largest share is found by
@@ -25,7 +25,8 @@ def used_share(system: System, contact: ContactTerm, motions: Sequence[Motion]) 
     """
     sums = system.comm.allreduce
     area = contact.surface.area
-    friction = (contact.forces.split_traction(system.state)[1] * area[..., None]).reshape(-1, 3)
+    trial = contact.trial.with_friction(ENDLESS) if asked else None
+    friction = (contact.forces.split_traction(system.state, trial)[1] * area[..., None]).reshape(-1, 3)
     most = (contact.forces.limits(system.state) * area).ravel()
     slips = _slips(system, contact, motions)
     force = sums(np.einsum("kpc,pc->k", slips, friction))
