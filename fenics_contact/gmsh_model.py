@@ -70,6 +70,8 @@ def draw(source: Source, parameters: dict[str, Any], tool: bool = False) -> None
         with _script_in_our_session():
             source(**parameters)
         return
+    if not isinstance(source, str | Path):
+        raise TypeError("give a function that draws it, or a file's path; the points of a curve go to rigid_extrusion")
     with _errors_gathered():
         load(str(source), tool=tool, **parameters)
     if not tool:

@@ -15,7 +15,7 @@ from fenics_contact.agreement import collect_together
 from fenics_contact.gmsh_model import Source
 from fenics_contact.meetings import Meeting, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
-from fenics_contact.values import SceneError
+from fenics_contact.values import SceneError, shown
 
 Taken = TypeVar("Taken")
 
@@ -233,6 +233,7 @@ def _refusal(source: Source, error: BaseException) -> str:
     said = gmsh_model.log(reason)
     said = f" (gmsh: {said})" if said else ""
     name = f"{source.__module__}.{source.__name__}" if isinstance(source, FunctionType) else source
+    name = name if isinstance(name, str | Path) else shown(name)
     return f"the mesh '{name}' cannot be made: {reason}{said}"
 
 

@@ -27,6 +27,8 @@ class FolderError(ValueError):
 def shown(value: object) -> str:
     """A value as an error shows it: short, and without addresses, which differ from rank to rank."""
     words = re.sub(" at 0x[0-9a-f]+", "", repr(value))
+    if len(words) > LONGEST and isinstance(value, np.ndarray) and value.ndim:
+        return f"array of shape {value.shape}, from {shown(value[0].tolist())} to {shown(value[-1].tolist())}"
     return words if len(words) <= LONGEST else f"{words[:LONGEST]}..."
 
 

@@ -21,6 +21,7 @@ from fenics_contact import (
     coulomb,
     mooney_rivlin,
     read_gmsh,
+    rigid_curve,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -312,6 +313,8 @@ def test_bad_surfaces_are_refused():
     refused("no surface group 'bowl'.*ball", lambda: rigid_surface(tool_surfaces.ball, "bowl", mesh_size=3.0))
     refused("has no facets", lambda: rigid_surface(lambda: gmsh.model.occ.addPoint(0, 0, 0)))
     refused("cannot be made", lambda: rigid_surface("no_such_file.msh"))
+    points = np.linspace(0.0, 1.0, 400).reshape(200, 2)
+    refused(r"'array of shape \(200, 2\), from \[0.0, 0.0.*\] to \[.*1.0\]' .* rigid_extrusion", lambda: rigid_curve(points))
     refused("order 1", lambda: rigid_surface(quadratic))
     refused("different ways.*setOutwardOrientation", lambda: rigid_surface(mixed))
     refused("no area", lambda: rigid_surface(needle))
