@@ -1,9 +1,11 @@
 """Parts that stand for a whole: what does not go with their planes of symmetry, or with what repeats, is told."""
 
+import gmsh
+import numpy as np
 import pytest
-from test_pairs import bulged
+from test_pairs import bulged, tube
 
-from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, solve
+from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_surface, solve
 from fenics_contact.meshes import box, rectangles
 
 pytestmark = pytest.mark.parallel
@@ -90,6 +92,59 @@ def test_a_lid_that_does_not_repeat_with_its_sector_is_told(turns):
     spin = Motion(z=-0.05, rz=0.1)
     notes = notes_of(solve(scene, move={lid: spin}, steps=2).require(), "'lid'", "otherwise than what repeats")
     assert bool(notes) != turns, notes
+
+
+def build_shaft(cells=12):
+    """Of radius 1 about z, in four quarters."""
+    geo, angles = gmsh.model.geo, np.arange(4) * np.pi / 2
+    centre, points = geo.addPoint(0, 0, -1), [geo.addPoint(np.cos(a), np.sin(a), -1) for a in angles]
+    arcs = [geo.addCircleArc(one, centre, points[i - 3]) for i, one in enumerate(points)]
+    for arc in arcs:
+        geo.mesh.setTransfiniteCurve(arc, cells + 1)
+    geo.extrude([(1, arc) for arc in arcs], 0, 0, 3, numElements=[3], recombine=True)
+    geo.synchronize()
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.parametrize("spin, aside", [(0.1, 0.0), (0.0, 0.05), (0.0, 0.15)])
+@pytest.mark.parametrize("meshed", [False, True])
+def test_a_shaft_that_leaves_the_axis_of_its_sector_is_told(spin, aside, meshed):
+    """A bush that swells around a shaft: a quarter of it has a quarter of the energy while that stays on the axis, but for
+    normals at its faces, which are means of one side; the farther it goes, the sooner it lets go of one face."""
+    energies, notes = [], []
+    for sectors in (4, 1):
+        scene = tube(sectors, 4, around=4)
+        scene.fix("xmax", "xy")
+        scene.swell("box", 1.2)
+        shaft = (
+            rigid_surface(build_shaft, name="shaft") if meshed else rigid_cylinder(1.0, (0, 0, 0), (0, 0, 1), name="shaft")
+        )
+        scene.contact("xmin", shaft, 0.3, name="c")
+        result = solve(scene, move={shaft: Motion(x=aside, rz=spin)}, steps=4).require()
+        energies.append(result.column("strain_energy_Nmm")[-1] / sectors)
+        notes.append([len(notes_of(result, "'shaft'", *words)) for words in (("what repeats",), ("second tool",))])
+    alike = abs(energies[1] / energies[0] - 1.0) < 5e-3
+    assert notes[0] == [0, 0] and notes[1][1] == 0, notes
+    assert alike == (aside == 0.0) == (notes[1][0] == 0), (energies, notes)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("tilt", [0.0, 0.02, 0.1])
+def test_a_lid_that_tilts_over_a_periodic_strip_is_told(friction, tilt):
+    """Of one cell, or of two, which then have another force per cell; the more it tilts, the more of a face it lets go."""
+    forces, notes = [], []
+    for length in (3.0, 6.0):
+        mesh = read_gmsh(rectangles.build, rectangles={"s": ((0.0, 0.0), (length, 2.0), (round(4 * length), 4))})
+        scene = Scene(Body(mesh, "s", neo_hooke(1.0, 5.0)), plane="strain")
+        scene.periodic("s_xmin", "s_xmax")
+        scene.fix("s_ymin")
+        lid = rigid_plane((0.5 * length, 2.0, 0.0), (0.0, -1.0, 0.0), name="lid")
+        scene.contact("s_ymax", lid, friction, name="c")
+        result = solve(scene, move={lid: Motion(y=-0.1, rz=tilt)}, steps=4).require()
+        notes.append((bool(notes_of(result, "'lid'", "otherwise than what repeats")), len(notes_of(result, "second tool"))))
+        forces.append(result.column("c_force_y_N")[-1] / length)
+    alike = abs(forces[1] / forces[0] - 1.0) < 1e-6
+    assert notes == [(not alike, 0)] * 2 and alike == (tilt == 0.0), (notes, forces)
 
 
 @pytest.mark.parametrize("along", [False, True])

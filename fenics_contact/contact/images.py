@@ -6,15 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Foremost, Remark, foremost, spot
 from fenics_contact.assembly.pairs import HERE, Image
-from fenics_contact.assembly.term import State
-from fenics_contact.contact.node_places import NodePlaces
-from fenics_contact.contact.passing import tool_distances
-from fenics_contact.contact.point_places import PointPlaces
-from fenics_contact.contact.rigid_places import RigidPlaces
+from fenics_contact.contact.repeats import Repeats, gaps_at
 from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
@@ -37,21 +32,23 @@ class Images:
         self._system, self._pairs = system, system.supports.pairs
         if self._pairs is None:
             return
-        rest = State(compat.Function(system.space), np.zeros_like(system.state.q), system.tools.poses())
-        feet = [contact.places.first_feet(rest) for contact in system.contacts]
-        images = self._pairs.images(0.0)
+        self._repeats = Repeats(system, self._pairs)
+        images = self._repeats.images
         self._drawn = []  # of each contact and image (images, ne, nq): whether points lay in the master from the start
-        for contact, at in zip(system.contacts, feet, strict=True):
+        for contact in system.contacts:
+            at = self._repeats.feet[contact.name]
             own = max(system.comm.allgather(_depths(contact, at, HERE).max(initial=0.0)))
             allowed = own + INSIDE * contact.surface.cell_height
             self._drawn.append(np.array([_depths(contact, at, image) > allowed for image in images]))
 
     def remarks(self) -> dict[str, Remark]:
         """By contact what is to be said of a master in which neighbours lie far deeper than any contact presses points
-        here: a tool or body that repeats presses both alike, and so does a tool of which the image is one. Collective."""
+        here: a tool or body that repeats presses both alike, and so does a tool of which the image is one; by tools what
+        is to be said of those that do not move so. Collective."""
         if self._pairs is None:
             return {}
-        system, remarks = self._system, dict[str, Remark]()
+        system, moved = self._system, self._repeats.remarks()
+        remarks = {f"tools {', '.join(names)}": remark for names, remark in moved.items()}
         state, images = system.state, self._pairs.images(system.state.t)
         pressed = np.zeros(len(state.u.x.array) // 3)
         feet = [contact.places.feet(state) for contact in system.contacts]
@@ -66,19 +63,24 @@ class Images:
             here = pressed[s.nodes].max(axis=1, initial=0.0)[:, None]
             left_out = beyond > np.maximum(DEEPER * here, INSIDE * s.cell_height)
             missed, met = system.comm.allreduce(np.array([s.area[left_out].sum(), s.area[depth > 0.0].sum()]))
-            if not missed > MISSED * (missed + met):
+            if not missed > MISSED * (missed + met) or any(contact.master_name in names for names in moved):
                 continue
             share = missed / (missed + met)
+            met_twice = system.comm.allreduce(int((left_out & (depth > 0.0)).sum())) > 0  # the tool's image would lie in it
+            alone = contact.partner.grounded and (met_twice or self._repeats.itself(contact))
             if found := foremost(
                 system.comm, np.where(left_out, beyond, 0.0).ravel(), np.einsum("eqk,ekc->eqc", s.a, s.X).reshape(-1, 3)
             ):
-                remarks[contact.name] = Remark(share, _words(contact, share, found))
+                remarks[contact.name] = Remark(share, _words(contact, share, found, alone))
         return remarks
 
 
-def _words(contact: ContactTerm, share: float, found: Foremost) -> str:
+def _words(contact: ContactTerm, share: float, found: Foremost, alone: bool) -> str:
+    """alone: whether it is a tool beside which there is no room for its image."""
     remedy = "state several cells as one: the share falls with their number"
-    if contact.partner.grounded:
+    if alone:
+        remedy = "its image, one cell or sector on, would lie in it: let it be that image, as a shaft on the axis is"
+    elif contact.partner.grounded:
         remedy = (
             "state its image, one cell or sector on, too: as a second tool that moves alike, or, of one that is pushed, "
             "both as a rigid_union"
@@ -91,12 +93,5 @@ def _words(contact: ContactTerm, share: float, found: Foremost) -> str:
 
 
 def _depths(contact: ContactTerm, feet: Any, image: Image) -> Floats:
-    """How deep (ne, nq) an image of the slave points at `feet` would lie in the master [length], none of what has no
-    partner."""
-    places, gaps = contact.places, np.empty(0)
-    if isinstance(places, NodePlaces | PointPlaces):
-        gaps = places.gaps_of(image, feet)
-    elif isinstance(places, RigidPlaces):
-        x = np.einsum("eqk,ekc->eqc", contact.surface.a, feet.x).reshape(-1, 3)
-        gaps = tool_distances(image.of(x), places.tool_at(feet.pose))
-    return np.maximum(-gaps, 0.0).reshape(contact.surface.area.shape)
+    """How deep (ne, nq) an image of the slave points at `feet` would lie in the master [length]. Collective."""
+    return np.maximum(-gaps_at(contact, feet, image), 0.0)

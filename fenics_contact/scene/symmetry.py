@@ -1,5 +1,5 @@
-"""Planes that supports make planes of symmetry, and what does not go with them, or with pairs of faces: bodies that grow
-through them, tools that lie on them and move aside."""
+"""Planes that supports make planes of symmetry, and what does not go with them: bodies that grow through them, tools on them
+that move aside."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -73,13 +73,13 @@ class Symmetry:
         for plane in self._planes:
             if remark := self._beyond(plane, x):
                 found[f"beyond {plane.name}"] = remark
-        for contact in system.contacts if self._planes or system.supports.pairs else ():
+        for contact in system.contacts if self._planes else ():
             if not contact.partner.grounded:
                 continue
             # how far (n, 3) what the tool has at the nodes has come from where it was at the start
             gone = x - system.state.pose(system.tools.names.index(contact.master_name)).before(x)
             held = pressed(system.space, [contact])
-            if remark := self._aside(contact, gone, held) or self._unlike(contact, gone, held):
+            if remark := self._aside(contact, gone, held):
                 found[f"tool {contact.master_name}"] = remark
         return found
 
@@ -113,28 +113,3 @@ class Symmetry:
                     f"whole would not; hold the tool along {letter}, and let it turn about {letter} alone",
                 )
         return None
-
-    def _unlike(self, contact: ContactTerm, gone: Floats, held: Bools) -> Remark | None:
-        """None, or that a tool that presses on both faces of a pair moves otherwise than what repeats; gone, held: as above.
-        Collective."""
-        system, pairs = self._system, self._system.supports.pairs
-        if pairs is None:
-            return None
-        count = 3 * system.space.dofmap.index_map.size_local
-        leading = pairs.led(np.repeat(held.astype(float), 3)[:count])[:, 0] > 0.0
-        led = np.einsum("nab,nb->na", pairs.follower.turn, pairs.led(gone.ravel()[:count]))
-        if contact.rough:  # beneath a smooth lid what is stretched may slide
-            led += pairs.follower.offset(pairs.ways(system.state.t))
-        apart = np.linalg.norm(gone[pairs.nodes] - led, axis=1) * (leading & held[pairs.nodes])
-        ways = [np.linalg.norm(way, axis=1).max(initial=0.0) for way in (gone, led)]
-        size = max(system.comm.allgather(max(ways)))
-        most = max(system.comm.allgather(apart.max(initial=0.0)))
-        if not most > ASIDE * size:
-            return None
-        return Remark(
-            most,
-            f"tool '{contact.master_name}' presses on both faces of a pair, and moves there by {most:.3g} otherwise than "
-            "what repeats: on the next cell or sector it would go another way, and the whole would not; with a cyclic pair "
-            "let it move along the axis, and turn about it, alone, with a periodic one travel, and turn about the way from "
-            "face to face, and leave relative= out where it is rough",
-        )
