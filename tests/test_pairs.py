@@ -15,10 +15,12 @@ from fenics_contact import (
     Method,
     Motion,
     Output,
+    Penalty,
     Scene,
     Stage,
     neo_hooke,
     read_gmsh,
+    rigid_curve,
     rigid_cylinder,
     rigid_hub,
     rigid_plane,
@@ -561,6 +563,39 @@ def test_what_reaches_past_faces_is_named():
     assert force == 0.0 and "100% of the area" in notes[0], notes
 
 
+@pytest.mark.parametrize("stretch", [0.0, 0.2])
+@pytest.mark.parametrize("way", [(0.0, -0.4), (0.1, -0.4), (0.0, 0.0)])
+@pytest.mark.parametrize("changed", [{}, {"friction": 0.1}, {"penalty": Penalty(factor=300)}, {"at": 3.0}, {"radius": 0.9}])
+def test_images_that_do_not_go_alike_are_told(stretch, way, changed):
+    """A roller over the end of a strip, and its image, or another one: images press as one roller in the middle does,
+    where they move alike and have one law."""
+    stated = {"friction": 0.3, "penalty": None, "at": 0.0, "radius": 1.0} | changed
+
+    def rolled(rollers):
+        mesh = read_gmsh(rectangles.build, rectangles={"s": ((0.0, 0.0), (8.0, 2.0), (32, 8))})
+        scene, move = Scene(Body(mesh, "s", neo_hooke(1.0, 5.0)), plane="strain"), {}
+        scene.periodic("s_xmin", "s_xmax", (stretch, 0.0, 0.0))
+        scene.fix("s_ymin", "y")
+        scene.fix("s_xmin", "x")
+        for i, (at, radius, friction, penalty, along) in enumerate(rollers):
+            roller = rigid_cylinder(radius, (at, 2.0 + radius, 0.0), (0, 0, 1), name=f"r{i}")
+            scene.contact("s_ymax", roller, friction, penalty=penalty, name=f"c{i}")
+            move[roller] = (*along, 0.0)
+        result = solve(scene, move=move, steps=8).require()
+        return sum(result.column(f"c{i}_force_y_N")[-1] for i in range(len(rollers))), result.verdict.notes
+
+    second = stated["at"], stated["radius"], stated["friction"], stated["penalty"], way
+    force, notes = rolled([(8.0, 1.0, 0.3, None, (stretch, -0.4)), second])
+    image = "at" not in changed and "radius" not in changed
+    moved = [note for note in notes if "'r0'" in note and "'r1'" in note and "otherwise than that" in note]
+    unlike = [note for note in notes if "'c0' and 'c1'" in note and "alike" in note]
+    assert bool(moved) == (image and way != (0.0, -0.4)), notes
+    assert bool(unlike) == ("friction" in changed or "penalty" in changed), notes
+    if image and not unlike:
+        middle, _ = rolled([(4.0, 1.0, 0.3, None, (0.5 * stretch, -0.4))])
+        assert (abs(force / middle - 1.0) < 1e-6) != bool(moved), (force, middle)
+
+
 def test_a_block_past_faces_is_named():
     """The neighbour of a block that reaches past them lies in the strip."""
     middle, silent = pressed(rolled_strip(4.0, body=True))
@@ -631,6 +666,38 @@ def test_a_tool_past_the_sides_of_a_sector_is_named():
     assert (
         both == pytest.approx(middle, rel=1e-6) and half < 0.8 * middle and (silent, told, silent_too) == (0, 1, 0)
     ), forces
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("meshed", [False, True])
+def test_images_in_a_sector_are_turned(turned, meshed):
+    """A roller on a side of a quarter of a ring, and its image: pressed towards the axis both, or one way both."""
+    mesh = read_gmsh(ring_sector.build, radii=(1.0, 2.0), cells=(4, 16))
+    scene = Scene(Body(mesh, "ring", neo_hooke(1.0, 5.0)), plane="strain")
+    scene.cyclic("ymin", "xmin", axis=(0, 0, 1))
+    scene.fix("inner")
+    move = {}
+    for i, angle in enumerate((0.0, np.pi / 2)):
+        way = np.array([np.cos(angle), np.sin(angle), 0.0])
+        roller = rigid_cylinder(0.5, 2.5 * way, (0, 0, 1), name=f"r{i}")
+        if meshed:
+            roller = rigid_curve(circle, centre=2.5 * way, angle=angle, name=f"r{i}")
+        scene.contact("outer", roller, name=f"c{i}")
+        move[roller] = -0.2 * (way if turned else np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0]))
+    result = solve(scene, move=move, steps=4).require()
+    loads = [result.column(f"c{i}_load_N")[-1] for i in range(2)]
+    notes = [note for note in result.verdict.notes if "'r0'" in note and "'r1'" in note and "otherwise than that" in note]
+    assert min(loads) > 0.0 and bool(notes) != turned, (loads, result.verdict.notes)
+
+
+def circle(centre, angle, radius=0.5, cells=40):
+    geo, angles = gmsh.model.geo, angle + np.arange(4) * np.pi / 2
+    middle, at = geo.addPoint(*centre), [centre + radius * np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]
+    points = [geo.addPoint(*place) for place in at]
+    for i, point in enumerate(points):
+        geo.mesh.setTransfiniteCurve(geo.addCircleArc(point, middle, points[i - 3]), cells // 4 + 1)
+    geo.synchronize()
+    gmsh.model.mesh.generate(1)
 
 
 # -- bad input --------------------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ ALIKE = (
     "axis, and turn about it, alone, with a periodic one travel, and turn about the way from face to face, and leave "
     "relative= out where it is rough"
 )
-TURNED = "move both alike, with a cyclic pair turned with the sector, or both as a rigid_union"
+TURNED = "move both alike, with a cyclic pair turned with the sector, or, pushed ones over a periodic pair, as a rigid_union"
 
 
 class Repeats:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.system import System
+from fenics_contact.contact.repeats import Repeats
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, cut_shapes
 from fenics_contact.meetings import Meeting
 from fenics_contact.scene.functions import whole
@@ -40,6 +41,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_materials(scene),
         *_frictions(scene),
         *_penalties(system),
+        *_images(scene, system),
         *_pressed(scene, [load for load in loads if not load.shape]),
         *_idle(scene, system, loads),
         *_across(scene, system, stated, [load for load in loads if load.shape and load.nodes is None]),
@@ -71,6 +73,24 @@ def _penalties(system: System) -> list[str]:
     """Of penalties far from the stiffness of the bodies. Collective."""
     found = [(contact.name, contact.findings.misstated(system.state)) for contact in system.contacts]
     return [f"contact '{name}': {one.reason}; {one.remedy}" for name, one in found if one]
+
+
+def _images(scene: "Scene", system: System) -> list[str]:
+    """Of contacts of one surface with tools that pairs put on one another, and that do not press it alike. Collective."""
+    pairs, found = system.supports.pairs, dict[tuple[str, ...], str]()
+    stated = {one.name: (one.slave, one.penalty, one.points, one.penetration) for one in scene.contacts}
+    for both in Repeats(system, pairs).links if pairs else ():
+        one, other = both[:2]
+        (slave, *first), (second_slave, *second) = stated[one.name], stated[other.name]
+        # directions of friction are turned with a tool
+        laws = [law | {"along": None} if isinstance(law := each.friction_stated, dict) else law for each in both[:2]]
+        if slave == second_slave and (first != second or laws[0] != laws[1]):
+            names = tuple(sorted((one.name, other.name)))
+            found[names] = (
+                f"contacts '{names[0]}' and '{names[1]}' are with tools that a pair of faces puts on each other, and on the "
+                "whole they are one; state friction=, penalty=, points= and penetration= alike"
+            )
+    return list(found.values())
 
 
 def _pressed(scene: "Scene", pressures: Sequence[Load]) -> list[str]:
