@@ -5,7 +5,18 @@ import numpy as np
 import pytest
 from test_pairs import bulged, tube
 
-from fenics_contact import Body, Motion, Scene, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_surface, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Scene,
+    neo_hooke,
+    read_gmsh,
+    rigid_cylinder,
+    rigid_plane,
+    rigid_punch,
+    rigid_surface,
+    solve,
+)
 from fenics_contact.meshes import box, rectangles
 
 pytestmark = pytest.mark.parallel
@@ -46,6 +57,46 @@ def test_a_tool_that_is_moved_aside_on_half_a_block_is_told(way, told):
     scene.contact("pad_ymax", roller, 0.5, name="c")
     notes = notes_of(solve(scene, move={roller: way}, steps=4).require(), "'roller'", "plane of symmetry")
     assert bool(notes) == told, notes
+
+
+def roller(x):
+    return rigid_cylinder(2.0, (x, 6.0, 0.0), (0, 0, 1), name="tool")
+
+
+def punch(x):
+    return rigid_punch(2.0, 2.0, (x, 4.0, 0.0), direction=(0, -1, 0), fillet=0.3, name="tool")
+
+
+def lid(tilt):
+    return rigid_plane((0.0, 4.0, 0.0), (tilt, -1.0, 0.0), name="tool")
+
+
+@pytest.mark.parametrize(
+    "tool, at, turn, compared",
+    [
+        *((roller, at, 0.0, both) for at, both in ((0.0, True), (0.1, True), (0.3, True), (-0.3, True), (2.5, False))),
+        *((punch, at, 0.0, both) for at, both in ((0.0, True), (0.3, True), (1.0, True), (2.0, False), (2.2, False))),
+        *((lid, 0.0, turn, True) for turn in (0.0, 0.05)),
+        (lid, 0.1, 0.0, False),
+    ],
+)
+def test_a_tool_that_reaches_across_a_plane_unlike_its_mirror_image_is_told(tool, at, turn, compared):
+    """Half a block has half of the whole's force under tools that are symmetric about its plane; what ends there, or is half
+    of a wedge, is no tool for the whole."""
+    forces, notes = [], []
+    for whole in (False, True)[: 1 + compared]:
+        drawn = {"pad": ((-6.0 * whole, 0.0), (6.0 + 6.0 * whole, 4.0), (24 * (1 + whole), 12))}
+        scene = Scene(Body(read_gmsh(rectangles.build, rectangles=drawn), "pad", neo_hooke(0.5, 5.0)), plane="strain")
+        scene.fix("pad_ymin")
+        if not whole:
+            scene.fix("pad_xmin", "x")
+        one = tool(at)
+        scene.contact("pad_ymax", one, name="c")
+        result = solve(scene, move={one: Motion(y=-0.3, rz=turn)}, steps=3).require()
+        forces.append(result.column("c_force_y_N")[-1] / (1 + whole))
+        notes.append(len(notes_of(result, "'tool'", "mirror image")))
+    alike = not compared or abs(forces[0] / forces[1] - 1.0) < 1e-6
+    assert (notes[0] > 0) != alike and not sum(notes[1:]), (notes, forces)
 
 
 @pytest.mark.parametrize("friction, stretch", [(0.0, 0.1), (0.5, 0.0), (0.5, 0.1)])

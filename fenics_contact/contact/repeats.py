@@ -13,9 +13,8 @@ from fenics_contact.assembly.pairs import HERE, Image, Pairs
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import PlacesOnFacets
-from fenics_contact.contact.passing import tool_distances
 from fenics_contact.contact.point_places import PointPlaces
-from fenics_contact.contact.rigid_places import RigidPlaces, pressed
+from fenics_contact.contact.rigid_places import RigidPlaces, distances_to, pressed
 from fenics_contact.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -132,8 +131,8 @@ class Repeats:
         off = np.inf
         if isinstance(a, RigidPlaces) and isinstance(b, RigidPlaces):
             x = np.einsum("eqk,ekc->eqc", s.a, s.X).reshape(-1, 3)
-            tools = [places.tool_at(self._rest.pose(places.index)) for places in (a, b)]
-            off = np.abs(tool_distances(x, tools[0]) - tool_distances(image.of(x), tools[1])).max(initial=0.0)
+            gaps = [distances_to(places, at, self._rest.pose(places.index)) for places, at in ((a, x), (b, image.of(x)))]
+            off = np.abs(gaps[0] - gaps[1]).max(initial=0.0)
         elif isinstance(a, PlacesOnFacets) and isinstance(b, PlacesOnFacets) and a.master.X.shape == b.master.X.shape:
             off = np.abs(image.of(a.master.X) - b.master.X).max(initial=0.0)
         return bool(max(self._system.comm.allgather(off)) <= PLACED * s.cell_height)
@@ -147,5 +146,5 @@ def gaps_at(contact: ContactTerm, feet: Any, image: Image) -> Floats:
         gaps = places.gaps_of(image, feet)
     elif isinstance(places, RigidPlaces):
         x = np.einsum("eqk,ekc->eqc", contact.surface.a, feet.x).reshape(-1, 3)
-        gaps = tool_distances(image.of(x), places.tool_at(feet.pose))
+        gaps = distances_to(places, image.of(x), feet.pose)
     return gaps.reshape(contact.surface.area.shape)

@@ -169,6 +169,11 @@ class RigidPlaces:
         return 0.0
 
 
+def distances_to(places: RigidPlaces, x: Floats, pose: Pose) -> Floats:
+    """Signed distances (n,) of places x (n, 3) to a tool in a pose."""
+    return tool_distances(x, places.tool_at(pose))
+
+
 def pressed(space: Space, contacts: Sequence[ContactTerm]) -> Bools:
     """Which of this rank's nodes are of slave facets that contacts press in the state evaluated last. Collective."""
     nodes = [np.empty(0, dtype=np.int32)]

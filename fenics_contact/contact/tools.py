@@ -97,6 +97,11 @@ class RigidTool(Tool):
         return self.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION)
 
     @property
+    def whole(self) -> bool:
+        """Whether it ends by itself all round: of planes, profiles and unions half of a tool may be stated, and more."""
+        return not (self.flat or self.profiled or self.kind == rigid_shapes.UNION)
+
+    @property
     def solid(self) -> bool:
         """Whether it is a ball or a cylinder, and not all around one."""
         return self.kind in (rigid_shapes.SPHERE, rigid_shapes.CYLINDER) and self.shape[0] > 0.0

@@ -1,7 +1,8 @@
 """Planes that supports make planes of symmetry, and what does not go with them: bodies that grow through them, tools on them
-that move aside."""
+that move aside, or that reach across and are not symmetric."""
 
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Remark, foremost, spot
+from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.size import extremes
 from fenics_contact.assembly.system import System
-from fenics_contact.contact.rigid_places import pressed
+from fenics_contact.contact.rigid_places import RigidPlaces, distances_to, pressed
 from fenics_contact.types import Bools, Floats, Ints
 
 if TYPE_CHECKING:  # which states them
@@ -20,6 +22,8 @@ if TYPE_CHECKING:  # which states them
 FLAT = 1e-6  # of the bodies' size: how far from a plane its nodes may lie
 BEYOND = 0.05  # of a cell's extent: what lies less deep may be what penalties leave on a tool in that plane
 ASIDE = 0.01  # of a tool's way: less is what balance leaves
+UNLIKE = 0.01  # of how far from a plane a tool presses: by so much its mirror image may be off
+ENDS = 0.9  # distance to a tool over what one goes away from a plane: more is the side of one that ends there
 SYMMETRY = "symmetry"  # by which a run remembers what it has said of it
 
 
@@ -33,6 +37,12 @@ class Plane:
     place: float
     inward: int
     nodes: Ints
+
+    def mirrored(self, x: Floats) -> Floats:
+        """Mirror images of places x (n, 3)."""
+        out = x.copy()
+        out[:, self.axis] = 2.0 * self.place - x[:, self.axis]
+        return out
 
 
 def planes_of(scene: "Scene") -> list[Plane]:
@@ -66,6 +76,20 @@ class Symmetry:
         extents = np.ptp(self._X[corners], axis=1)
         sums = system.comm.allreduce(np.array([*extents.sum(axis=0), len(extents)]))
         self._extents = sums[:3] / max(sums[3], 1.0)
+        turned = scene.section is not None and scene.section.axisymmetric  # an axis is no plane of what goes round it
+        self._mirrors = [plane for plane in self._planes if not (turned and plane.axis == 0)]
+        self._alike = self._symmetric()
+
+    def _symmetric(self) -> dict[tuple[str, str], bool]:
+        """By contact and plane, whether an analytic tool is symmetric about it before anything has moved. Collective."""
+        system, out = self._system, dict[tuple[str, str], bool]()
+        rest, poses = np.zeros_like(system.state.q), system.tools.poses()
+        for contact, plane in product(system.contacts, self._mirrors):
+            if isinstance(places := contact.places, RigidPlaces):
+                pose = poses.at(places.index, rest[places.index])
+                off = max(system.comm.allgather(_unlike(plane, self._X[contact.surface.nodes.ravel()], places, pose)))
+                out[contact.name, plane.name] = off <= FLAT * system.extent
+        return out
 
     def remarks(self) -> dict[str, Remark]:
         """{what: its Remark} of the state accepted last. Collective."""
@@ -79,7 +103,7 @@ class Symmetry:
             # how far (n, 3) what the tool has at the nodes has come from where it was at the start
             gone = x - system.state.pose(system.tools.names.index(contact.master_name)).before(x)
             held = pressed(system.space, [contact])
-            if remark := self._aside(contact, gone, held):
+            if remark := self._aside(contact, gone, held) or self._askew(contact, x, held):
                 found[f"tool {contact.master_name}"] = remark
         return found
 
@@ -113,3 +137,35 @@ class Symmetry:
                     f"whole would not; hold the tool along {letter}, and let it turn about {letter} alone",
                 )
         return None
+
+    def _askew(self, contact: ContactTerm, x: Floats, held: Bools) -> Remark | None:
+        """None, or that an analytic tool reaches across a plane, on nodes of which, held (n,) ones at x (n, 3), it presses,
+        and is not symmetric about it. Collective."""
+        places, system, step = contact.places, self._system, BEYOND * contact.surface.cell_height
+        if not isinstance(places, RigidPlaces):
+            return None
+        pose = system.state.pose(places.index)
+        for plane in self._mirrors:
+            at = x[plane.nodes[held[plane.nodes]]]
+            here = distances_to(places, at, pose)
+            beside = distances_to(places, at - plane.inward * step * np.eye(3)[plane.axis], pose)
+            reaches = bool(((here < step) & (beside - here < ENDS * step)).any())
+            width = np.abs(x[held, plane.axis] - plane.place).max(initial=0.0)
+            reaches, off, width = np.max(
+                system.comm.allgather((reaches, _unlike(plane, x[held], places, pose), width)), axis=0
+            )
+            meant = places.tool.whole or self._alike[contact.name, plane.name]
+            if reaches and meant and off > UNLIKE * width:
+                return Remark(
+                    off,
+                    f"tool '{contact.master_name}' presses on nodes of '{plane.name}', which is held along "
+                    f"{'xyz'[plane.axis]}, reaches across that plane, and is not symmetric about it: its mirror image is up "
+                    f"to {off:.3g} off, {off / width:.0%} of how far from the plane it presses; where that is a plane of "
+                    "symmetry, the whole would have both, one in the other: centre the tool on it, or model the whole",
+                )
+        return None
+
+
+def _unlike(plane: Plane, x: Floats, places: RigidPlaces, pose: Pose) -> float:
+    """By how much places x (n, 3) and their mirror images differ in their distances to a tool in a pose [length]."""
+    return float(np.abs(distances_to(places, x, pose) - distances_to(places, plane.mirrored(x), pose)).max(initial=0.0))
