@@ -11,14 +11,16 @@ x_M + r_1, x_M + r_2: these are sums of the facet's nodes.  The tangent of a ray
 more, so the kernels of flat facets serve, and what they give is carried from the corners to the nodes.
 """
 
+import math
+
 import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
 from fenics_contact.kernels.couplings import Pattern, find
 from fenics_contact.kernels.facets import MAX_NODES, PlacedSurface, Surface, shape, shape_gradient
-from fenics_contact.kernels.slave_ray import MAX_NEWTON, facet_balls
-from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus, norm, row
+from fenics_contact.kernels.slave_ray import CLEAR, MAX_NEWTON, Balls, facet_balls
+from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, got, less, minus, norm, row
 from fenics_contact.types import Bools, Floats, Ints64
 
 LINE, STRIP, TRIANGLE, QUADRILATERAL = 3, 5, 6, 9
@@ -141,6 +143,51 @@ def _within(m: int, s: float, t: float) -> tuple[float, float]:
     return min(max(s, -1.0), 1.0), t if m == LINE else min(max(t, -1.0), 1.0)
 
 
+@njit(cache=True)
+def _corners(m: int) -> int:
+    return 2 if m == LINE else 3 if m == TRIANGLE else 4
+
+
+@njit(cache=True)
+def _hulls(master: PlacedSurface) -> Floats:
+    """Control points (nf, k, 3) of the facets: each facet lies in their convex hull."""
+    coords, (nodes, size) = master
+    hulls = coords[nodes.ravel()].reshape((*nodes.shape, 3))
+    for f in range(len(size)):
+        x, m, c = hulls[f], size[f], _corners(size[f])
+        if m == QUADRILATERAL:
+            for p in range(3):
+                x[8, p] = 4.0 * x[8, p] - x[4:8, p].sum() + 0.25 * x[:4, p].sum()
+        for i in range(1 if m == LINE else 2 if m == STRIP else c):
+            a, b = (2 * i, 2 * i + 1) if m == STRIP else (i, (i + 1) % c)
+            x[c + i] = 2.0 * x[c + i] - 0.5 * (x[a] + x[b])
+    return hulls
+
+
+@njit(cache=True)
+def _passes_by(x: Vector, n: Vector, f: int, m: int, hulls: Floats, radius: float) -> bool:
+    """Whether all control points of facet f, of a ball of this squared radius, lie on one side of the ray from x along n, as
+    seen along an edge: then the ray does not meet the facet."""
+    c = _corners(m)
+    for i in range(1 if m == LINE else c):
+        edge = ALONG_Z if m == LINE else minus(got(hulls, f, (i + 1) % c), got(hulls, f, i))
+        across, low, high = cross(n, edge), np.inf, -np.inf
+        for j in range(hulls.shape[1]):
+            d = dot(across, minus(got(hulls, f, j), x))
+            low, high = min(low, d), max(high, d)
+        if max(low, -high) > CLEAR * math.sqrt(radius * dot(across, across)):
+            return True
+    return False
+
+
+@njit(cache=True)
+def _near(arm: Vector, n: Vector, limit: float, search: float) -> bool:
+    """Whether a ray along n comes nearer to what lies at the end of this arm than a squared distance, within search."""
+    along = dot(arm, n)
+    over = max(abs(along) - search, 0.0)
+    return dot(arm, arm) - along * along + over * over <= limit
+
+
 @njit(cache=True, error_model="numpy")
 def quadratic_rays(
     points: Floats,
@@ -156,38 +203,61 @@ def quadratic_rays(
     """
     size, (offsets, listed), (search, beyond, facing) = master[1][1], lists, reach
     facet, kind, feature, xi, gap, normal = projection
-    (centres, radii), N = facet_balls(master), np.zeros((3, QUADRILATERAL))
+    balls, hulls, N = facet_balls(master), _hulls(master), np.zeros((3, QUADRILATERAL))
+    centres, radii = balls
     for q in range(points.shape[0]):
         facet[q], kind[q], feature[q], gap[q] = -1, NONE, -1, np.inf
         xi[q, 0] = xi[q, 1] = 0.0
         n, x = row(directions, q), row(points, q)
         normal[q, 0], normal[q, 1], normal[q, 2] = n
-        nearest, least, missed = np.inf, np.inf, (-1, 0.0, 0.0, 0.0)
-        for f in listed[offsets[q] : offsets[q + 1]]:
-            arm = minus(row(centres, f), x)
-            along = dot(arm, n)
-            if dot(arm, arm) - along * along > (1.0 + beyond) ** 2 * BULGE * radii[f]:
-                continue  # the ray passes by
+        mine, nearest = listed[offsets[q] : offsets[q + 1]], np.inf
+        for f in mine:
+            if not _near(minus(row(centres, f), x), n, BULGE * radii[f], min(search, nearest)):
+                continue
+            if _passes_by(x, n, f, size[f], hulls, radii[f]):
+                continue
             starts = STARTS_3 if size[f] == TRIANGLE else STARTS_2
             for i in range(LINE if size[f] == LINE else len(starts)):
                 found, s, t, g, cosine = _meet(x, n, f, master, starts[i], N)
                 if not found or not cosine > facing or not abs(g) <= search:
                     continue
                 u, v = _within(size[f], s, t)
-                if max(abs(s - u), abs(t - v)) <= OVERLAP:
-                    if abs(g) < nearest:
-                        nearest = abs(g)
-                        facet[q], kind[q], gap[q] = f, INTERIOR, g
-                        xi[q, 0], xi[q, 1] = s, t
-                    break
-                if beyond > 0.0:
-                    quadratic_shape(size[f], u, v, N)
-                    miss = norm(minus(less(x, g, n), _frame(f, master, N)[0]))
-                    if miss * miss <= beyond * beyond * radii[f] and miss < least:
-                        least, missed = miss, (f, s, t, g)
-        if kind[q] == NONE and missed[0] >= 0:
-            facet[q], kind[q], gap[q] = missed[0], INTERIOR, missed[3]
-            xi[q, 0], xi[q, 1] = missed[1], missed[2]
+                if max(abs(s - u), abs(t - v)) > OVERLAP:
+                    continue
+                if abs(g) < nearest:
+                    nearest = abs(g)
+                    facet[q], kind[q], gap[q] = f, INTERIOR, g
+                    xi[q, 0], xi[q, 1] = s, t
+                break
+        if kind[q] == NONE and beyond > 0.0:
+            f, s, t, g = _least_missed(x, n, mine, master, reach, balls)
+            if f >= 0:
+                facet[q], kind[q], gap[q] = f, INTERIOR, g
+                xi[q, 0], xi[q, 1] = s, t
+
+
+@njit(cache=True, error_model="numpy")
+def _least_missed(
+    x: Vector, n: Vector, mine: Ints64, master: PlacedSurface, reach: tuple[float, float, float], balls: Balls
+) -> tuple[int, float, float, float]:
+    """(facet or -1, xi1, xi2, g): of the listed facets, continued, the one that the ray misses least."""
+    best, least, place1, place2, gap = -1, np.inf, 0.0, 0.0, 0.0
+    size, (search, beyond, facing), (centres, radii) = master[1][1], reach, balls
+    N = np.zeros((3, QUADRILATERAL))
+    for f in mine:
+        if not _near(minus(row(centres, f), x), n, (1.0 + beyond) ** 2 * BULGE * radii[f], np.inf):
+            continue
+        starts = STARTS_3 if size[f] == TRIANGLE else STARTS_2
+        for i in range(LINE if size[f] == LINE else len(starts)):
+            found, s, t, g, cosine = _meet(x, n, f, master, starts[i], N)
+            if not found or not cosine > facing or not abs(g) <= search:
+                continue
+            u, v = _within(size[f], s, t)
+            quadratic_shape(size[f], u, v, N)
+            miss = norm(minus(less(x, g, n), _frame(f, master, N)[0]))
+            if miss * miss <= beyond * beyond * radii[f] and miss < least:
+                best, least, place1, place2, gap = f, miss, s, t, g
+    return best, place1, place2, gap
 
 
 @njit(cache=True)
