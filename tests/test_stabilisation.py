@@ -9,6 +9,7 @@ from fenics_contact import (
     Method,
     Scene,
     SceneError,
+    Stage,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
@@ -73,6 +74,27 @@ def test_a_pushed_tool_crosses_a_gap():
         assert result.summary["stabilisation"]["energy_share"] < ENERGY
         travel.append(result.history[-1]["ball_travel_z_mm"] + gap)
     np.testing.assert_allclose(*travel, rtol=1e-6)
+
+
+def test_a_gripper_carries_a_block_away():
+    """Half a block that a finger presses on the plane of symmetry, lifted by far more than friction could take of springs
+    to where it was: once the grip is settled all moves as one body, which hardly takes solves."""
+    blocks = {"upper": (2, 2, 1), "upper_cells": (3, 3, 2), "upper_origin": (0.5, 0.5, 0), "lower_cells": (3, 3, 1)}
+    mesh = read_gmsh(two_blocks.build, lower=(3, 3, 1), lower_origin=(0, 0, -1), **blocks)
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("upper_top", "z")
+    scene.fix("lower_bottom")
+    scene.body_force((-2e-3, 0, 0))
+    scene.contact("upper_bottom", "lower_top", 0.5, name="grip")
+    stages = [
+        Stage("close", prescribe={("lower_bottom", "z"): 0.05}, steps=2),
+        Stage("lift", prescribe={("lower_bottom", "x"): 12.0}, steps=4),
+    ]
+    result = solve(scene, stages=stages, method=Method(stabilise=True)).require()
+    lifted = result.column("upper_top_reaction_point_x_mm")[-3:]
+    np.testing.assert_allclose(result.column("grip_force_x_N")[-4:], 8e-3, rtol=1e-6)
+    np.testing.assert_allclose(np.diff(lifted), 3.0, rtol=1e-6)
+    assert result.column("iterations")[-2:].max() <= 3
 
 
 def test_what_meets_nothing_is_said_to_be_loose():

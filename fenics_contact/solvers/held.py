@@ -8,6 +8,7 @@ from fenics_contact.assembly.grounding import CLOSER, Grounding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import sliding
+from fenics_contact.solvers.newton import strays
 from fenics_contact.solvers.report import Corrected, Stepper, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, SPRUNG, StepFailed
 
@@ -15,7 +16,24 @@ LONGEST = 200  # solves of a step in which the springs' far ends follow; a gap o
 
 
 class Following(Corrected[float, StepReport]):
-    """A stepper, and with springs in, its solves repeated while their far ends follow, until they pull no more."""
+    """A stepper, and with springs in, its solves repeated while their far ends follow, until they pull no more.
+
+    Where the user asked for springs and contacts hold all bodies these pull, as a step begins, to where the path goes on: to
+    the last place they would pull at what a gripper carries away, and friction would have to take that over.
+    """
+
+    def step(self, system: System, t: float) -> StepReport:
+        """Carry the system from its committed state to t; StepFailed if it does not get there."""
+        accepted = system.trail.accepted[-2:]
+        if system.stabilised and len(accepted) == 2 and not system.acceptance.loose():
+            du, dq = system.begin_step(t)
+            before, last = accepted
+            share = (t - last.t) / (last.t - before.t)
+            step, turn = share * (last.u - before.u), share * (last.q - before.q)
+            turns = np.abs(turn - dq)[~system.tools.free] > 0.5 * np.abs(dq)[~system.tools.free]
+            if not strays(system, system.supports.held(step) - du, du) and not turns.any():
+                _springs(system).begin(last.u + step, last.q + turn)
+        return super().step(system, t)
 
     def _corrected(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
         report, springs = solve(system, t), _springs(system)

@@ -240,7 +240,7 @@ def _extrapolate(system: System, owed: Floats) -> bool:
     u, _, t = system.trail.last
     for count in (3, 2):
         step = _onwards(accepted[-count:], state.t) if len(accepted) >= count else None
-        if step is None or _strays(system, system.supports.held(step) - owed, owed):
+        if step is None or strays(system, system.supports.held(step) - owed, owed):
             continue
         system.supports.put(step, owed)
         state.u.x.array[:] = u + step
@@ -263,7 +263,7 @@ def _onwards(states: Sequence[Accepted], t: float) -> Floats:
     return step
 
 
-def _strays(system: System, gap: Floats, owed: Floats) -> bool:
+def strays(system: System, gap: Floats, owed: Floats) -> bool:
     """True where supports would end further from their places than half the way they go. Collective."""
     left, whole = system.comm.allreduce(np.array([np.sum(gap**2), np.sum(owed**2)]))
     return bool(left > 0.25 * whole)
