@@ -11,7 +11,7 @@ from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import allowed
 from fenics_contact.contact.measures import contact_measures, stored_energy, within_facets
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -39,6 +39,16 @@ class Forces:
             pressure = -np.einsum("eqc,eqc->eq", traction, normal)
             self._last = response, (pressure, -traction - pressure[..., None] * normal)
         return self._last[1]
+
+    def round_off(self) -> Floats:
+        """Pressures (ne, 1) up to which points touch by round-off alone: of gaps that the coordinates do not resolve."""
+        law = self._contact.trial.law
+        return law.eps_n[:, None] * law.touch
+
+    def status(self, state: State) -> Ints:
+        """Codes (ne, nq) of kernels/status.py for results: open, too, is what presses by no more than round-off, as a node
+        does that a support holds on a tool."""
+        return np.where(self.split_traction(state)[0] > self.round_off(), self._contact.response(state).status, OPEN)
 
     def measures(self, state: State) -> dict[str, Any]:
         """Sums over all ranks, see `contact_measures`."""

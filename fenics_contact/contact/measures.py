@@ -10,7 +10,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.on_facets import PlacesOnFacets
 from fenics_contact.kernels.status import OPEN, STICK
-from fenics_contact.types import Floats
+from fenics_contact.types import Bools, Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -27,7 +27,8 @@ def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
     s, comm, response = contact.surface, state.comm, contact.response(state)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
     pressure, friction = contact.forces.split_traction(state)
-    closed, h = response.status != OPEN, contact.trial.history
+    status, h = contact.forces.status(state), contact.trial.history
+    closed = status != OPEN
     # at the nodes: an average acts through the samples around its node, and not where that is
     places, forces = contact.partner.on_slave(contact.places.feet(state), response)
     met = np.where(h.met, s.area, 0.0)
@@ -38,7 +39,7 @@ def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
             (friction * s.area[..., None]).sum(axis=(0, 1)),
             (x * s.area[..., None]).sum(axis=(0, 1)),
             [s.area.sum(), (pressure * s.area).sum(), met.sum(), (met * h.slip_path).sum()],
-            [closed.sum(), (response.status == STICK).sum(), s.area.size],
+            [closed.sum(), (status == STICK).sum(), s.area.size],
         ])
     )  # fmt: skip
     resultant, whole, met_area = sums[:3], max(sums[12], 1e-300), max(sums[14], 1e-300)
@@ -55,7 +56,7 @@ def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
         "active": int(sums[16]),
         "sticking": int(sums[17]),
         "points": int(sums[18]),
-        "penetration": _penetration(contact, state, response, h.shift),
+        "penetration": _penetration(state, response, closed, h.shift),
     }
 
 
@@ -73,9 +74,9 @@ def within_facets(contact: Contact, state: State) -> float:
     return float(1.0 - means @ means / squares.sum()) if squares.any() else 0.0
 
 
-def _penetration(contact: Contact, state: State, response: Response, shift: Floats) -> float:
-    """How far [length] the deepest point lies in the master. Collective."""
-    comm, closed = state.comm, response.status != OPEN
+def _penetration(state: State, response: Response, closed: Bools, shift: Floats) -> float:
+    """How far [length] the deepest closed point lies in the master. Collective."""
+    comm = state.comm
     whole = closed & (response.cover >= 1.0)  # points half out over an end are meant to sink in
     if not comm.allreduce(int(whole.sum())):  # of all of them what the penalty gives way, without the body's spring
         whole = closed

@@ -88,8 +88,9 @@ class SlaveNodes:
         response, s, h = contact.response(state), contact.surface, contact.trial.history
         pressure, friction = contact.forces.split_traction(state)
         covered = contact.forces.covered(state)
-        closed = np.where(response.status != OPEN, covered, 0.0)
-        ones, rank = np.ones_like(pressure), RANK_OF_STATUS[response.status]
+        status = contact.forces.status(state)
+        closed = np.where(status != OPEN, covered, 0.0)
+        ones, rank = np.ones_like(pressure), RANK_OF_STATUS[status]
         values = np.stack([ones, pressure, response.gap, rank, closed, covered, h.slip_path], axis=-1)
         values = np.concatenate([values, friction], axis=-1)
         sums = self._sums.array.reshape(-1, SUMS)
@@ -137,9 +138,8 @@ class SlaveNodes:
         return self._keys
 
     def least_pressure(self) -> float:
-        """Pressure up to which it is round-off [pressure]: of gaps that the coordinates do not resolve. Collective."""
-        law = self.contact.trial.law
-        return max(self.comm.allgather(float(law.eps_n.max(initial=0.0)))) * law.touch
+        """Pressure up to which it is round-off anywhere, see `Forces.round_off` [pressure]. Collective."""
+        return max(self.comm.allgather(float(self.contact.forces.round_off().max(initial=0.0))))
 
     def positions(self) -> Floats:
         """Current positions (n, 3) of all local nodes [length]."""
