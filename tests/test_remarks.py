@@ -393,3 +393,32 @@ def test_a_cone_pressed_in_one_step_misses_no_energy_but_the_trapezoid_s():
     result = solve(scene, move={cone: (0.0, -0.4, 0.0)}, steps=1).require()
     assert result.summary["energy"]["error_share"] > 1 / 3
     assert not [note for note in result.verdict.notes if note.startswith("energy")], result.verdict.notes
+
+
+def test_work_that_steps_miss_is_not_put_down_to_penalties():
+    """A block is sheared in twice as many steps: what pairs of these miss is what half as many do. A ball is pressed into it
+    in steps that are too long: the note asks for more of them, not for multipliers, with which as much is missing."""
+
+    def sheared(steps):
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", SOFT))
+        scene.fix("zmin")
+        scene.prescribe("zmax", "x", 0.8)
+        scene.pressure("ymax", 0.05)
+        return solve(scene, steps=steps).require().summary["energy"]
+
+    def pressed_in(steps, **options):
+        scene = Scene(Body(read_gmsh(box.build, size=(4.0, 4.0, 2.0), cells=(6, 6, 3)), "box", SOFT))
+        scene.fix("zmin")
+        ball = rigid_sphere(4.0, (2.0, 2.0, 6.0), name="ball")
+        scene.contact("zmax", ball, 0.3, name="top", **options)
+        result = solve(scene, move={ball: (0, 0, -0.6)}, steps=steps).require()
+        return result.summary["energy"], [note for note in result.verdict.notes if note.startswith("energy: ")]
+
+    coarse, fine = sheared(8), sheared(16)
+    assert fine["error_growth"] == pytest.approx(coarse["error_Nmm"] / fine["error_Nmm"], rel=0.05)
+    long = [*np.arange(0.02, 0.2, 0.02), 0.6, 1.0]
+    (penalties, (note,)), (multipliers, (other,)) = pressed_in(long), pressed_in(long, penetration=1e-4)
+    assert multipliers["error_share"] > 0.99 * penalties["error_share"]
+    for text, found in ((note, penalties), (other, multipliers)):
+        assert "penetration=" not in text and "take more steps there (steps twice as long miss" in text
+        assert found["error_growth"] > 2.0

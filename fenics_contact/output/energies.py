@@ -72,7 +72,8 @@ class _Pressing:
 class _Forces:
     """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
     of each term of loads and of all supports, (parts, dofs), and wrenches on the tools; ratios by which bodies swell and the
-    rates of this rank's energy with them; energy stored in this rank's penalties; by contact its Rubbing and Pressing."""
+    rates of this rank's energy with them; energies of the bodies and stored in all penalties; by contact its Rubbing and
+    Pressing."""
 
     u: Floats
     q: Floats
@@ -80,6 +81,7 @@ class _Forces:
     wrenches: Floats
     ratios: Floats
     on_ratios: Floats
+    strain: float
     stored: float
     rubbing: dict[str, _Rubbing]
     pressing: dict[str, _Pressing]
@@ -98,48 +100,46 @@ class EnergyBalance:
         system.assemble_residual()
         self.now, self.let_go = so_far or self._at_start(), 0.0
         self._last = self._forces()
-        self._before: tuple[_Forces, Floats] | None = None  # the state before, and what pressures left from it to the last
-        self._by_pressures = np.zeros((2, len(system.contacts)))  # over all pairs of steps: in the two; in one as long
+        self._before: tuple[_Forces, Floats] | None = None  # the state before, and what was left from it to the last
+        # of what pressures left, by contact, and of the error, over all pairs of steps: in the two; in one as long
+        self._of_pairs = np.zeros((2, len(system.contacts) + 1))
 
     def _at_start(self) -> Energies:
         """What bodies and penalties hold already counts as work done on them."""
         rough = [contact.name for contact in self._system.contacts if contact.rough]
-        strain, stored = self._system.strain_energy(), self._system.comm.allreduce(self._stored())
+        strain, stored = self._system.strain_energy(), self._stored()
         pressures = {contact.name: 0.0 for contact in self._system.contacts}
         done = strain + stored
         return Energies(done, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures, done=done)
 
     def _stored(self) -> float:
-        """Energy in this rank's penalties."""
-        return float(sum(contact.forces.stored(self._system.state) for contact in self._system.contacts))
+        """Energy in all penalties. Collective."""
+        system = self._system
+        return float(system.comm.allreduce(sum(contact.forces.stored(system.state) for contact in system.contacts)))
 
     @property
     def growth(self) -> dict[str, float]:
-        """By contact how many times as much of the work its pressures would leave with steps twice as long: 4 where steps of
-        a smooth path are its cause, 1 where the model is. Of pairs of this run's steps; without one there is none."""
-        in_two, in_one = self._by_pressures
-        rates = zip(self._last.pressing, in_one, in_two, strict=True)
+        """By contact how many times as much of the work its pressures would leave with steps twice as long, and by "" how
+        many times the error, damping in it: 4 where steps of a smooth path are its cause, 1 where the model is. Of pairs of
+        this run's steps; without one there is none."""
+        in_two, in_one = self._of_pairs
+        rates = zip([*self._last.pressing, ""], in_one, in_two, strict=True)
         return {name: float(one / two) for name, one, two in rates if two != 0.0}
 
     def advance(self, jumped: bool) -> Energies:
         """The Energies at the state just accepted; jumped: damped motion has led there. Collective."""
         system, last, here = self._system, self._last, self._forces()
-        parts, owned = here.on_dofs.shape
-        works = 0.5 * (last.on_dofs + here.on_dofs) @ (here.u - last.u)[:owned]
-        swelling = 0.5 * (last.on_ratios + here.on_ratios) @ (here.ratios - last.ratios)
-        rubbed = {name: rubbing.work(last.rubbing[name]) for name, rubbing in here.rubbing.items()}
-        outer = here.on_dofs.sum(axis=0).reshape(-1, 3).sum(axis=0)
-        sums = system.comm.allreduce(np.array([*works, swelling, *rubbed.values(), here.stored, *outer]))
-        works = np.append(sums[: parts + 1], self._work_on_tools(last.wrenches, here.wrenches, last, here))
-        friction = {name: self.now.friction[name] + more for name, more in zip(rubbed, sums[parts + 1 :], strict=False)}
-        left = self._left_by_pressures(last, here)
-        pressures = {name: self.now.pressures[name] + more for name, more in zip(here.pressing, left, strict=True)}
+        works, rubbed = self._works(last, here)
+        friction = {name: self.now.friction[name] + more for name, more in zip(here.rubbing, rubbed, strict=True)}
+        left = self._left(last, here)
+        pressures = {name: self.now.pressures[name] + more for name, more in zip(here.pressing, left, strict=False)}
         if self._before:
-            self._by_pressures += [self._before[1] + left, self._left_by_pressures(self._before[0], here)]
+            self._of_pairs += [self._before[1] + left, self._left(self._before[0], here)]
         self._before = last, left
-        balance = float(np.linalg.norm((sums[-3:] + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
+        outer = system.comm.allreduce(here.on_dofs.sum(axis=0).reshape(-1, 3).sum(axis=0))
+        balance = float(np.linalg.norm((outer + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
         before, now = self.now, Energies(
-            self.now.external_work + float(works.sum()), system.strain_energy(), float(sums[-4]), friction,
+            self.now.external_work + float(works.sum()), here.strain, here.stored, friction,
             self.now.damping, balance, pressures, self.now.done + float(np.abs(works).sum()),
         )  # fmt: skip
         # What a jump lets go is what is left of all else: the work of viscous forces has in it what they add to the way
@@ -148,6 +148,24 @@ class EnergyBalance:
             now = replace(now, damping=now.damping + self.let_go)
         self._last, self.now = here, now
         return now
+
+    def _works(self, start: _Forces, end: _Forces) -> tuple[Floats, Floats]:
+        """Work between two states, of each part of the outer forces, swelling and tools, (parts + 2,), and of friction, by
+        rough contact. Collective."""
+        parts, owned = end.on_dofs.shape
+        outer = 0.5 * (start.on_dofs + end.on_dofs) @ (end.u - start.u)[:owned]
+        swelling = 0.5 * (start.on_ratios + end.on_ratios) @ (end.ratios - start.ratios)
+        rubbed = [rubbing.work(start.rubbing[name]) for name, rubbing in end.rubbing.items()]
+        sums = self._system.comm.allreduce(np.array([*outer, swelling, *rubbed]))
+        tools = self._work_on_tools(start.wrenches, end.wrenches, start, end)
+        return np.append(sums[: parts + 1], tools), sums[parts + 1 :]
+
+    def _left(self, start: _Forces, end: _Forces) -> Floats:
+        """By contact the work against its pressures less what their penalties took of it, and, last, all of the work less
+        what bodies, penalties and friction took, (contacts + 1,). Collective."""
+        works, rubbed = self._works(start, end)
+        taken = end.strain + end.stored - start.strain - start.stored
+        return np.append(self._left_by_pressures(start, end), works.sum() - rubbed.sum() - taken)
 
     def _left_by_pressures(self, start: _Forces, end: _Forces) -> Floats:
         """By contact the work against its pressures less what their penalties took of it, (contacts,). Collective."""
@@ -193,6 +211,7 @@ class EnergyBalance:
             forces,
             wrenches,
             *system.terms[0].swelling(),
+            system.strain_energy(),
             self._stored(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
             {contact.name: _Pressing.of(contact, system) for contact in system.contacts},

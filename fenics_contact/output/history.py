@@ -145,8 +145,8 @@ def energy_summary(
 ) -> Summary:
     """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, the step
     that left most of it, and by contact, of those named, whose pressures act along the slave's normals, the part of it that
-    they left and its growth, how many times as much they would leave with steps twice as long, where that is known; {} where
-    no work was done but rounding, up to noise [force length]."""
+    they left; of that and, by "", of all of it its growth, how many times as much steps twice as long would leave, where
+    that is known; {} where no work was done but rounding, up to noise [force length]."""
     unit = energy_unit(units)
     done = rows[-1][f"work_done_{unit}"] if rows else 0.0
     if not done > noise:
@@ -160,6 +160,7 @@ def energy_summary(
         "worst_step": most + 1, "worst_step_t": rows[most]["t"], "worst_step_share": left[most] / max(left.sum(), 1e-300),
         f"normal_work_error_{unit}": pressures,
         "normal_work_error_growth": {name: growth[name] for name in contacts if name in growth},
+        "error_growth": growth.get(""),
     }  # fmt: skip
 
 
@@ -230,9 +231,11 @@ def energy_notes(
             "do their work on an arc, which is missed by the square of the angle"
         )
     carried = "" if "damping" in has else " (Method(damping=True) carries it where a step fails there)"
-    lessened = "" if "penetration" in has else " (penetration= lessens that)"
+    growth = summary["error_growth"] or 0.0
+    grown = f" (steps twice as long miss {growth:.2g} times as much)" if growth > GROWS else ""
+    lessened = "" if grown or "penetration" in has else " (penetration= lessens that)"  # not what is the steps'
     return [
-        f"{text}, {where}: take more steps there; what stays then went into a sudden motion within a step{carried} "
+        f"{text}, {where}: take more steps there{grown}; what stays then went into a sudden motion within a step{carried} "
         f"or into friction: where sticking turns to sliding, and against round tools{lessened}"
     ]
 
