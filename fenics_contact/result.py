@@ -158,8 +158,9 @@ class Result:
         plane does not have, "displacement_z", "stress_xz" and "_yz". path: file to write, by its ending .png, .pdf or .svg;
         mirror: axes of symmetry planes behind which the model is drawn too, "x" or "xy"; view: "x", "y", "z" (along that
         axis) or (elevation, azimuth) in degrees, by default along the thin axis of a plane-strain slice, else from where
-        most of the field is seen; limits: of the colours, in the field's unit; title: by default t; backend: "pyvista" or
-        "matplotlib" paints models in space, by default the first where it is installed and draws without a screen.
+        most of the field is seen, with z up, or the axis against which body forces act; limits: of the colours, in the
+        field's unit; title: by default t; backend: "pyvista" or "matplotlib" paints models in space, by default the first
+        where it is installed and draws without a screen.
 
         A Matplotlib Figure on rank 0, None on the others. Collective. SceneError, on all ranks, for a field that the scene
         does not have, a mirror without a plane of symmetry, limits that do not rise, an ending that is none and a backend

@@ -536,6 +536,27 @@ def test_a_contact_between_bodies_is_seen_through_one_of_them():
         holds(drawn.figure())
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_what_weight_acts_against_is_up(axis):
+    """A block on a floor, whose normal is one axis or another: weight draws it down in the picture."""
+    up = np.eye(3)[axis]
+    scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2)), "box", neo_hooke(mu=0.4, K=2.0)))
+    scene.fix(f"{'xyz'[axis]}max")
+    scene.body_force(-0.05 * up)
+    floor = rigid_plane((0, 0, 0), up, name="floor")
+    scene.contact(f"{'xyz'[axis]}min", floor, name="foot")
+    result = solve(scene, steps=1)
+    drawn, told, turned = result.drawing("displacement"), result.drawing(view=(30, -60)), result.drawing()
+    if ROOT:
+        across, along = drawn.view.flat(up)
+        assert abs(across) < 1e-12 and along > 0.5
+        frame = np.array([drawn.view.right, drawn.view.up, drawn.view.towards])
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(frame) == pytest.approx(1.0)  # no mirror image
+        assert told.view.up @ [0, 0, 1] > 0.5  # angles are about z
+        assert ("seen from below" in turned.title) == (turned.view.towards @ up < -0.1)
+
+
 def test_a_huge_tool_leaves_the_body_its_size():
     mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(3, 3, 2))
     scene = Scene(Body(mesh, "box", neo_hooke(mu=0.4, K=2.0)))

@@ -12,11 +12,12 @@ from fenics_contact.output.layers import unit
 from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.render import pyvista_works
 from fenics_contact.output.skin import AXES, Skin, look, mirrored, normals, skin, symmetry_planes, tool_tiles
-from fenics_contact.output.views import Angles, choose, slice_axis
+from fenics_contact.output.views import Angles, choose, slice_axis, upright
+from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, finite, shown
 
-FROM_BELOW = 0.1  # sine of the angle below the x-y plane from which on the picture says so
+FROM_BELOW = 0.1  # sine of the angle below the horizon from which on the picture says so
 AROUND = 0.15  # of the bodies' largest length: how far about them tools are drawn
 FAR = 2.5  # of it: how far from them a wall may be that they face, for the picture to go as far
 IN_PLANE = 1e-3  # of it: what ends no farther from a plane of symmetry ends in it
@@ -41,6 +42,7 @@ def drawing(
     _refuse(mirror, view, planes)
     seen = look(fields, field or ("contact_pressure" if scene.contacts else "displacement"))
     body, least = skin(fields, seen), fields.least_pressure()
+    frame = upright(_weight(scene))
     touches = system.comm.allreduce(int((fields.of(seen.contact).pressure.x.array > least).any())) > 0
     if body is None:
         return None
@@ -65,14 +67,20 @@ def drawing(
     # bodies whose own surfaces carry nothing of a contact field would hide those that do
     carries = np.bincount(body.body[body.slave], minlength=len(scene.bodies)) > 0
     hidden = ~carries if seen.on_contact else np.zeros(len(scene.bodies), dtype=bool)
-    chosen = choose(body, ~hidden[body.body], view)
+    chosen = choose(body, ~hidden[body.body], view, frame)
     title = f"{system.stages.name}, " if system.stages.name else ""
-    title += f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards[2] < -FROM_BELOW else "")
+    title += f"t = {system.state.t:.4g}" + (", seen from below" if chosen.towards @ frame[2] < -FROM_BELOW else "")
     title += ", nothing touches" if seen.on_contact and not touches else ""
     absent = [tool for tool, one in zip(scene.tools, tiles, strict=True) if not len(one)]
     far = [tool.name for tool in absent if any(tool is master for master in met)]
     title += f", beyond the picture: {', '.join(far)}" if far else ""
     return Drawing(body, tiles, chosen, tint, hidden, title, scene.units.length, (low, high))
+
+
+def _weight(scene: Scene) -> Floats:
+    """Sum of the body forces (3,), at t = 1, that are the same everywhere. Collective."""
+    forces = [load.path(1.0) for load in scene.loads if load.word == "body_force"]
+    return np.sum([np.zeros(3), *(force for force in forces if np.shape(force) == (3,))], axis=0)
 
 
 def refuse_limits(limits: Sequence[float] | None) -> None:

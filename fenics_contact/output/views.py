@@ -14,6 +14,7 @@ ELEVATIONS, AZIMUTHS = (30.0, 50.0, -30.0, -50.0), (-60.0, -30.0, 30.0, 60.0, 12
 ENOUGH = 0.95  # of what the best direction shows
 BELOW = 0.6  # what is seen from below counts so much of what is seen from above, where people look from
 GRAZING = 0.35  # cosine between a facet's normal and the direction to the eye from which on all of it counts as seen
+UPRIGHT = np.eye(3)
 Angles = tuple[float, float]
 
 
@@ -42,12 +43,21 @@ def along(axis: int) -> View:
     return View(unit[first], unit[second], np.cross(unit[first], unit[second]), axis)
 
 
-def from_angles(elevation: float, azimuth: float) -> View:
-    """elevation above the x-y plane, azimuth about z from x [degrees], of the eye."""
+def from_angles(elevation: float, azimuth: float, frame: Floats = UPRIGHT) -> View:
+    """elevation above the x-y plane, azimuth about z from x [degrees], of the eye; frame (3, 3): rows x, y, z."""
     e, a = np.radians([elevation, azimuth])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
-    return View(right, np.cross(towards, right), towards)
+    return View(right @ frame, np.cross(towards, right) @ frame, towards @ frame)
+
+
+def upright(down: Floats) -> Floats:
+    """Frame (3, 3) for `from_angles` whose z is up where weight acts along `down` (3,), a coordinate axis; else UPRIGHT."""
+    along = np.flatnonzero(np.abs(down) > FLAT * np.abs(down).max())
+    if len(along) != 1:
+        return UPRIGHT
+    right, up = np.eye(3)[int(along[0] == 0)], -np.sign(down) * np.eye(3)[along[0]]
+    return np.array([right, np.cross(up, right), up])
 
 
 def slice_axis(body: Skin) -> int | None:
@@ -62,11 +72,11 @@ def slice_axis(body: Skin) -> int | None:
     return int(np.argmin(np.where(found, size, np.inf))) if found.any() else None
 
 
-def choose(body: Skin, opaque: Bools, wanted: str | Angles | None) -> View:
+def choose(body: Skin, opaque: Bools, wanted: str | Angles | None, frame: Floats = UPRIGHT) -> View:
     """The view of a model: the one wanted, an axis or (elevation, azimuth) in degrees, or the best.
 
-    opaque (n,): the facets that hide others. The best: of a slice along its axis; else the first of the directions above
-    from which nearly as much of the field is seen as from any, facets weighted by its square.
+    opaque (n,): the facets that hide others; frame: see `upright`. The best: of a slice along its axis; else the first of
+    the directions above from which nearly as much of the field is seen as from any, facets weighted by its square.
     """
     if isinstance(wanted, str):
         return along(AXES.index(wanted))
@@ -75,12 +85,12 @@ def choose(body: Skin, opaque: Bools, wanted: str | Angles | None) -> View:
     axis = slice_axis(body)
     if axis is not None:
         return along(axis)
-    views = [from_angles(elevation, azimuth) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
-    seen = np.array([_seen(body, opaque, view) for view in views])
+    views = [from_angles(elevation, azimuth, frame) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
+    seen = np.array([_seen(body, opaque, view, frame[2]) for view in views])
     return views[int(np.argmax(seen >= ENOUGH * seen.max()))]
 
 
-def _seen(body: Skin, opaque: Bools, view: View) -> float:
+def _seen(body: Skin, opaque: Bools, view: View, up: Floats) -> float:
     """How much of the field is seen from a direction: facets that no opaque one hides, by area and the field's square."""
     normal, centre = normals(body.x), body.x.mean(axis=1)
     area = np.linalg.norm(normal, axis=1)
@@ -100,4 +110,4 @@ def _seen(body: Skin, opaque: Bools, view: View) -> float:
     np.maximum.at(nearest, spot[front], depth[front])
     clear = depth >= nearest[spot] - 3.0 * np.maximum(width, np.sqrt(area))
     amount = float(np.sum(strength * clear * np.clip(facing / GRAZING, 0.0, 1.0)))
-    return amount * (BELOW if view.towards[2] < 0.0 else 1.0)
+    return amount * (BELOW if view.towards @ up < 0.0 else 1.0)
