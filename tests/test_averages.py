@@ -423,11 +423,12 @@ def square_blade(master):
 
 @pytest.mark.parallel
 def test_an_edge_of_the_slave_that_presses_aside_is_named():
-    """Its facet leans by some 18 degrees: with its normals friction is far below mu N; the tool's normals are right."""
+    """Its facet leans by some 18 degrees, and friction lies in it: it is off by the share that acts aside, or up to twice
+    that; the tool's normals are right."""
     ratio, notes, edge = square_blade("sheet_ymax")
-    assert ratio < 0.3 and all("round the edge" in note and "contact 'c'" in note for note in notes)
-    first, worst = (float(note.split("lean by ")[1].split()[0]) for note in notes)
-    assert first < 18.0 < worst and "where this is worst" in notes[1]
+    assert all("round the edge" in note and "contact 'c'" in note for note in notes)
+    first, worst = (float(note.split("touches, and ")[1].split("%")[0]) / 100.0 for note in notes)
+    assert first < worst < 0.5 - ratio < 2.0 * worst and "where this is worst" in notes[1]
     assert edge.place == "contact 'c'" and "finer cells along it" in edge.remedy
     ratio, notes, edge = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
     np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
@@ -452,16 +453,15 @@ def dragged_block(slave, degree=1):
     return ratio[-6:], [note for note in result.verdict.notes if "lean" in note]
 
 
-def test_a_sharp_block_that_slides_is_told_how_far_its_friction_is_off():
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_sharp_block_that_slides_presses_along_the_masters_normals(degree):
     """With edges rounded by 0.5 to 2 it has 0.416, either the slave, to 1 %: the energies balance there."""
-    ratio, (note,) = dragged_block("block_ymin")
-    share = float(note.split("slave is what touches, and ")[1].split("%")[0])
-    assert share == pytest.approx(2.0, abs=0.2)
-    assert 0.5 * share < 100.0 * (0.416 - ratio.mean()) < 2.0 * share
-    assert "the side without that edge be the slave" in note and "round the edge" in note
-    ratio, notes = dragged_block("block_ymin", 2)  # its edge presses along the master's normals
+    ratio, notes = dragged_block("block_ymin", degree)
     assert not notes and 0.0 < 0.416 - ratio.mean() < ASIDE
-    ratio, notes = dragged_block("pad_ymax")  # what the note advises
+
+
+def test_a_sharp_block_that_digs_into_the_slave_is_told_how_far_its_friction_is_off():
+    ratio, notes = dragged_block("pad_ymax")
     np.testing.assert_allclose(ratio, 0.416, rtol=5e-3)
     assert not notes
     ratio, (note,) = dragged_block("pad_ymax", 2)  # there its edge makes the force ripple as it passes nodes

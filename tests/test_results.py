@@ -170,13 +170,15 @@ def test_the_moments_of_a_contact_and_of_supports_balance(partner, points):
 
 
 def test_a_master_body_lacks_the_couple_of_gaps_and_friction():
-    """Forces on it are opposite, a penetration away: its moments balance to that depth times the friction."""
+    """Forces on it are opposite, a penetration away: its moments balance to that depth times what acts across it, friction
+    and, beside the slave's edges, what of the master's normals does."""
     scene, _, _ = joint("body", "averages")
     left = []
     for contact in ({}, {"penetration": 1e-5}):
         scene.contacts.clear()
         scene.contact("upper_bottom", "lower_top", 0.5, name="j", **contact)
-        row = solve(scene, steps=4, method=Method(tolerance=1e-12)).require().history[-1]
+        result = solve(scene, steps=4, method=Method(tolerance=1e-12)).require()
+        row, terms = result.history[-1], result.system.contacts
 
         def vector(name, unit, row=row):
             return np.array([row[f"{name}_{axis}_{unit}"] for axis in "xyz"])
@@ -185,8 +187,13 @@ def test_a_master_body_lacks_the_couple_of_gaps_and_friction():
         couple = vector("lower_bottom_reaction_moment", "Nmm") - vector("j_moment", "Nmm")
         couple += np.cross(vector("lower_bottom_reaction_point", "mm"), support) - np.cross(vector("j_point", "mm"), force)
         np.testing.assert_allclose(support, force, rtol=1e-7)
-        most = row["j_penetration_mm"] * np.linalg.norm(vector("j_friction", "N"))
-        assert 0.2 * most < np.linalg.norm(couple) < most
+        feet = terms[0].places.feet(result.system.state)
+        slaves = feet.samples.slaves
+        tilt = np.linalg.norm(np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]]), axis=1)
+        across = np.abs(np.where(tilt > 0.0, feet.projection[4], 0.0)) * tilt * row["j_load_N"]
+        rubbed = row["j_penetration_mm"] * np.linalg.norm(vector("j_friction", "N"))
+        pushed = COMM.allreduce(across.max(initial=0.0), op=MPI.MAX)  # a sample's gap, where the mean over all is shallow
+        assert 0.2 * rubbed < np.linalg.norm(couple) < rubbed + pushed
         left.append(np.linalg.norm(couple))
     assert left[1] < 0.05 * left[0]
 
@@ -341,32 +348,52 @@ def rounded(size, fillet=0.0):
     gmsh.model.mesh.generate(2)
 
 
-def dragged(steps, size=0.1, fillet=0.0, **contact):
-    """A block pressed into another by 15 % of its height and dragged by its width, in plane strain."""
+def dragged(steps, size=0.1, fillet=0.0):
+    """A block pressed into another by 15 % of its height and dragged by its width, in plane strain: energies, notes on
+    them."""
     mesh = read_gmsh(rounded, size=size, fillet=fillet)
     soft = neo_hooke(mu=0.4, K=2.0)
     scene = Scene(Body(mesh, "lower", soft), Body(mesh, "upper", soft), plane="strain", thickness=1.0)
     scene.fix("floor")
     scene.prescribe("top", "x", lambda X, t: 1.5 * max(0.0, (t - 0.2) / 0.8))
     scene.prescribe("top", "y", lambda X, t: -0.12 * min(t / 0.2, 1.0))
-    scene.contact("foot", "lid", 0.4, name="foot", **contact)
-    return solve(scene, steps=steps).require()
+    scene.contact("foot", "lid", 0.4, name="foot")
+    return energy_of(solve(scene, steps=steps).require())
+
+
+def energy_of(result):
+    return result.summary["energy"], [note for note in result.verdict.notes if note.startswith("energy: ")]
+
+
+def test_a_sharp_edge_that_slides_presses_along_the_masters_normals():
+    """Along its own, which lean, some 4 % of the work were missing, in finer cells and steps, too."""
+    for found, notes in (dragged(25), dragged(50), dragged(50, size=0.07), dragged(25, fillet=0.2)):
+        assert found["error_share"] < 0.01 and not notes
 
 
 def test_what_pressures_at_a_sharp_edge_leave_of_the_work_is_told_and_cured():
-    """Neither more steps nor finer cells mend it; a round edge does, as the note says."""
-
-    def energy_of(result):
-        return result.summary["energy"], [note for note in result.verdict.notes if note.startswith("energy: ")]
-
-    for sharp in (dragged(25), dragged(50), dragged(50, size=0.07)):
-        found, (note,) = energy_of(sharp)
-        left = found["normal_work_error_Nmm"]["foot"]
-        assert left == sharp.history[-1]["foot_normal_work_error_Nmm"] and found["error_share"] > 0.04
-        assert abs(found["normal_work_error_growth"]["foot"] - 1.0) < 0.1
-        assert left / found["error_Nmm"] > 0.7 and "by the pressures of contact 'foot'" in note and "round the edge" in note
-    found, notes = energy_of(dragged(25, fillet=0.2))
-    assert found["error_share"] < 0.01 and not notes
+    """Gauss points press along their own facet's normals: more steps do not mend that."""
+    mesh = read_gmsh(two_blocks.build, lower_cells=(8, 8, 2), upper_cells=(5, 5, 2))
+    scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+    ways = ((("z", -2.0), 5), (("x", 10.0), 20)), ((("z", -2.0), 5), (("x", 10.0), 40))
+    for points, told in ((3, True), (None, False)):
+        scene.contacts.clear()
+        scene.contact("upper_bottom", "lower_top", 0.3, name="foot", points=points)
+        for stages in ways if told else ways[:1]:
+            path = [Stage(axis, prescribe={("upper_top", axis): way}, steps=n) for (axis, way), n in stages]
+            result = solve(scene, stages=path).require()
+            found, notes = energy_of(result)
+            if not told:
+                assert found["error_share"] < 0.005 and not notes
+                continue
+            left, (note,) = found["normal_work_error_Nmm"]["foot"], notes
+            assert left == result.history[-1]["foot_normal_work_error_Nmm"] and found["error_share"] > 0.015
+            assert abs(found["normal_work_error_growth"]["foot"] - 1.0) < 0.1
+            assert (
+                left / found["error_Nmm"] > 0.7 and "by the pressures of contact 'foot'" in note and "round the edge" in note
+            )
 
 
 def rolled(steps):

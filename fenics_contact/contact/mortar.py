@@ -153,12 +153,12 @@ class MortarPartner(OnFacets):
         """
         _, _, N, _, _ = self._laws.tractions(feet, trial)
         around, slaves = self.places.around, feet.samples.slaves
-        each = np.where(around.number < 0, 0.0, -N[around.number])
-        pressed = np.einsum("qc,qc->q", slaves.N, each[slaves.facet]) * slaves.weights * feet.met[6]
-        pressed = np.where(feet.projection[1] != NONE, pressed, 0.0)
-        ours = feet.projection[5]
+        each = np.where(around.number < 0, 0.0, -N[around.number])[slaves.facet]
+        share = np.where(feet.projection[1] != NONE, slaves.weights * feet.met[6], 0.0)
+        pressed, ends = (np.einsum("qc,qc->q", slaves.N, part) * share for part in (each, each * around.ends[slaves.facet]))
+        apart = pressed[:, None] * (feet.projection[5] - self.places.master_normals(feet))
         if len(slaves.aside):
-            ours = ours + np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]])
-        apart = np.where(pressed[:, None] > 0.0, ours - self.places.master_normals(feet), 0.0)
-        at_ends = np.where(around.beside[slaves.facet], pressed, 0.0)
-        return np.concatenate([at_ends @ apart, pressed @ apart, [pressed.sum()]])
+            apart += ends[:, None] * np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]])
+        apart = np.where(pressed[:, None] > 0.0, apart, 0.0)
+        at_ends = around.ends.any(axis=1)[slaves.facet]
+        return np.concatenate([apart[at_ends].sum(axis=0), apart.sum(axis=0), [pressed.sum()]])

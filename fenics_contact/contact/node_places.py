@@ -14,7 +14,7 @@ from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vecto
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Watch
-from fenics_contact.contact.samples import Samples, SlaveFacets, samples_for
+from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, corner_shapes, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -26,6 +26,7 @@ from fenics_contact.types import Array, Bools, Floats, Ints64
 
 Project = Callable[[Floats, Floats, Floats], Projection]
 
+ACROSS = np.sqrt(0.5)  # less of a lean that lies along an edge: it leans across that
 SETTLED = 1e-4  # less by which a normal leans, a hundredth of a percent of the load aside, is what a step's solves leave
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
@@ -57,7 +58,12 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals = unit(area_vectors(master.X[master.corners[0]]))
         starts, edges, sides, smooth = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
+        m = int(master.corners[1].max(initial=3))
+        self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
+        self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
         self._beyond = beyond_edges(master.corners)
+        crease = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < np.cos(np.radians(CREASE))
+        self.edges = ((self._beyond < 0) | crease)[:, :m]
         self._ends: Ends = starts, edges + self.first, sides, smooth
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         self.use(Samples(self.around, self.around.whole))
@@ -69,16 +75,20 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites))
             project = partial(self.sights.pairing.project, timers=self.timers)
-            if self.skin.whole:
-                there = self._at(now.coords, now.pose, project)
-                self.samples = self.samples.steered(now.coords, _aside(self, there))
+            there = self._at(now.coords, now.pose, project)
+            self.samples = self.samples.steered(now.coords, _aside(self, there))
             return self._at(then.coords, then.pose, project)
 
     def master_normals(self, feet: MortarFeet) -> Floats:
-        """Unit normals (np, 3) of the master's facets at the samples' feet, which point as the samples' own do."""
-        x, ours = feet.coords[self.facets[0][feet.projection[0]]], feet.projection[5]
-        along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], x) for i in (1, 2))
-        theirs = unit(np.cross(along, across))
+        """Unit normals (np, 3) of the master at the samples' feet, which point as the samples' own do: of flat facets those
+        between their corners', which do not jump from one to the next."""
+        facet, ours = feet.projection[0], feet.projection[5]
+        if self.skin.whole:
+            along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], feet.coords[self.facets[0][facet]]) for i in (1, 2))
+            theirs = unit(np.cross(along, across))
+        else:
+            corners, m = self._smooth(feet.coords)[0][self._smooth.group[facet]], self._smooth.group.shape[1]
+            theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, :m], corners))
         return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
 
     def use(self, samples: Samples) -> None:
@@ -191,11 +201,14 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
 
 
 def _aside(places: NodePlaces, feet: MortarFeet) -> Floats:
-    """What is added to the normals of samples (np, 3) where they press: beside ends and creases, of degree 2.
-
-    Normals of flat facets jump by as much from one to the next as edges lean: their friction would ripple."""
-    normals, beside = feet.projection[5], places.around.beside[feet.samples.slaves.facet]
-    feels, theirs = beside & (feet.projection[1] != NONE), places.master_normals(feet)
+    """What is added to the normals of samples (np, 3) where nodes at ends and creases of the slave press; nothing where the
+    master ends there as well, for its own edges press along the slave's normals."""
+    facet, kind, normals = feet.projection[0], feet.projection[1], feet.projection[5]
+    feels, theirs = (kind != NONE) & places.around.ends.any(axis=1)[feet.samples.slaves.facet], places.master_normals(feet)
     part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
     aside = theirs / part[:, None] - normals
-    return np.where((feels & (np.linalg.norm(aside, axis=1) > SETTLED))[:, None], aside, 0.0)
+    lean, x = np.linalg.norm(aside, axis=1), feet.coords[places.ring[facet]]
+    sides = np.roll(x, -1, axis=1) - x
+    across = np.abs(np.einsum("qec,qc->qe", sides, aside)) < ACROSS * np.linalg.norm(sides, axis=2) * lean[:, None]
+    ends = (places.edges[facet] & across).any(axis=1)
+    return np.where((feels & ~ends & (lean > SETTLED))[:, None], aside, 0.0)

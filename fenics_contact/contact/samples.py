@@ -12,7 +12,7 @@ from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
 from fenics_contact.kernels.segments import Joined, Rule, Rules, Sites, facet_parts
-from fenics_contact.types import Array, Floats, Ints
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 
 FEWEST, MOST = 3, 6  # samples per direction of a facet that is not cut into parts
 PER_FACET = 2.0  # of them, for each facet of a finer master that it covers
@@ -26,6 +26,26 @@ HELD = 1e-6  # of a way across an end: what else nodes can go there is rounding
 NEAREST = 1.8  # of a sample's distance from the border of its facet: the way on which it leaves the master
 
 
+class CornerNormals:
+    """Normals at the corners of facets: means over those around that no crease parts.
+
+    X (nx, 3): of the reference; nodes (nf, k) of the facets, corners first; gradients (m, 2, k) of their shape functions at
+    the corners; wanted (nf,): which are asked for. groups: as in kernels/normals.py; group (nf, m): that of each corner.
+    """
+
+    def __init__(self, X: Floats, nodes: Ints64, gradients: Floats, wanted: Bools) -> None:
+        self._facets, self.group = (nodes, gradients), np.empty((len(nodes), len(gradients)), dtype=np.int64)
+        where = grouped_corners(X, *self._facets, wanted, np.cos(np.radians(CREASE)), self.group)
+        angles = corner_angles(X, nodes, len(gradients), *where[1:])
+        self.groups: Groups = *where, *group_slots(*where, *self._facets), angles
+
+    def __call__(self, coords: Floats) -> tuple[Floats, Floats]:
+        """Unit normals (ng, 3) of the groups and their turns (ns, 3, 4), with nodes at coords (nx, 3)."""
+        normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 4))
+        group_normals(coords, *self._facets, self.groups, normals, turns)
+        return normals, turns
+
+
 class SlaveFacets:
     """Facets of a slave surface that this process evaluates, those around its own nodes, and their normals.
 
@@ -33,8 +53,8 @@ class SlaveFacets:
     number (nf, m): the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
-    the reference; nearest: the least one of the FEWEST samples in a unit facet; beside (nf,): lies at an end or a crease
-    of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows. Collective.
+    the reference; nearest: the least one of the FEWEST samples in a unit facet; ends (nf, m): which corners are ends or
+    creases of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows. Collective.
     """
 
     def __init__(self, skin: MasterSurface, count: int, free: Array) -> None:
@@ -53,13 +73,8 @@ class SlaveFacets:
         self.facets, self.places, owner = f[order], c[order], self.number[f, c][order]
         self.starts = np.searchsorted(owner, np.arange(len(self.own) + 1))
         self._size = int(size[0]) if len(size) else m
-        self._every, self._at_corners = every, self.shapes(RINGS[m])[1]
-        group = np.empty((len(every), m), dtype=np.int64)
-        cosine = np.cos(np.radians(CREASE))
-        where = grouped_corners(skin.X, every, self._at_corners, mine, cosine, group)
-        angles = corner_angles(skin.X, every, m, *where[1:])
-        self.groups: Groups = *where, *group_slots(*where, every, self._at_corners), angles
-        self.group = np.ascontiguousarray(group[mine])
+        self.normals = CornerNormals(skin.X, every, self.shapes(RINGS[m])[1], mine)
+        self.groups, self.group = self.normals.groups, np.ascontiguousarray(self.normals.group[mine])
         part = QUADRATIC if skin.whole else LINEAR
         # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
         strip = skin.section is not None
@@ -70,7 +85,7 @@ class SlaveFacets:
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
-        self.beside = np.isin(self.corners, self._ends(free)).any(axis=1)
+        self.ends = np.isin(self.corners, self._ends(free))
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
 
@@ -139,12 +154,6 @@ class SlaveFacets:
         nodes, several = np.unique(normals[:, 0], return_counts=True)
         return np.union1d(pairs[ends], nodes[several > 1])
 
-    def normals(self, coords: Floats) -> tuple[Floats, Floats]:
-        """Unit normals of the groups and their turns."""
-        normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 4))
-        group_normals(coords, self._every, self._at_corners, self.groups, normals, turns)
-        return normals, turns
-
 
 class Samples:
     """Samples of slave facets, held within a step. Made on all processes at once.
@@ -163,7 +172,7 @@ class Samples:
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
         self.turned, aside = turned, np.zeros((0, shape.shape[1])) if turned is None else self._aside(turned)
-        self.slaves = Slaves(*where, first, facet, area, shape, N, aside)
+        self.slaves = Slaves(*where, first, facet, area, shape, N, around.ends, aside)
         self.corners = np.ascontiguousarray(around.corners[facet])
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where
         # more samples lie nearer, as those of degree 2 do, shares that fell on their way alone would hardly be gradual:

@@ -80,7 +80,8 @@ class Slaves(NamedTuple):
     nodes (nf, k) of the facets, corners first; group (nf, m) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
     (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
     is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there;
-    aside (np, k): parts of the nodes in what is added to its normal where it presses, see `pressing`; (0, k): nothing is.
+    ends (nf, m): which corners are ends or creases; aside (np, k): parts of the nodes in what is added to normals where
+    these press, see `aside`; (0, k): nothing is.
     """
 
     nodes: Ints64
@@ -93,6 +94,7 @@ class Slaves(NamedTuple):
     weights: Floats
     shape: Floats
     N: Floats
+    ends: Bools
     aside: Floats
 
 
@@ -160,17 +162,17 @@ def foot_of(q: int, met: Met) -> Foot:
 
 
 @njit(cache=True)
-def pressing(q: int, n: Vector, slaves: Slaves, coords: Floats) -> Vector:
-    """Direction in which sample q of normal n presses: beside an end or crease of a slave of degree 2 the master's,
-    over its part along n, as it was where samples were taken, and turning with the slave since.
+def aside(q: int, slaves: Slaves, coords: Floats) -> Vector:
+    """What is added to the normal of sample q where the slave nodes at ends and creases press: it is the master's then, over
+    its part along the sample's own, as it was where samples were taken, and turning with the slave since.
 
-    An edge of the slave digs into the master, whose surface bends around it. Along n its pressure would do work on a body
-    that is drawn along: without friction it would be pushed on.
+    An edge of the slave digs into the master, whose surface bends around it. Along the slave's own normal its pressure would
+    do work on a body that is drawn along: without friction it would be pushed on.
     """
-    f = slaves.facet[q]
+    f, out = slaves.facet[q], ZERO
     for i in range(slaves.nodes.shape[1] if len(slaves.aside) else 0):
-        n = less(n, -slaves.aside[q, i], row(coords, slaves.nodes[f, i]))
-    return n
+        out = less(out, -slaves.aside[q, i], row(coords, slaves.nodes[f, i]))
+    return out
 
 
 @njit(cache=True, error_model="numpy")
@@ -329,21 +331,23 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
         if met[1][q] == NONE:
             continue
         f, total, tangential, n = slaves.facet[q], 0.0, ZERO, row(met[5], q)
-        along = pressing(q, n, slaves, coords)
+        more, at_ends = aside(q, slaves, coords), 0.0
         for c in range(number.shape[1]):
             A = number[f, c]
             if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
                 continue
             t = row(T, A)
             share = slaves.N[q, c] * slaves.weights[q] * met[6][q]
+            along = plus(n, more) if slaves.ends[f, c] else n
             total += share * N[A]
+            at_ends += share * N[A] * slaves.ends[f, c]
             tangential = less(tangential, -share, t)
             pressed, rubbed = times(share * N[A], along), times(share, less(t, dot(n, t), n))
             sums[A, 3] += share * N[A]
             for a in range(3):
                 sums[A, a] += pressed[a] + rubbed[a]
                 sums[A, 4 + a] += rubbed[a]
-        force = plus(times(total, along), less(tangential, dot(n, tangential), n))
+        force = plus(plus(times(total, n), times(at_ends, more)), less(tangential, dot(n, tangential), n))
         for i in range(nodes.shape[1]):
             add_row(forces, nodes[f, i], slaves.shape[q, i], force)
         g, corners = met[0][q], surface[0]

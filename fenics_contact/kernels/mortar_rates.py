@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
-from fenics_contact.kernels.mortar import Averaged, Foot, Met, Pairs, Slaves, foot_of, pressing
+from fenics_contact.kernels.mortar import Averaged, Foot, Met, Pairs, Slaves, aside, foot_of
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, Patches, join, no_list
 from fenics_contact.kernels.vectors import (
     ZERO,
@@ -47,7 +47,7 @@ COVER = TURN
 
 
 @njit(cache=True, error_model="numpy")
-def sample_rates(coords: Floats, slaves: Slaves, met: Met) -> Floats:
+def sample_rates(met: Met) -> Floats:
     """Rates (np, 9, 4) of samples that have a foot."""
     rates = np.empty((len(met[0]), 9, 4))
     for q in range(len(rates)):
@@ -57,7 +57,7 @@ def sample_rates(coords: Floats, slaves: Slaves, met: Met) -> Floats:
         push, turn, drags = _held_rates(foot)
         across = _across(foot.n)
         put_four(rates, q, PUSH, four(push))
-        put_four(rates, q, FORCE, four(pressing(q, foot.n, slaves, coords)))
+        put_four(rates, q, FORCE, four(foot.n))
         for a in range(3):
             put_four(rates, q, ACROSS + a, four(across[a]))
             put_four(rates, q, DRAG + a, four(drags[a]))
@@ -71,7 +71,7 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
     (coords, slaves, surface, met, anchors), (blocks, (starts, heights, members), _) = pairs, products
     nodes, weights, table, shapes, group = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.group
     feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
-    anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(coords, slaves, met), slaves.first
+    anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(met), slaves.first
     m, k, l, groups = shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
     known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
     listed, leaned = no_list(groups), np.zeros((groups, 5, 4))
@@ -90,15 +90,18 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                 if feet[q] < 0:
                     continue
                 a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
+                more = four(aside(q, slaves, coords) if slaves.ends[f, c] else ZERO)
                 if rough and anchor_nodes[a, 0] >= 0:
                     way, w = share, minus(got(met[10], q, 0), of_nodes(anchor_weights, a, anchor_nodes, coords))
                     for j in range(l):
                         _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], rates, q)
                 for i in range(k):
                     _add_body(sums, known[blocks[nodes[f, i]]], share * table[q, i], way * table[q, i], rates, q)
+                    add_four(sums, known[blocks[nodes[f, i]]], FORCE, share * table[q, i], more)
                 for j in range(l):
                     part = -N[q, 0, j]
                     _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, rates, q)
+                    add_four(sums, known[blocks[corners[feet[q], j]]], FORCE, share * part, more)
                 turning = _turning(rates, q, (met[4][q], row(met[5], q)), w)
                 for b in range(m):
                     part = -shapes[q, b] / lengths[q]

@@ -10,7 +10,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Acting, Met, Pairs, Slaves, pressing
+from fenics_contact.kernels.mortar import Acting, Met, Pairs, Slaves, aside
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
 from fenics_contact.kernels.mortar_rates import Products, Turned
 from fenics_contact.kernels.vectors import (
@@ -43,7 +43,7 @@ UNIT = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 @njit(cache=True, error_model="numpy")
 def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
-    corners, the force, the force if the sample were covered whole, and how much it presses. lengths (np,): of the means."""
+    corners, the force, the force if the sample were covered whole, and what ends press. lengths (np,): of the means."""
     (coords, slaves, _, met, _), (N, T, number) = pairs, acting
     weights, shapes = slaves.weights, slaves.N
     presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 6, 4))
@@ -51,25 +51,26 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
         f = slaves.facet[q]
         if met[1][q] == NONE:
             continue
-        total, t, normal, part = 0.0, ZERO, row(met[5], q), met[6][q]
+        total, at_ends, t, normal, part = 0.0, 0.0, ZERO, row(met[5], q), met[6][q]
         for c in range(shapes.shape[1]):
             A = number[f, c]
             if A >= 0:
                 share = shapes[q, c] * weights[q]
                 total += share * N[A]
+                at_ends += share * N[A] * slaves.ends[f, c]
                 t = less(t, -share, row(T, A))
         if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
             continue
         presses[q], across = True, dot(normal, t)
         t = less(t, across, normal)
-        whole = plus(times(total, pressing(q, normal, slaves, coords)), t)
+        whole = plus(plus(times(total, normal), times(at_ends, aside(q, slaves, coords))), t)
         scale, press = part / lengths[q], total - across
         for a in range(3):  # -((N - n.t) P(n) - n t^T)
             lean = times(normal[a], plus(times(press, normal), t))
             put_four(rates, q, a, four(times(scale, less(lean, press, (1.0 * (a == 0), 1.0 * (a == 1), 1.0 * (a == 2))))))
         put_four(rates, q, FORCE, four(times(part, whole)))
         put_four(rates, q, WHOLE, four(whole))
-        put_four(rates, q, PRESS, (part * total, 0.0, 0.0, 0.0))
+        put_four(rates, q, PRESS, (part * at_ends, 0.0, 0.0, 0.0))
     return presses, rates
 
 

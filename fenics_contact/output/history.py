@@ -42,8 +42,8 @@ WIDE = 0.1  # rad: forces that turn by less in a step have their work missed by 
 EDGE = (
     "as much with steps twice as long: they act along the slave's normals, which are not the master's where what touches is "
     "narrow beside the cells and slides; more steps and multipliers do not mend that, finer cells do where it is round; at "
-    "a sharp edge let the side without that edge be the slave, round the edge over some cells, or in space give the contact "
-    'points="nodes"'
+    "a sharp edge leave points= out, or where it is let the side without that edge be the slave, or round the edge over "
+    "some cells"
 )
 
 Summary = dict[str, Any]  # what JSON can hold

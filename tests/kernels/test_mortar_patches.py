@@ -50,6 +50,7 @@ def test_nodes_one_of_whose_samples_meets_something_else(which, at):
         np.ones(4),
         none,
         np.ones((4, 2)),
+        np.zeros((2, 2), bool),
         none,
     )
     before = np.arange(4), np.arange(16).reshape(8, 2), np.arange(16).reshape(4, 4)
