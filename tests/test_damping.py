@@ -324,7 +324,7 @@ class Creeping:
     """A system, its trail and stepper, that no step carries on, only a jump."""
 
     damping = damped = True
-    terms, stages = (), Stages(("",), (1.0,), 0)
+    terms, fluids, stages = (), (), Stages(("",), (1.0,), 0)
     holds = SimpleNamespace(reliant=[])
     tools = ToolMotion(stages, ((), ()), (), [np.zeros((0, 6), dtype=bool)], (), (1.0, 1.0))
 
