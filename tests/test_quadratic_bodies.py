@@ -159,7 +159,7 @@ def test_tangent_is_the_derivative_of_the_residual(kind, friction, led, status, 
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("friction, led, status", STATES)
+@pytest.mark.parametrize("friction, led, status", STATES[1:])
 @pytest.mark.parametrize("kind", ["hexahedra", "tetrahedra", "rectangles"])
 def test_the_tangent_is_exact_where_samples_press_along_the_masters_normals(kind, friction, led, status):
     """Beside the slave's ends, once the samples have been taken where the bodies lie; forces are in balance there."""

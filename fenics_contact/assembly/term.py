@@ -220,5 +220,5 @@ class FluidTerm(FormTerm, ABC):
 
     @abstractmethod
     def kept_out(self, state: State) -> tuple[list[str], float]:
-        """Names of the contacts that press some node at which the fluid does not act, and its greatest pressure.
-        Collective."""
+        """Names of the contacts that press some node at which the fluid does not act by more than it would, and its greatest
+        pressure. Collective."""

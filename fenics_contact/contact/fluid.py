@@ -18,6 +18,8 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import FluidTerm, State
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
+AS_MUCH = 1e-3  # of a fluid's pressure: contact that presses by no more beyond it might as well not touch
+
 
 class Patch(NamedTuple):
     """A part of a surface, and the numbers of the contacts that have all of it as slave or master: none, one or several."""
@@ -234,11 +236,12 @@ class Fluid(FluidTerm):
     def kept_out(self, state: State) -> tuple[list[str], float]:
         pressed, comm = self._pressed(state), self._space.mesh.comm
         dry, keeping = self._acting(self._on_patches(pressed)) == 0.0, list[str]()
+        greatest = max(comm.allgather(float(self._pressure.max(initial=0.0))))
         for i, (contact, _) in self._contacts.items():
             on = [k for k, patch in enumerate(self._patches) if i in patch.contacts]
-            if comm.allreduce(int((dry[on] & (pressed[i].p > 0.0)).sum())):
+            if comm.allreduce(int((dry[on] & (pressed[i].p > (1.0 + AS_MUCH) * greatest)).sum())):
                 keeping.append(contact.name)
-        return keeping, max(comm.allgather(float(self._pressure.max(initial=0.0))))
+        return keeping, greatest
 
     def commit(self, state: State) -> None:
         self._accepted = self.reached

@@ -45,7 +45,7 @@ class MortarPartner(OnFacets):
         """With samples where the surfaces lie at feet; nodes have the ways since anchors and rests that they had."""
         h = trial.history
         ways = [self._laws.averages(h.feet, anchors)[1] for anchors in (h.anchors, h.rests)] if trial.rough else []
-        then = self.places.resampled(h.feet, feet)
+        then = self.places.resampled(h.feet, feet, trial.rough)
         anchors, rests = [self.anchors.trailing(then, way) for way in ways] or [self.anchors.here(then, trial)] * 2
         return trial.remembering(anchors=anchors, rests=rests, before=anchors, feet=then)
 

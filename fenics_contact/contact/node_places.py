@@ -68,16 +68,20 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         self.use(Samples(self.around, self.around.whole))
 
-    def resampled(self, then: MortarFeet, now: MortarFeet) -> MortarFeet:
-        """Take samples where the surfaces lie now; returns the feet that these had then. Collective."""
+    def resampled(self, then: MortarFeet, now: MortarFeet, rough: bool) -> MortarFeet:
+        """Take samples where the surfaces lie now; returns the feet that they had then, as the last step ended. Collective.
+
+        rough: edges lean otherwise in front of what slides than behind it, and press along the master's normals of then.
+        """
         with self.timers("projection"):
             normals, _ = self.around.normals(now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites))
             project = partial(self.sights.pairing.project, timers=self.timers)
-            there = self._at(now.coords, now.pose, project)
-            self.samples = self.samples.steered(now.coords, _aside(self, there))
-            return self._at(then.coords, then.pose, project)
+            feet = self._at(then.coords, then.pose, project)
+            if rough:
+                self.samples = self.samples.steered(then.coords, _aside(self, feet))
+            return feet._replace(samples=self.samples)
 
     def master_normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (np, 3) of the master at the samples' feet, which point as the samples' own do: of flat facets those

@@ -163,11 +163,11 @@ def foot_of(q: int, met: Met) -> Foot:
 
 @njit(cache=True)
 def aside(q: int, slaves: Slaves, coords: Floats) -> Vector:
-    """What is added to the normal of sample q where the slave nodes at ends and creases press: it is the master's then, over
-    its part along the sample's own, as it was where samples were taken, and turning with the slave since.
+    """What is added to the normal of sample q where slave nodes at ends and creases press, with friction: it is the master's
+    then, over its part along the sample's own, as it was when the last step ended, and turning with the slave since.
 
     An edge of the slave digs into the master, whose surface bends around it. Along the slave's own normal its pressure would
-    do work on a body that is drawn along: without friction it would be pushed on.
+    push a body on that is drawn along, which leans otherwise in front than behind.
     """
     f, out = slaves.facet[q], ZERO
     for i in range(slaves.nodes.shape[1] if len(slaves.aside) else 0):

@@ -137,9 +137,9 @@ def _meet(
 def _within(m: int, s: float, t: float) -> tuple[float, float]:
     """The place of a facet that is nearest to (s, t) in its coordinates: inside (s, t) itself, but for rounding."""
     if m == TRIANGLE:
-        s, t = max(s, 0.0), max(t, 0.0)
-        over = max(s + t - 1.0, 0.0)
-        return max(s - 0.5 * over, 0.0), max(t - 0.5 * over, 0.0)
+        over = 0.5 * max(s + t - 1.0, 0.0)
+        s, t = s - over, t - over
+        return min(max(s, 0.0), 1.0), min(max(t, 0.0), 1.0)
     return min(max(s, -1.0), 1.0), t if m == LINE else min(max(t, -1.0), 1.0)
 
 

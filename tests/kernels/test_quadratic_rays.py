@@ -12,6 +12,7 @@ from fenics_contact.kernels.quadratic import (
     TRIANGLE,
     _hulls,
     _passes_by,
+    _within,
     quadratic_rays,
     quadratic_shape,
 )
@@ -97,3 +98,15 @@ def test_rays_past_flat_facets(m):
         for size, past in ((1.001, True), (0.999, False)):
             x = centre + size * (edge - centre) - 0.3 * normal
             assert _passes_by(tuple(x), tuple(normal), 0, m, _hulls(master), ball) == past
+
+
+@pytest.mark.parametrize("m", [TRIANGLE, QUADRILATERAL])
+def test_the_nearest_place_of_a_facet_is_none_outside_of_it(m):
+    """Past a corner, too: of a grid of places in the facet none is nearer."""
+    s, t = np.meshgrid(*[np.linspace(0.0 if m == TRIANGLE else -1.0, 1.0, 201)] * 2)
+    inside = np.column_stack([s.ravel(), t.ravel()])
+    inside = inside[inside.sum(axis=1) < 1.0 + 1e-9] if m == TRIANGLE else inside
+    for place in np.random.default_rng(3).uniform(-2.0, 2.5, (200, 2)):
+        nearest = np.array(_within(m, *place))
+        assert np.linalg.norm(inside - nearest, axis=1).min() < 0.01
+        assert np.linalg.norm(place - nearest) < np.linalg.norm(inside - place, axis=1).min() + 1e-9
