@@ -34,6 +34,7 @@ SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses 
 class NodePlaces(PlacesOnFacets[MortarFeet]):
     """Of slave nodes that meet a master through samples of the facets around them.
 
+    ring (nf, m): corners of the master's facets; edges (nf, m): from which of them to the next it ends or has a crease;
     surface: SlaveSurface of nodes; crossing.skin: all facets of the slave; free (ns, 3, 3): ways that supports leave the
     nodes, by rows. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of
     the others. The constructor and methods that take a state are collective.
@@ -56,14 +57,14 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free)
         self._corners = master.corners[0] + self.first, master.corners[1]
-        normals = unit(area_vectors(master.X[master.corners[0]]))
-        starts, edges, sides, smooth = surface_ends(master.corners, normals, np.cos(np.radians(CREASE)))
+        normals, cosine = unit(area_vectors(master.X[master.corners[0]])), np.cos(np.radians(CREASE))
+        starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine)
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
         self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
         self._beyond = beyond_edges(master.corners)
-        crease = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < np.cos(np.radians(CREASE))
-        self.edges = ((self._beyond < 0) | crease)[:, :m]
+        creased = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < cosine
+        self.edges = ((self._beyond < 0) | creased)[:, :m]
         self._ends: Ends = starts, edges + self.first, sides, smooth
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         self.use(Samples(self.around, self.around.whole))
