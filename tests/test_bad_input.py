@@ -390,7 +390,7 @@ WRONG_VALUES = {
     "tools of one name": (lambda s: pressed(s.mesh)[0].contact("zmax", rigid_plane(name="punch")), "two tools", "'punch'"),
     "contacts of one name": (lambda s: pressed(s.mesh)[0].contact(**AT_TOP), "two contacts", "'top'", "name="),
     "itself": (lambda s: held(s.mesh).contact("zmax", ("zmin", "zmax")), "both 'zmax'", "two walls of one body"),
-    "one body": (lambda s: s.met("xmin", "zmax").system(), "share nodes", "separate volumes"),
+    "one body": (lambda s: s.met("xmin", "zmax", points=2).system(), "share nodes", "averages", "separate volumes"),
     "degree 2 nodes": (lambda s: stacked(s.pair, degree=2, points="nodes"), "joint", "nodes", "points=3"),
     "degree 2 corners": (lambda s: stacked(s.pair, degree=2, points="corners"), "joint", "corners", "points=3"),
     "multipliers at nodes": (lambda s: stacked(s.pair, points="corners", penetration=1e-5), "joint", "points=1"),
@@ -477,9 +477,9 @@ class Start:
         getattr(scene, kind)("zmax", value)
         return solved(scene, out=self.out)
 
-    def met(self, slave, master):
+    def met(self, slave, master, **how):
         scene = held(self.mesh)
-        scene.contact(slave, master)
+        scene.contact(slave, master, **how)
         return scene
 
     def drive(self, **drives):

@@ -256,10 +256,6 @@ def test_unknown_group_lists_the_known_ones():
     refuse("no surface group 'lid'", master="lid")
 
 
-def test_surfaces_of_one_body_that_share_nodes_are_refused():
-    refuse("share nodes", slave="lower_xmin")
-
-
 def test_deep_overlap_is_refused():
     refuse("6 inside body 'upper', where a cell is 5 high", upper_origin=(5.0, 10.0, -6.0))
 

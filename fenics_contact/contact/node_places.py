@@ -55,7 +55,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         super().__init__(surface, master, crossing, (skin.owned, len(skin.X)), search, timers)
         self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
-        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free)
+        joined = np.isin(skin.blocks, master.blocks)
+        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free, joined)
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals, cosine = unit(area_vectors(master.X[master.corners[0]])), np.cos(np.radians(CREASE))
         starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine)

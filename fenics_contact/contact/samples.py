@@ -54,10 +54,11 @@ class SlaveFacets:
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
     the reference; nearest: the least one of the FEWEST samples in a unit facet; ends (nf, m): which corners are ends or
-    creases of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows. Collective.
+    creases of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows; joined (nx,): which nodes of
+    the surface the master has, too. Collective.
     """
 
-    def __init__(self, skin: MasterSurface, count: int, free: Array) -> None:
+    def __init__(self, skin: MasterSurface, count: int, free: Array, joined: Bools) -> None:
         self._skin = skin
         (nodes, size), (flat, around) = skin.facets, skin.corners
         m = int(around[0]) if len(around) else 4
@@ -85,7 +86,7 @@ class SlaveFacets:
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
-        self.ends = np.isin(self.corners, self._ends(free))
+        self.ends = np.isin(self.corners, self._ends(free)) & ~joined[self.corners]  # there it goes on
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
 

@@ -1,0 +1,185 @@
+"""Walls that meet in a crease, and fold on one another there."""
+
+import gmsh
+import numpy as np
+import pytest
+from taylor import orders, remainders
+
+from fenics_contact import Body, Method, Scene, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+
+WIDTH, FLOOR, HEIGHT = 10.0, 6.0, 10.0
+
+
+def grooved(half, n, thick=0.0, slope=30.0):
+    """A block with a groove in its top down to FLOOR, or its right half; n cells across each half, up it and along the wall.
+    thick [length]: one layer along z, else in the plane."""
+    mouth = (HEIGHT - FLOOR) * np.tan(np.radians(slope))
+    rows = [(0.0, 0.0), (0.0, FLOOR), (mouth, HEIGHT)]  # of corners, from the middle to the sides
+
+    def script():
+        geo, lines, faces = gmsh.model.geo, {}, {}
+        points = {(s * x, y): geo.addPoint(s * x, y, 0.0) for s in (1, -1) for inner, y in rows for x in (inner, WIDTH)}
+
+        def line(name, *ends):
+            key = tuple(sorted(ends))
+            lines.setdefault(key, (name, geo.addLine(points[key[0]], points[key[1]])))
+            return lines[key][1] * (1 if key == ends else -1)
+
+        for side, s in (("right", 1), ("left", -1))[: 1 if half else 2]:
+            for (a, low), (b, high), what in zip(rows, rows[1:], ("middle", f"{side}_wall"), strict=False):
+                ring = (s * a, low), (s * WIDTH, low), (s * WIDTH, high), (s * b, high)
+                names = ("bottom" if low == 0.0 else "", side, "top" if high == HEIGHT else "", what)
+                loop = [line(name, one, two) for name, one, two in zip(names, ring, ring[1:] + ring[:1], strict=True)]
+                faces[geo.addPlaneSurface([geo.addCurveLoop(loop)])] = names
+        for _, tag in lines.values():
+            geo.mesh.setTransfiniteCurve(tag, n + 1)
+        for face in faces:
+            geo.mesh.setTransfiniteSurface(face)
+            geo.mesh.setRecombine(2, face)
+        groups = {}
+        if not thick:
+            groups["block"] = [(2, face) for face in faces]
+            for name, tag in lines.values():
+                groups.setdefault(name, []).append((1, tag))
+        for face, names in faces.items():
+            if thick:
+                top, volume, *around = geo.extrude([(2, face)], 0.0, 0.0, thick, numElements=[1], recombine=True)
+                groups.setdefault("block", []).append(volume)
+                groups.setdefault("ends", []).extend([(2, face), top])
+                for name, wall in zip(names, around, strict=True):
+                    groups.setdefault(name, []).append(wall)
+        geo.synchronize()
+        groups.pop("", None)
+        if not half:
+            groups.pop("middle", None)
+        for name, entities in groups.items():
+            dim = entities[0][0]
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, sorted({tag for _, tag in entities})), name)
+        gmsh.model.mesh.generate(3 if thick else 2)
+
+    return read_gmsh(script)
+
+
+def grooved_scene(half=False, n=6, degree=1, thick=0.0, friction=0.0, **law):
+    """Its bottom lies on ice, its sides are pushed in by 3 mm each; the other half of a half is a rigid plane."""
+    body = Body(grooved(half, n, thick), "block", neo_hooke(1.0, K=20.0))
+    scene = Scene(body, plane=None if thick else "strain", degree=degree)
+    scene.fix("bottom", "y")
+    scene.prescribe("right", "x", -3.0)
+    if not half:
+        scene.prescribe("left", "x", 3.0)
+    if thick:
+        scene.fix("ends", "z")
+    if half:
+        scene.fix("middle", "x")
+    scene.contact(
+        "right_wall", rigid_plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) if half else "left_wall", friction, name="c", **law
+    )
+    return scene
+
+
+def closed(half, **how):
+    """What is there in the end; no note says that an edge digs in."""
+    result = solve(grooved_scene(half, **how), steps=10, method=Method(tolerance=1e-10)).require()
+    assert not any("lean" in note or "inside" in note for note in result.verdict.notes)
+    return result.history[-1]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("degree", [1, 2])
+def test_walls_that_fold_on_each_other_are_as_one_on_its_mirror(degree):
+    """The half's nodes meet a plane one by one and its crease nothing, so forces come near each other with finer cells."""
+    apart = []
+    for n in (6, 12):
+        half, whole = (closed(half, n=n, degree=degree) for half in (True, False))
+        assert whole["right_reaction_x_N"] == pytest.approx(half["right_reaction_x_N"], rel=1e-3 / degree)
+        assert whole["left_reaction_x_N"] == pytest.approx(-whole["right_reaction_x_N"], rel=1e-6)
+        assert abs(whole["c_force_y_N"]) < 0.01 * whole["c_force_x_N"]
+        apart.append(whole["c_force_x_N"] / half["c_force_x_N"] - 1.0)
+    assert 0.0 < apart[1] < 0.6 * apart[0] < 0.08
+    rough = closed(False, n=12, degree=degree, friction=0.4)  # which by symmetry has nothing to hold
+    assert rough["c_force_x_N"] == pytest.approx(whole["c_force_x_N"], rel=1e-3)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree, friction", [(1, 0.4), (2, 0.0)])
+def test_folded_walls_in_the_plane_have_the_digits_of_a_layer(degree, friction):
+    plane, layer = (closed(False, degree=degree, thick=thick, friction=friction) for thick in (0.0, 1.0))
+    for key in ("c_force_x_N", "right_reaction_x_N", "c_peak_pressure_MPa", "c_area_mm2"):
+        assert plane[key] == pytest.approx(layer[key], rel=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("friction, slid, status", [(0.0, 0.0, CLOSED), (0.05, 0.3, SLIP), (9.0, 0.01, STICK)])
+@pytest.mark.parametrize("degree, thick", [(1, 0.0), (2, 0.0), (1, 2.0)])
+def test_tangent_of_folded_walls(degree, thick, friction, slid, status):
+    """Nodes in the crease are slaves and masters at once."""
+    system = grooved_scene(degree=degree, thick=thick, friction=friction).system()
+    state, contact, X = system.state, system.contacts[0], system.space.tabulate_dof_coordinates()
+    wall = np.tan(np.radians(30.0)) * np.maximum(X[:, 1] - FLOOR, 0.0)
+    u = 0.01 * np.random.default_rng(1).uniform(-1, 1, X.shape)
+    u[:, 0] -= 1.02 * np.sign(X[:, 0]) * wall * np.exp((wall - np.abs(X[:, 0])) / 3.0)
+    if not thick:
+        u[:, 2] = 0.0
+    state.u.x.array[:] = u.ravel()
+    contact.commit(state)
+    u[:, 1] += slid * np.sign(X[:, 0]) * wall / wall.max()
+    state.u.x.array[:] = u.ravel()
+    assert (contact.response(state).status == status).sum() > 3
+    assert orders(remainders(system, contact, 1e-5)).min() > 1.98
+
+
+def bulged(steel, friction, size):
+    """Half of a block, bonded below, that bulges over what it is bonded to: a steel plate or what is rigid."""
+
+    def script():
+        occ, model = gmsh.model.occ, gmsh.model
+        sheets = [(2, occ.addRectangle(0, 0, 0, 5, 6))] + ([(2, occ.addRectangle(0, -2, 0, 9, 2))] if steel else [])
+        if steel:
+            occ.fragment(sheets[:1], sheets[1:])
+        occ.synchronize()
+        boxes = {"side": (5, 0, 5, 6), "top": (0, 6, 5, 6), "mirror": (0, 0, 0, 6), "bond": (0, 0, 5, 0)}
+        boxes |= {"plate": (5, 0, 9, 0), "below": (0, -2, 9, -2), "end": (0, -2, 0, 0)} if steel else {}
+        for dim, name, box in [
+            (2, "rubber", (0, 0, 5, 6)),
+            (2, "steel", (0, -2, 9, 0)),
+            *((1, *item) for item in boxes.items()),
+        ]:
+            (x, y, right, high), off = box, 1e-3
+            found = model.getEntitiesInBoundingBox(x - off, y - off, -off, right + off, high + off, off, dim)
+            if found and (name != "bond" or not steel):
+                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [tag for _, tag in found]), name)
+        for option, value in {
+            "MeshSizeMin": 2 * size,
+            "MeshSizeMax": 2 * size,
+            "RecombineAll": 1,
+            "SubdivisionAlgorithm": 1,
+        }.items():
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        model.mesh.generate(2)
+
+    mesh = read_gmsh(script)
+    bodies = [Body(mesh, "rubber", neo_hooke(1.0, K=50.0))]
+    if steel:
+        bodies.append(Body(mesh, "steel", neo_hooke(8e4, K=1.6e5)))
+    scene = Scene(*bodies, plane="strain", element="mixed")
+    scene.fix("below" if steel else "bond")
+    for name in ("mirror", "end")[: 1 + steel]:
+        scene.fix(name, "x")
+    scene.fix("top", "x")
+    scene.prescribe("top", "y", -2.2)
+    scene.contact("side", "plate" if steel else rigid_plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), friction, name="c")
+    return solve(scene, steps=8, method=Method(tolerance=1e-10)).require().history[-1]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_rubber_that_bulges_over_a_plate_that_it_is_bonded_to_is_as_on_what_is_rigid(friction):
+    """The plate's free top begins where the bond ends, and slave nodes there are the plate's, too."""
+    apart = []
+    for size in (0.25, 0.125):
+        plate, rigid = bulged(True, friction, size), bulged(False, friction, size)
+        apart.append(plate["c_force_y_N"] / rigid["c_force_y_N"] - 1.0)
+        assert plate["top_reaction_y_N"] == pytest.approx(rigid["top_reaction_y_N"], rel=2e-3)
+    assert 0.0 < apart[1] < 0.7 * apart[0] < 0.12  # the rigid plane's nodes have nothing of the first half cell
