@@ -183,3 +183,83 @@ def test_rubber_that_bulges_over_a_plate_that_it_is_bonded_to_is_as_on_what_is_r
         apart.append(plate["c_force_y_N"] / rigid["c_force_y_N"] - 1.0)
         assert plate["top_reaction_y_N"] == pytest.approx(rigid["top_reaction_y_N"], rel=2e-3)
     assert 0.0 < apart[1] < 0.7 * apart[0] < 0.12  # the rigid plane's nodes have nothing of the first half cell
+
+
+# ---- walls that meet at ridges, too: they look away from each other there
+
+
+def ridged(size, depth=4.0, pitch=6.0, grooves=2):
+    """A sleeve with V-shaped grooves next to each other; `over` and `under` are all walls that look up and down, those of
+    each groove have its number."""
+    radius, outline = 14.0, [(14.0, 0.0)]
+    for i in range(grooves):
+        outline += [(radius - depth, (i + 0.5) * pitch), (radius, (i + 1.0) * pitch)]
+
+    def script():
+        geo, corners = gmsh.model.geo, [*outline, (6.0, grooves * pitch), (6.0, 0.0)]
+        points = [geo.addPoint(x, y, 0.0) for x, y in corners]
+        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+        geo.synchronize()
+        walls = lines[: 2 * grooves]
+        groups = {"over": walls[::2], "under": walls[1::2], "top": [lines[-3]], "bottom": [lines[-1]]}
+        groups |= {f"{side}{i}": [walls[2 * i + j]] for i in range(grooves) for j, side in enumerate(("over", "under"))}
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sleeve")
+        for name, tags in groups.items():
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, tags), name)
+        for option, value in {
+            "MeshSizeMin": 2 * size,
+            "MeshSizeMax": 2 * size,
+            "RecombineAll": 1,
+            "SubdivisionAlgorithm": 1,
+        }.items():
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        gmsh.model.mesh.generate(2)
+
+    return read_gmsh(script)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("slave, master", [("under", "over"), ("over", "under")])
+def test_grooves_as_one_contact_are_as_one_each(slave, master, degree):
+    found = []
+    for numbers in (("",), ("0", "1")):
+        scene = Scene(Body(ridged(0.5), "sleeve", neo_hooke(1.0, K=2.0)), plane="axisymmetric", degree=degree)
+        scene.fix("bottom")
+        scene.fix("top", "x")
+        scene.prescribe("top", "y", -3.5)
+        for i in numbers:
+            scene.contact(f"{slave}{i}", f"{master}{i}", 0.3, name=f"c{i}")
+        row = solve(scene, steps=6, method=Method(tolerance=1e-10)).require().history[-1]
+        found.append((row["top_reaction_y_N"], sum(row[f"c{i}_force_y_N"] for i in numbers)))
+    assert abs(found[0][1]) > 20.0
+    np.testing.assert_allclose(*found, rtol=1e-6)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("height", [0.5, 3.0, 8.0])
+def test_flanks_of_a_wedge_press_on_nothing(height):
+    """What bends has its other side behind it, at the tip as near as one likes."""
+
+    def script():
+        geo = gmsh.model.geo
+        points = [geo.addPoint(*x, 0.0) for x in ((0.0, -height / 2), (4.0, 0.0), (0.0, height / 2))]
+        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+        geo.synchronize()
+        for dim, name, tag in ((2, "wedge", sheet), (1, "low", lines[0]), (1, "high", lines[1]), (1, "root", lines[2])):
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [tag]), name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+        gmsh.model.mesh.generate(2)
+
+    found = []
+    for contact in (False, True):
+        scene = Scene(Body(read_gmsh(script), "wedge", neo_hooke(1.0, K=3.0)), plane="strain")
+        scene.fix("root")
+        scene.traction("high", (0.0, -0.002 * height**2, 0.0))
+        if contact:
+            scene.contact("low", "high", name="c")
+        found.append(solve(scene, steps=4, method=Method(tolerance=1e-10)).require().history[-1])
+    assert found[0]["external_work_Nmm"] == pytest.approx(found[1]["external_work_Nmm"], rel=1e-8)
+    assert found[1]["c_load_N"] == 0.0

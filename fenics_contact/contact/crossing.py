@@ -9,8 +9,10 @@ from mpi4py import MPI
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.led import FIXED
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.walls import walls_at
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import EDGE, VERTEX, closest_points
+from fenics_contact.kernels.coverage import Walls, in_front
 from fenics_contact.kernels.facets import MAX_NODES
 from fenics_contact.kernels.quadratic import QUADRILATERAL, STRIP, TRIANGLE
 from fenics_contact.types import Bools, Floats, Ints64
@@ -91,12 +93,21 @@ class Crossing:
     """The slave's and the master's surface of a contact, all of both on every rank.
 
     free (n, 3, 3): ways, by rows, that supports leave this rank's nodes of the slave, `skin.owned`; plane: the mesh is, and
-    curves are strips. Methods are collective.
+    curves are strips; part: of the mesh, as of `walls_at`. The constructor and methods are collective.
     """
 
-    def __init__(self, skin: MasterSurface, master: MasterSurface | ToolSurface, free: Floats, plane: bool) -> None:
+    def __init__(
+        self, skin: MasterSurface, master: MasterSurface | ToolSurface, free: Floats, plane: bool, part: Ints64
+    ) -> None:
         self.skin, self._plane, self._comm = skin, plane, skin.comm
         self._slave, self._master = _side(skin, plane), _side(master, plane)
+        self._walls: dict[bool, Walls | None] = {True: None, False: None}
+        if isinstance(master, MasterSurface):
+            sides = (skin, self._slave.corners), (master, self._master.corners)
+            self._walls = {
+                True: walls_at(self._slave.nodes, *sides, part),
+                False: walls_at(self._master.nodes, *sides[::-1], part),
+            }
         self._free = np.zeros((len(skin.moving), 3, 3))
         self._free[skin.mine] = free
         skin.comm.Allreduce(MPI.IN_PLACE, self._free)
@@ -137,6 +148,8 @@ class Crossing:
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         gap, out = np.empty(n), np.empty((n, 3))
         lists = candidates(points, y, other.corners, other.size, search)
+        if (walls := self._walls[one is self._slave]) is not None:
+            lists = in_front(lists, mine, walls, search)
         master, projection = (y, (other.corners, other.size)), (facet, kind, feature, np.empty((n, 2)), gap, out)
         closest_points(points, normals, master, lists, (search, FACING), projection)
         inside = gap < 0.0

@@ -9,7 +9,9 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import DRAWN, Trial
+from fenics_contact.contact.master import area_vectors
 from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.types import Bools, Ints64
 
 if TYPE_CHECKING:
     from fenics_contact.contact.on_facets import PlacesOnFacets
@@ -34,4 +36,14 @@ def deepest_lost(places: PlacesOnFacets[Any], state: State, trial: Trial) -> flo
     reach = max(FIRST_SEARCH * places.search, places.search + np.sqrt(3.0) * moved)
     far, before = places.far(now, reach), places.far(then, reach)
     passed = unpaired & (before[1] != NONE) & (before[4] > -DRAWN * places.surface.cell_height)
+    passed[passed] = _looked_at(places, then, far[0][passed], passed)
     return -min(comm.allgather(far[4][passed].min(initial=0.0)))
+
+
+def _looked_at(places: PlacesOnFacets[Any], then: Any, facet: Ints64, some: Bools) -> Bools:
+    """Whether points `some` (np,), as they were, looked towards a facet each (n,) of the master, or it towards them; else
+    both turned their backs to each other, as sides of a fold do, and no motion has led the one through the other."""
+    x = then.coords[places.first + places.master.corners[0][facet]]
+    way, out = x.mean(axis=1) - then.points[some], area_vectors(x)
+    looks = -then.projection[5][some]
+    return np.asarray((np.einsum("nc,nc->n", looks, way) > 0.0) | (np.einsum("nc,nc->n", out, way) < 0.0))

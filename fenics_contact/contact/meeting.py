@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.contact.pairing import Pairing, seek_along, seek_in_sight
+from fenics_contact.contact.pairing import Pairing, Walled, seek_along, seek_in_sight
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -54,12 +54,13 @@ class Sights:
     """Which facets of the master look towards the samples: judged wherever these are, or held as it was at some feet.
 
     Beside a crease of the master a foot on its far side comes and goes with that, and the mean of a node jumps. facets,
-    corners: the master's; pairing: what finds feet among those in sight; held: None, or by what it is judged.
+    corners: the master's; walled: as of a Pairing; pairing: what finds feet among those in
+    sight; held: None, or by what it is judged.
     """
 
-    def __init__(self, facets: Surface, corners: Surface, search: float, margin: float) -> None:
-        self._facets, self._corners, self._limits = facets, corners, (search, margin)
-        self._free = self.pairing = Pairing(facets, seek_along, search, margin)
+    def __init__(self, facets: Surface, corners: Surface, search: float, margin: float, walled: Walled | None) -> None:
+        self._facets, self._corners, self._limits = facets, corners, (search, margin, walled)
+        self._free = self.pairing = Pairing(facets, seek_along, search, margin, walled)
         self.held: Sight | None = None
         self._accepted: tuple[Sight | None, Pairing] = None, self.pairing
 

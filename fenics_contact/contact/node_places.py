@@ -13,9 +13,10 @@ from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
-from fenics_contact.contact.pairing import Watch
+from fenics_contact.contact.pairing import Pairing, Watch, seek_along
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, corner_shapes, samples_for
 from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.walls import walls_between
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.coverage import Ends, beyond_edges, coverage, surface_ends
@@ -36,8 +37,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
 
     ring (nf, m): corners of the master's facets; edges (nf, m): from which of them to the next it ends or has a crease;
     surface: SlaveSurface of nodes; crossing.skin: all facets of the slave; free (ns, 3, 3): ways that supports leave the
-    nodes, by rows. Each process evaluates all samples around its own nodes against the whole master, and so needs nothing of
-    the others. The constructor and methods that take a state are collective.
+    nodes, by rows; part: of the mesh, as of `walls_between`. Each process evaluates all samples around its own nodes against
+    the whole master, and so needs nothing of the others. The constructor and methods that take a state are collective.
     """
 
     sights: Sights
@@ -50,6 +51,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         crossing: Crossing,
         timers: Timers,
         free: Array,
+        part: Ints64,
     ) -> None:
         skin, search = crossing.skin, SEARCH * max(surface.cell_height, master.longest)
         super().__init__(surface, master, crossing, (skin.owned, len(skin.X)), search, timers)
@@ -57,6 +59,10 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         joined = np.isin(skin.blocks, master.blocks)
         self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free, joined)
+        ring, self._walls = self.around.corners, None
+        if isinstance(master, MasterSurface):
+            ours = skin, ring if ring.shape[1] == 4 else ring[:, [0, 1, 2, 2]]
+            self._walls = walls_between(ours, (master, master.corners[0]), part)
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals, cosine = unit(area_vectors(master.X[master.corners[0]])), np.cos(np.radians(CREASE))
         starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine)
@@ -100,7 +106,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     def use(self, samples: Samples) -> None:
         """Meet the master through these samples."""
         self.samples, self._feet = samples, None
-        self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge)
+        walled = None if self._walls is None else (samples.slaves.facet, self._walls)
+        self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge, walled)
 
     def _met(self, state: State) -> MortarFeet:
         return self._feet_at(state, lambda x, n, coords: self.sights.pairing.project(x, n, coords, self.timers))
@@ -139,7 +146,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     def gaps_of(self, image: Image, feet: MortarFeet) -> Floats:
         """Gaps (ns,), the least of the samples around them, at an image of the nodes, endless without a partner."""
         coords = np.concatenate([image.of(feet.coords[: self.first]), feet.coords[self.first :]])
-        there = self._at(coords, feet.pose, lambda x, n, at: self.sights.pairing.far(x, n, at, self.search))
+        pairing = Pairing(self.facets, seek_along, self.search, 0.0)  # an image of a wall may meet that wall's other side
+        there = self._at(coords, feet.pose, lambda x, n, at: pairing.far(x, n, at, self.search))
         table = there.samples.table
         return np.asarray(np.where(there.seated, there.projection[4][table], np.inf).min(axis=1))
 

@@ -21,6 +21,7 @@ FACING = 0.0  # cosine of outward normals above which a facet looks the slave's 
 BEYOND = 0.1
 FAR_BEYOND = 1.0  # the same for samples, of which some lies over the master while they miss it by less than their own size
 
+Walled = tuple[Ints64, coverage.Walls]
 # points, their normals, coords and facets of the master, lists, search, projection to fill
 Seek = Callable[[Floats, Floats, PlacedSurface, Lists, float, Projection], None]
 
@@ -50,11 +51,12 @@ class Pairing:
     projection arrays of kernels/closest_point.py.
 
     Candidate lists are a cache: they hold all facets within search + margin and are renewed when points and facets have
-    moved by more than the margin since; no result depends on when.
+    moved by more than the margin since; no result depends on when. walled: the slave's facet of each point (np,), and which
+    facets of the master are the other sides of these (kernels/coverage.py): they are no candidates.
     """
 
-    def __init__(self, facets: Surface, seek: Seek, search: float, margin: float) -> None:
-        self.facets, self.seek, self.search, self.margin = facets, seek, search, margin
+    def __init__(self, facets: Surface, seek: Seek, search: float, margin: float, walled: Walled | None = None) -> None:
+        self.facets, self.seek, self.search, self.margin, self._walled = facets, seek, search, margin, walled
         self._lists: Lists | None = None
         self._places: tuple[Floats, Floats] | None = None
 
@@ -63,7 +65,7 @@ class Pairing:
         lists = self._lists
         if lists is None or self._strayed(points, coords):
             with timers("search"):
-                lists = self._lists = candidates(points, coords, *self.facets, self.search + self.margin)
+                lists = self._lists = self._met(points, coords, self.search + self.margin)
             self._places = points, coords
         return self._sought(points, normals, coords, lists, self.search)
 
@@ -78,7 +80,12 @@ class Pairing:
 
     def far(self, points: Floats, normals: Floats, coords: Floats, search: float) -> Projection:
         """Projection with another search distance, nothing kept."""
-        return self._sought(points, normals, coords, self.within(points, coords, search), search)
+        return self._sought(points, normals, coords, self._met(points, coords, search), search)
+
+    def _met(self, points: Floats, coords: Floats, search: float) -> Lists:
+        """Those lists without what no point can meet."""
+        lists = self.within(points, coords, search)
+        return lists if self._walled is None else coverage.in_front(lists, *self._walled, search)
 
     def _sought(self, points: Floats, normals: Floats, coords: Floats, lists: Lists, search: float) -> Projection:
         n = len(points)

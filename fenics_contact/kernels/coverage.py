@@ -13,6 +13,7 @@ each other whole.  The share is a function of x, n, a, b and of the two corners 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -36,6 +37,7 @@ STEEP, LEVEL = 2.0, 0.05  # slope of such a facet, and of an edge's length: how 
 # Cosine above which a facet's neighbours look towards its samples, too, but for those beyond a crease: there a surface that
 # curves away has no end
 LEANING = 0.9
+SHUT = 1e-3  # of a facet's size: what lies less far behind it as drawn is the other side of a slit, not of a wall
 TIE = 1e-9  # relative: edges meet in a corner and are equally far from what lies outside of it
 
 
@@ -63,6 +65,48 @@ def in_sight(lists: Lists, sight: Sight, surface: Surface) -> Lists:
     for q in range(len(offsets) - 1):
         for f in listed[offsets[q] : offsets[q + 1]]:
             if faces(f, row(sight[0], q), sight[1], surface):
+                kept[count] = f
+                count += 1
+        starts[q + 1] = count
+    return starts, kept[:count]
+
+
+class Walls(NamedTuple):
+    """Flat facets as their bodies were drawn, the slave's and the master's `others`: middles (n, 3), unit normals (n, 3) out
+    of them, longest sides (n,) [length], and parts (n,), alike in what hangs together."""
+
+    middles: Floats
+    normals: Floats
+    sizes: Floats
+    parts: Ints64
+    others: tuple[Floats, Floats, Floats, Ints64]
+
+
+@njit(cache=True, error_model="numpy")
+def _backs(s: int, f: int, walls: Walls, search: float) -> bool:
+    """Whether facet f of the master was drawn as the other side of the slave's facet s, no farther off than a search: in the
+    same body, turned away from it as it is itself, and opposite, so that the body lies in between."""
+    middles, normals, sizes, parts = walls.others
+    if walls.parts[s] != parts[f]:
+        return False
+    n, m, way = row(walls.normals, s), row(normals, f), minus(row(middles, f), row(walls.middles, s))
+    size = walls.sizes[s] + sizes[f]
+    if -dot(n, way) <= SHUT * size or dot(m, way) <= SHUT * size or dot(n, m) > FACING or norm(way) > search + size:
+        return False
+    out = minus(n, m)
+    out = times(1.0 / norm(out), out)
+    depth = -dot(out, way)
+    return norm(less(way, -depth, out)) <= depth + size
+
+
+@njit(cache=True)
+def in_front(lists: Lists, facet: Ints64, walls: Walls, search: float) -> Lists:
+    """Of the facets listed for each point, of the slave's facet (np,), those that are not the other side of its wall."""
+    offsets, listed = lists
+    starts, kept, count = np.zeros_like(offsets), np.empty_like(listed), 0
+    for q in range(len(offsets) - 1):
+        for f in listed[offsets[q] : offsets[q + 1]]:
+            if not _backs(facet[q], f, walls, search):
                 kept[count] = f
                 count += 1
         starts[q + 1] = count

@@ -17,6 +17,7 @@ from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
+from fenics_contact.assembly.parts import connected_parts
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Supports
@@ -65,7 +66,7 @@ from fenics_contact.solid.elements import solid_term
 from fenics_contact.solid.materials import Material, young
 from fenics_contact.solid.springs import springs
 from fenics_contact.timing import Timers
-from fenics_contact.types import Constant, Expr, Floats, Form, Function, Ints
+from fenics_contact.types import Constant, Expr, Floats, Form, Function, Ints, Ints64
 from fenics_contact.values import SceneError
 
 if TYPE_CHECKING:  # which asks for its System here
@@ -123,12 +124,13 @@ def build(
         check = scene.volume_ratio(u).check
     with timers("compile"):  # the first call of a kernel loads or compiles it
         modulus = _modulus_by_cell(scene)
-        contacts = _contacts(scene, modulus, supports, state, timers)
+        parts = connected_parts(scene.space)
+        contacts = _contacts(scene, modulus, supports, parts[0], state, timers)
         entering = [load for load in followed if isinstance(load, Entering)]
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
         refuse_across(contacts, state)
-    bodies = bonded_bodies(scene, supports)
+    bodies = bonded_bodies(scene, supports, parts)
     holds = Holds(comm, bodies, supports, contacts, [*fields.grounds, *_round_the_axis(scene)])
     refuse_loose(holds, state, comm)
     refuse_turning(scene, holds)
@@ -294,14 +296,16 @@ def _held(
 
 
 # -- contact ----------------------------------------------------------------------------------------------------------
-def _contacts(scene: "Scene", modulus: Floats, supports: Supports, state: State, timers: Timers) -> list[Contact]:
-    """The terms of all stated contacts; modulus (cells,): Young's. Collective."""
+def _contacts(
+    scene: "Scene", modulus: Floats, supports: Supports, part: Ints64, state: State, timers: Timers
+) -> list[Contact]:
+    """The terms of all stated contacts; modulus (cells,): Young's; part: that of each local node. Collective."""
     found = []
     for stated in scene.contacts:
         points = stated.points if isinstance(stated.points, str) else int(stated.points)
         softer = np.minimum(modulus, _hardest(scene, stated.master, modulus))
         surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), softer, points, scene.section)
-        partner = _partner(scene, stated, surface, timers, supports)
+        partner = _partner(scene, stated, surface, timers, (supports, part))
         interface = Interface(stated.friction, stated.penalty, stated.penetration)
         contact = Contact(stated.name, partner, interface, supports, state, timers)
         touch = contact.trial.law.touch
@@ -329,9 +333,11 @@ def _hardest(scene: "Scene", master: Tool | tuple[str, ...], modulus: Floats) ->
     return float(scene.mesh.comm.allreduce(modulus[cells].max(initial=0.0), op=MPI.MAX))
 
 
-def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers, supports: Supports) -> Partner:
-    """Whom the slave points of a stated contact meet. Collective."""
-    master = stated.master
+def _partner(
+    scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers, held: tuple[Supports, Ints64]
+) -> Partner:
+    """Whom the slave points of a stated contact meet; held: by what, and the parts of all local nodes. Collective."""
+    master, (supports, part) = stated.master, held
     if isinstance(master, RigidTool):
         return RigidPartner(surface, master, scene.tools.index(master))
     met: MasterSurface | ToolSurface
@@ -346,10 +352,10 @@ def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, ti
     other = met  # points of degree 2 meet curves of a plane as such; else these are strips
     if not isinstance(master, Tool) and stated.points != "averages" and scene.section is not None and scene.degree == 2:
         other = MasterSurface(scene.space, scene.mesh.facets(*master), scene.section, True)
-    crossing = Crossing(skin, other, supports.free(skin.owned), scene.section is not None)
+    crossing = Crossing(skin, other, supports.free(skin.owned), scene.section is not None, part)
     if stated.points == "averages":
         free = supports.free(surface.nodes)[:, 0]
-        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, met, crossing, timers, free))
+        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, met, crossing, timers, free, part))
     where = surface, oriented_facets(scene.space, slave), met, crossing, scene.space, timers
     if scene.degree == 2 and not tool:
         return QuadraticPartner(name, QuadraticPlaces(*where))

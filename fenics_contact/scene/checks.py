@@ -11,7 +11,6 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.facet_points import geometry_degree
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.holds import Holds
-from fenics_contact.assembly.parts import connected_parts
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
@@ -289,14 +288,14 @@ def refuse_moments_of_rings(scene: "Scene") -> None:
                 )
 
 
-def bonded_bodies(scene: "Scene", supports: Supports) -> list[tuple[str, Ints64]]:
-    """What moves as one: parts of the mesh that hang together, several bodies where they share nodes or are paired.
-    Collective.
+def bonded_bodies(scene: "Scene", supports: Supports, parts: tuple[Ints64, int]) -> list[tuple[str, Ints64]]:
+    """What moves as one: parts of the mesh that hang together (`connected_parts`), several bodies where they share nodes or
+    are paired. Collective.
 
     Returns (name, local nodes) of each; a piece of a body that lies in several is named by its middle too.
     """
     space, comm = scene.space, scene.mesh.comm
-    part, count = connected_parts(space)
+    part, count = parts
     if supports.pairs is not None:
         part, count = supports.pairs.joined(part, count)
     tags, first_node = scene.mesh.cell_tags, compat.cell_dofs(space)[:, 0]
