@@ -15,6 +15,7 @@ from fenics_contact.agreement import ends_together
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
@@ -154,7 +155,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark([words] if words else [])
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
-        error, chords, nodes = _errors(system, plans[system.stages.index].solver) if verdict.converged else (None, {}, {})
+        solver = plans[system.stages.index].solver
+        error, chords, nodes = _errors(system, solver, scene.section) if verdict.converged else (None, {}, {})
     travel = greatest_travels(kept.history, [tool.name for tool in scene.tools], scene.units)
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
@@ -215,7 +217,7 @@ def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
     return Carried(area, s.area.shape[1] - 1, "Gauss point")
 
 
-def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None, Shares, Shares]:
+def _errors(system: System, solver: LinearSolver, section: Section | None) -> tuple[dict[str, Any] | None, Shares, Shares]:
     """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
     `chord_error` and `node_error`. Collective."""
     round_, deep = is_round(system), deeper(system)
@@ -225,7 +227,7 @@ def _errors(system: System, solver: LinearSolver) -> tuple[dict[str, Any] | None
     if found is None:
         return None, {}, {}
     chords = chord_error(system, found[1]) if round_ else {}
-    return penalty_error(system, found[0]), chords, node_error(system, deep, found[-1]) if deep else {}
+    return penalty_error(system, found[0], section), chords, node_error(system, deep, found[-1]) if deep else {}
 
 
 def _started(start: object, scene: Scene) -> Start | None:

@@ -227,7 +227,10 @@ def _driven(comm: MPI.Comm, tool: Tool, stage: Stage, free: Bools) -> Driven:
     load = ramp(comm, force, what)
     free = free | np.append(loaded(load), np.zeros(3, dtype=bool))  # what was free stays so, under no force
     if not free[:3].any():
-        raise SceneError(f'{what} has no force in any direction; what is to move freely takes move=Motion(free="xyz")')
+        raise SceneError(
+            f'{what} has no force in any direction; what is to move freely takes move=Motion(free="y"), say, with the '
+            "components that are free"
+        )
     return Driven(None, (only_free(load, free[:3], what), None), free)
 
 

@@ -105,7 +105,7 @@ def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
         raise StepFailed.of(wrong)
     if wandered(system, report):
         u, q = system.state.u.x.array.copy(), system.state.q.copy()
-        words = snapped(system, goal)
+        words = snapped(system, goal, report.raises > 0)
         _back(system, stepper, goal, (u, q))
         report.notes += [words] if words else []
     return report

@@ -1,14 +1,16 @@
 """Cycles of contact status within a Newton iteration: the same sets of open, sticking and slipping points over and over."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import CYCLING, Finding, spot, tidied
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.verdict import SHORTENED, StepFailed
 from fenics_contact.types import Array
 
 LONGEST = 4  # period looked for
-CALMER = "take more steps, lower Penalty(share=...), or use points=3 (Gauss points)"
 TURNS = 2  # repetitions that make a cycle; one may be chance
 
 
@@ -73,4 +75,21 @@ class StatusWatch:
         points = sorted(point for part in self.system.comm.allgather(here) for point in part)
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
         text = f"the status of {len(points)} point{'s' * (len(points) > 1)} repeats every {period} iterations"
-        return Finding(CYCLING, text, place, CALMER)
+        return Finding(
+            CYCLING,
+            text,
+            place,
+            _calmer([term for term in self.system.contacts if term.name in {point[0] for point in points}]),
+        )
+
+
+def _calmer(contacts: Sequence[ContactTerm]) -> str:
+    """What may end the cycle of points of these contacts."""
+    ways = ["take more steps"]
+    if any(contact.rough for contact in contacts):
+        ways.append("lower Penalty(share=...)")
+    if any(contact.partner.settles and not contact.partner.grounded for contact in contacts):
+        ways.append("let slave and master change places")
+    if any(contact.surface.at_nodes and not contact.partner.settles for contact in contacts):
+        ways.append("use points=3 (Gauss points)")
+    return ", or ".join(filter(None, (", ".join(ways[:-1]), ways[-1])))

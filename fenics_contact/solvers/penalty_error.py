@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import foremost
 from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
@@ -30,16 +31,17 @@ def stiffer(system: System) -> Vary:
     return vary
 
 
-def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
+def penalty_error(system: System, found: Sensitivity, section: Section | None) -> dict[str, Any]:
     """Changes as all penalties grow without bound, by their Sensitivity: {"contacts": {name: {...}}, "travel_change",
     "angle_change": (tools, 3)}.
 
     Of a contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
     load_change; opening, with what points would pull by then, which open before; peak pressure, peak_at, its reference
     position, and peak_change, None where it is too great for a first order. What is round-off, or less than a balance
-    leaves, is zero. Collective.
+    leaves, is zero, and so are forces that cancel all round the axis of a plane mesh, of a section. Collective.
     """
     out, least = {}, least_load(system)
+    adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
     for term in system.contacts:
         change = found.contacts[term.name]
         highest = foremost(system.comm, change.pressure, term.spots())
@@ -51,7 +53,7 @@ def penalty_error(system: System, found: Sensitivity) -> dict[str, Any]:
         pressed["opening"] = -float(system.comm.allreduce(pulls))
         if not change.load > least:  # nothing presses there
             pressed = dict.fromkeys(pressed, 0.0)
-        force = change.to_force if change.load > least else np.zeros(3)
+        force = np.where(adds_up & (change.load > least), change.to_force, 0.0)
         out[term.name] = {"force_change": force, "peak_at": highest.place.tolist() if highest else []} | pressed
     dq = np.where(np.abs(found.tools) > ALLOWED * system.extent, found.tools, 0.0)
     return {"contacts": out, "travel_change": dq[:, :3], "angle_change": dq[:, 3:] / system.state.poses.lever}

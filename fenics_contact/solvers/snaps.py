@@ -52,20 +52,27 @@ def _supported(system: System) -> bool:
     return not system.holds.reliant and not system.tools.free.any()
 
 
-def snapped(system: System, goal: float) -> str | None:
-    """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None. Collective.
+def snapped(system: System, goal: float, raised: bool) -> str | None:
+    """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None; raised: penalties
+    were on the way there. Collective.
 
     Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where some of them
     are not solved the path before must lead nowhere near the state beyond. The system is left at the accepted state.
     """
     with system.grounding.away() if system.grounding and _supported(system) else nullcontext():
-        return _snapped(system, goal)
+        return _snapped(system, goal, raised)
 
 
-def _snapped(system: System, goal: float) -> str | None:
+def _snapped(system: System, goal: float, raised: bool) -> str | None:
     """The same with the springs that are in. Collective."""
     newton = Newton(LinearSolver(system))
     stepper = Augmented(newton) if system.augmented else newton  # under old multipliers penalties give way by as much
+    if raised:  # what greater penalties push apart is no part of the path: where the step ends under those there were
+        system.trail.rollback()
+        try:
+            stepper.step(system, goal)
+        except StepFailed:
+            return None
     reached = [(t, _place(system, u, q)) for u, q, t in system.trail.accepted]
     before, low = reached[-2] if len(reached) > 1 else None, reached[-1]
     high, blocked = (goal, _place(system)), None  # blocked: the first t found that no step reaches
