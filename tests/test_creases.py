@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from taylor import orders, remainders
 
-from fenics_contact import Body, Method, Scene, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Method, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
 
 WIDTH, FLOOR, HEIGHT = 10.0, 6.0, 10.0
@@ -263,3 +263,32 @@ def test_flanks_of_a_wedge_press_on_nothing(height):
         found.append(solve(scene, steps=4, method=Method(tolerance=1e-10)).require().history[-1])
     assert found[0]["external_work_Nmm"] == pytest.approx(found[1]["external_work_Nmm"], rel=1e-8)
     assert found[1]["c_load_N"] == 0.0
+
+
+@pytest.mark.serial
+def test_a_body_that_is_drawn_through_itself_is_refused():
+    """A clip whose arms overlap: what lies behind a slave's facet would be taken for the other side of its wall."""
+
+    def script():
+        geo, outline = gmsh.model.geo, [(0, 0), (5, 0), (5, 6), (3, 6), (3, 2), (2, 2), (2, 6), (0, 6)]
+        points = [geo.addPoint(x, y, 0.0) for x, y in outline]
+        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+        geo.synchronize()
+        for dim, name, tag in ((2, "clip", sheet), (1, "bottom", lines[0]), (1, "right", lines[3]), (1, "left", lines[5])):
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [tag]), name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+        gmsh.model.mesh.generate(2)
+
+    for bent in (0.9, 1.5):
+        mesh = read_gmsh(script)
+        x = mesh.domain.geometry.x
+        x[:, 0] -= np.where(x[:, 0] > 2.5, bent * np.maximum(x[:, 1] - 2.0, 0.0) / 4.0, 0.0)
+        scene = Scene(Body(mesh, "clip", neo_hooke(1.0, K=3.0)), plane="strain")
+        scene.fix("bottom")
+        scene.contact("left", "right", name="c")
+        if bent < 1.0:
+            solve(scene, steps=1).require()
+            continue
+        with pytest.raises(SceneError, match="'clip' is drawn through itself at "):
+            solve(scene, steps=1)

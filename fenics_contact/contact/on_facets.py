@@ -68,6 +68,7 @@ class PlacesOnFacets(Generic[Feet]):
         self.facets: Surface = (master.facets[0] + self.first, master.facets[1])
         self.reach = float(np.abs(master.X).max(initial=0.0))
         self._directions: Directions | None = None
+        self.meets_itself = False  # a body
 
     def directed(self, friction: Friction) -> Directions | None:
         """The master's directions of friction; None where one coefficient holds, or one direction for all."""

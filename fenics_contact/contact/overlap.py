@@ -170,6 +170,22 @@ def deepest_start(system: System, contact: ContactTerm, least: float) -> tuple[f
     return float(depth[inside].max(initial=0.0)), float(depth[met].max(initial=0.0))
 
 
+def drawn_through(system: System) -> tuple[str, str] | None:
+    """A body that some contact is to keep out of itself, and a place where it was drawn through itself, by more than DEEP of
+    a cell: what then lies behind a slave's facet cannot be told from the other side of a wall. Collective."""
+    if not any(isinstance(contact.places, PlacesOnFacets) and contact.places.meets_itself for contact in system.contacts):
+        return None
+    space, body, cells = system.space, _body_of(system), _cells(system)
+    X, owned = space.tabulate_dof_coordinates(), space.dofmap.index_map.size_local
+    outer = np.unique(compat.locate_blocks(space, compat.exterior_facets(space.mesh)))
+    outer = outer[outer < owned]
+    x, own = (np.concatenate(part) for part in zip(*system.comm.allgather((X[outer], body[outer])), strict=True))
+    node, cell = _within(x, X, cells, space.mesh.topology.dim, _nearby(x, X, cells), DEEP)
+    here = [int(n) for n in node[own[node] == body[cells[cell, 0]]]]
+    found = sorted(n for part in system.comm.allgather(here) for n in part)
+    return (system.bodies[own[found[0]]][0], spot(tidied(x[found[:1]], np.abs(x).max())[0])) if found else None
+
+
 def _body_of(system: System) -> Ints64:
     """The number of the body of each local node."""
     out = np.full(len(system.state.u.x.array) // 3, -1)
@@ -191,8 +207,10 @@ def _nearby(x: Floats, places: Floats, cells: Ints64) -> tuple[Ints64, Ints64]:
     return np.repeat(np.arange(len(x)), np.diff(starts)), listed
 
 
-def _within(x: Floats, places: Floats, cells: Ints64, dim: int, pairs: tuple[Ints64, Ints64]) -> tuple[Ints64, Ints64]:
-    """Of pairs of `_nearby` those of which the point lies in the cell."""
+def _within(
+    x: Floats, places: Floats, cells: Ints64, dim: int, pairs: tuple[Ints64, Ints64], least: float = -ROUNDED
+) -> tuple[Ints64, Ints64]:
+    """Of pairs of `_nearby` those of which the point lies in the cell, by more than a share of one of its simplices."""
     point, cell = pairs
     corners, within = places[cells[cell]][..., :dim], np.zeros(len(point), dtype=bool)
     for simplex in _simplices(cells.shape[1], dim):
@@ -201,7 +219,7 @@ def _within(x: Floats, places: Floats, cells: Ints64, dim: int, pairs: tuple[Int
         sound = np.linalg.det(edges) != 0.0
         share = np.linalg.solve(edges[sound], (x[point[sound], :dim] - first[sound])[..., None])[..., 0]
         low = np.minimum(share.min(axis=1), 1.0 - share.sum(axis=1))
-        within[sound] |= low > -ROUNDED
+        within[sound] |= low > least
     return point[within], cell[within]
 
 

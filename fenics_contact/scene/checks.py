@@ -16,7 +16,7 @@ from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.friction import Friction, friction_of
-from fenics_contact.contact.overlap import deepest_start
+from fenics_contact.contact.overlap import deepest_start, drawn_through
 from fenics_contact.contact.penalties import Penalty
 from fenics_contact.contact.rigid_places import BEHIND
 from fenics_contact.contact.tools import Hub, MeshedTool, RigidTool, Tool
@@ -336,6 +336,11 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
 
     Returns what is to be said of smaller overlaps, and the names of all contacts that overlap. Collective.
     """
+    if through := drawn_through(system):
+        raise SceneError(
+            f"body '{through[0]}' is drawn through itself at {through[1]}: what a contact of a body with itself keeps apart "
+            "must not overlap at the start; draw it apart"
+        )
     X, remarks, overlaps = scene.space.tabulate_dof_coordinates(), list[str](), list[str]()
     for contact, statement in zip(system.contacts, scene.contacts, strict=True):
         slave = np.zeros(len(X), dtype=bool)
