@@ -28,7 +28,7 @@ from fenics_contact.types import Array, Bools, Floats, Ints64
 Project = Callable[[Floats, Floats, Floats], Projection]
 
 ACROSS = np.sqrt(0.5)  # less of a lean that lies along an edge: it leans across that
-SETTLED = 1e-4  # less by which a normal leans, a hundredth of a percent of the load aside, is what a step's solves leave
+SETTLED = 1e-4  # less by which a normal leans, a hundredth of a percent of the load aside, is nothing; the double is all
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
 
@@ -70,6 +70,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
         self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
+        self._aside: tuple[Floats, Floats] | None = None  # places of all nodes, and what a step from there presses along
         self._beyond = beyond_edges(master.corners)
         creased = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < cosine
         self.edges = ((self._beyond < 0) | creased)[:, :m]
@@ -83,13 +84,14 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         rough: edges lean otherwise in front of what slides than behind it, and press along the master's normals of then.
         """
         with self.timers("projection"):
+            if rough and (self._aside is None or self._aside[0] is not then.coords):
+                self._aside = then.coords, _steered(self, then)
             normals, _ = self.around.normals(now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites))
-            project = partial(self.sights.pairing.project, timers=self.timers)
-            feet = self._at(then.coords, then.pose, project)
-            if rough:
-                self.samples = self.samples.steered(then.coords, _aside(self, feet))
+            feet = self._at(then.coords, then.pose, partial(self.sights.pairing.project, timers=self.timers))
+            if rough and self._aside is not None:
+                self.samples = self.samples.steered(self._aside[1])
             return feet._replace(samples=self.samples)
 
     def master_normals(self, feet: MortarFeet) -> Floats:
@@ -215,9 +217,17 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         return seen_from_behind(self.comm, feet.points, normals, corners, self.surface.cell_height)
 
 
-def _aside(places: NodePlaces, feet: MortarFeet) -> Floats:
-    """What is added to the normals of samples (np, 3) where nodes at ends and creases of the slave press; nothing where the
-    master ends there as well, for its own edges press along the slave's normals."""
+def _steered(places: NodePlaces, then: MortarFeet) -> Floats:
+    """Parts (nf, m, 2) of facets' tangents, by their corners, in what is added to normals where nodes at ends and creases
+    press: fitted to the samples that a facet has as a whole, they hang on the state then alone."""
+    places.use(whole := Samples(places.around, places.around.whole))
+    feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
+    return whole.fitted(then.coords, *_aside(places, feet))
+
+
+def _aside(places: NodePlaces, feet: MortarFeet) -> tuple[Floats, Bools]:
+    """What is added to the normals of samples (np, 3) where nodes at ends and creases of the slave press, and which of them
+    see the master; nothing where the master ends there as well, for its own edges press along the slave's normals."""
     facet, kind, normals = feet.projection[0], feet.projection[1], feet.projection[5]
     feels, theirs = (kind != NONE) & places.around.ends.any(axis=1)[feet.samples.slaves.facet], places.master_normals(feet)
     part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
@@ -226,4 +236,4 @@ def _aside(places: NodePlaces, feet: MortarFeet) -> Floats:
     sides = np.roll(x, -1, axis=1) - x
     across = np.abs(np.einsum("qec,qc->qe", sides, aside)) < ACROSS * np.linalg.norm(sides, axis=2) * lean[:, None]
     ends = (places.edges[facet] & across).any(axis=1)
-    return np.where((feels & ~ends & (lean > SETTLED))[:, None], aside, 0.0)
+    return np.where((feels & ~ends)[:, None], np.clip(lean / SETTLED - 1.0, 0.0, 1.0)[:, None] * aside, 0.0), feels

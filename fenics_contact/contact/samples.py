@@ -198,13 +198,23 @@ class Samples:
     def _aside(self, turned: Floats) -> Floats:
         return np.einsum("qa,qai->qi", turned, self._gradients)
 
-    def steered(self, coords: Floats, aside: Floats) -> "Samples":
-        """The same samples, that press along their normals and what is given here (np, 3), where nodes are at coords
-        (nx, 3): as much of it as lies in their facets, with which it turns."""
-        tangents = np.einsum("qai,qic->qac", self._gradients, coords[self.slaves.nodes[self.slaves.facet]])
+    def fitted(self, coords: Floats, aside: Floats, some: Bools) -> Floats:
+        """Parts (nf, m, 2) of facets' tangents, by their corners, that give best what is given at some of the samples, aside
+        (np, 3), with nodes at coords (nx, 3): as much of it as lies in their facets."""
+        facet, N = self.slaves.facet, self.slaves.N * some[:, None]
+        tangents = np.einsum("qai,qic->qac", self._gradients, coords[self.slaves.nodes[facet]])
         metric = np.einsum("qac,qbc->qab", tangents, tangents)
+        parts = np.linalg.solve(metric, np.einsum("qac,qc->qa", tangents, aside)[..., None])[..., 0]
+        products, sums = (np.zeros((len(self.slaves.nodes), N.shape[1], k)) for k in (N.shape[1], 2))
+        np.add.at(products, facet, N[:, :, None] * N[:, None])
+        np.add.at(sums, facet, N[:, :, None] * parts[:, None])
+        return np.asarray(np.linalg.pinv(products, hermitian=True) @ sums)
+
+    def steered(self, parts: Floats) -> "Samples":
+        """The same samples, that press along their normals and these parts (nf, m, 2) of their facets' tangents, with which
+        they turn."""
         out = copy(self)
-        out.turned = np.linalg.solve(metric, np.einsum("qac,qc->qa", tangents, aside)[..., None])[..., 0]
+        out.turned = np.einsum("qc,qca->qa", self.slaves.N, parts[self.slaves.facet])
         out.slaves = self.slaves._replace(aside=self._aside(out.turned))
         return out
 

@@ -108,7 +108,7 @@ class Newton:
     def _iterate(self, system: System, du: Floats, dq: Floats, report: StepReport, patience: Patience) -> StepReport:
         # the first solve may carry supports and tools, and is taken whole
         foresight, corrects = system.foresight, bool(system.contacts) and not system.condensed
-        watch, before, left, resample = StatusWatch(system, report.notes), np.inf, 0.0, True
+        watch, before, left, resample, late = StatusWatch(system, report.notes), np.inf, 0.0, True, True
         owed = du.copy(), dq.copy()
         system.assemble_residual()
         for solve in range(1, patience.limit + 1):
@@ -129,11 +129,11 @@ class Newton:
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
-            follows, reach = FOLLOWED * resample, HELD
+            follows, reach = (FOLLOWED, HELD) if resample else (int(late), NEARLY * HELD)
             worth, gain = self._corrected(foresight.settles)
             while True:  # samples follow the surfaces, the factorisation at hand solves once more; then they are held
                 if follows and size < reach and (size > self.tolerance or follows == FOLLOWED):
-                    size, before, follows = self._resampled(system, size), np.inf, follows - 1
+                    size, before, follows, late = self._resampled(system, size), np.inf, follows - 1, late and resample
                     reach = HELD if size < HELD else NEARLY * HELD
                     resample = size >= HELD and solve <= 2 * SETTLING
                 if not (corrects and goal < size < min(worth, gain * before)):
