@@ -238,6 +238,8 @@ def test_a_resumed_run_equals_a_continuous_one(name, folder):
     again = carry(name, folder / "parts", ALL, resume=True)  # nothing left to do
     assert apart(numbers(again), continuous) < SAME
     assert result.summary["resumed_after_steps"] == [2] and again.summary["resumed_after_steps"] == [2, 4]
+    energy = result.summary["energy"]  # which steps twice as long would have left is known of the last two alone
+    assert energy["normal_work_error_growth"] == {} and energy["error_growth"] is None
     if COMM.rank == 0:
         tables = [(folder / f / name / "history.csv").read_text().splitlines() for f in ("whole", "parts")]
         whole, parts = (list(csv.DictReader(lines)) for lines in tables)

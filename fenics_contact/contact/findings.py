@@ -40,6 +40,7 @@ LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of
 # Where the master's edge is what touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002
 # of the load, with 0.12 they are off by 0.04
 ASIDE = 0.02
+CURVED = 6  # nodes of a triangle of degree 2, which are no slave points: those of its corners have no area
 SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
 SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
@@ -155,12 +156,13 @@ def _depth_note(contact: Contact, state: State) -> Remark | None:
     deep = DEEP * height
     point, between = deepest_point(contact, state, deep), node_depth(contact, state, deep)
     depth, place, inner = _depth_beside(contact, state, deep)
+    nodes = "" if contact.surface.nodes.shape[1] == CURVED else ', or points="nodes"'
     node, better = "a node that is no slave", "name the surface it lies on among the slaves"
     if inner:
         node, better = "an inner node of the body", held_better(contact)
     found = (
         (*point, "penetration= keeps it out, or raise penalty="),
-        (between[0], f"a node between points, {between[1]},", 'more points= per facet keep it out, or points="nodes"'),
+        (between[0], f"a node between points, {between[1]},", f"more points= per facet keep it out{nodes}"),
         (depth, f"{node}, {place},", better),
     )
     depth, place, remedy = max(found, key=lambda one: one[0])

@@ -98,7 +98,7 @@ class EnergyBalance:
         self._system, self._loads = system, loads
         self._adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
         system.assemble_residual()
-        self.now, self.let_go = so_far or self._at_start(), 0.0
+        self.now, self.let_go, self._resumed = so_far or self._at_start(), 0.0, so_far is not None
         self._last = self._forces()
         self._before: tuple[_Forces, Floats] | None = None  # the state before, and what was left from it to the last
         # of what pressures left, by contact, and of the error, over all pairs of steps: in the two; in one as long
@@ -121,7 +121,9 @@ class EnergyBalance:
     def growth(self) -> dict[str, float]:
         """By contact how many times as much of the work its pressures would leave with steps twice as long, and by "" how
         many times the error, damping in it: 4 where steps of a smooth path are its cause, 1 where the model is. Of pairs of
-        this run's steps; without one there is none."""
+        steps: there are none without one, nor of a run that is resumed, which knows the last of them alone."""
+        if self._resumed:
+            return {}
         in_two, in_one = self._of_pairs
         rates = zip([*self._last.pressing, ""], in_one, in_two, strict=True)
         return {name: float(one / two) for name, one, two in rates if two != 0.0}
