@@ -11,6 +11,36 @@ from fenics_contact.kernels.status import CLOSED, SLIP, STICK
 WIDTH, FLOOR, HEIGHT = 10.0, 6.0, 10.0
 
 
+def triangles(size):
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    gmsh.model.mesh.generate(2)
+
+
+def quadrilaterals(size):
+    sizes = {"MeshSizeMin": 2 * size, "MeshSizeMax": 2 * size}
+    for option, value in (sizes | {"RecombineAll": 1, "SubdivisionAlgorithm": 1}).items():
+        gmsh.option.setNumber(f"Mesh.{option}", value)
+    gmsh.model.mesh.generate(2)
+
+
+def polygon(body, corners, sides, fill):
+    """A plane mesh of what lies within corners (n, 2); sides: {name: numbers of sides, the first from the first corner};
+    fill: what meshes it."""
+
+    def script():
+        geo = gmsh.model.geo
+        points = [geo.addPoint(*corner, 0.0) for corner in corners]
+        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+        geo.synchronize()
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), body)
+        for name, numbers in sides.items():
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [lines[i] for i in numbers]), name)
+        fill()
+
+    return read_gmsh(script)
+
+
 def grooved(half, n, thick=0.0, slope=30.0):
     """A block with a groove in its top down to FLOOR, or its right half; n cells across each half, up it and along the wall.
     thick [length]: one layer along z, else in the plane."""
@@ -150,14 +180,7 @@ def bulged(steel, friction, size):
             found = model.getEntitiesInBoundingBox(x - off, y - off, -off, right + off, high + off, off, dim)
             if found and (name != "bond" or not steel):
                 model.setPhysicalName(dim, model.addPhysicalGroup(dim, [tag for _, tag in found]), name)
-        for option, value in {
-            "MeshSizeMin": 2 * size,
-            "MeshSizeMax": 2 * size,
-            "RecombineAll": 1,
-            "SubdivisionAlgorithm": 1,
-        }.items():
-            gmsh.option.setNumber(f"Mesh.{option}", value)
-        model.mesh.generate(2)
+        quadrilaterals(size)
 
     mesh = read_gmsh(script)
     bodies = [Body(mesh, "rubber", neo_hooke(1.0, K=50.0))]
@@ -191,32 +214,13 @@ def test_rubber_that_bulges_over_a_plate_that_it_is_bonded_to_is_as_on_what_is_r
 def ridged(size, depth=4.0, pitch=6.0, grooves=2):
     """A sleeve with V-shaped grooves next to each other; `over` and `under` are all walls that look up and down, those of
     each groove have its number."""
-    radius, outline = 14.0, [(14.0, 0.0)]
+    outline = [(14.0, 0.0)]
     for i in range(grooves):
-        outline += [(radius - depth, (i + 0.5) * pitch), (radius, (i + 1.0) * pitch)]
-
-    def script():
-        geo, corners = gmsh.model.geo, [*outline, (6.0, grooves * pitch), (6.0, 0.0)]
-        points = [geo.addPoint(x, y, 0.0) for x, y in corners]
-        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
-        geo.synchronize()
-        walls = lines[: 2 * grooves]
-        groups = {"over": walls[::2], "under": walls[1::2], "top": [lines[-3]], "bottom": [lines[-1]]}
-        groups |= {f"{side}{i}": [walls[2 * i + j]] for i in range(grooves) for j, side in enumerate(("over", "under"))}
-        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sleeve")
-        for name, tags in groups.items():
-            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, tags), name)
-        for option, value in {
-            "MeshSizeMin": 2 * size,
-            "MeshSizeMax": 2 * size,
-            "RecombineAll": 1,
-            "SubdivisionAlgorithm": 1,
-        }.items():
-            gmsh.option.setNumber(f"Mesh.{option}", value)
-        gmsh.model.mesh.generate(2)
-
-    return read_gmsh(script)
+        outline += [(14.0 - depth, (i + 0.5) * pitch), (14.0, (i + 1.0) * pitch)]
+    over, under = range(0, 2 * grooves, 2), range(1, 2 * grooves, 2)
+    sides = {"over": over, "under": under, "top": [2 * grooves], "bottom": [2 * grooves + 2]}
+    sides |= {f"{name}{i}": [of[i]] for name, of in (("over", over), ("under", under)) for i in range(grooves)}
+    return polygon("sleeve", [*outline, (6.0, grooves * pitch), (6.0, 0.0)], sides, lambda: quadrilaterals(size))
 
 
 @pytest.mark.parallel
@@ -242,20 +246,11 @@ def test_grooves_as_one_contact_are_as_one_each(slave, master, degree):
 def test_flanks_of_a_wedge_press_on_nothing(height):
     """What bends has its other side behind it, at the tip as near as one likes."""
 
-    def script():
-        geo = gmsh.model.geo
-        points = [geo.addPoint(*x, 0.0) for x in ((0.0, -height / 2), (4.0, 0.0), (0.0, height / 2))]
-        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
-        geo.synchronize()
-        for dim, name, tag in ((2, "wedge", sheet), (1, "low", lines[0]), (1, "high", lines[1]), (1, "root", lines[2])):
-            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [tag]), name)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
-        gmsh.model.mesh.generate(2)
-
+    corners, sides = [(0.0, -height / 2), (4.0, 0.0), (0.0, height / 2)], {"low": [0], "high": [1], "root": [2]}
     found = []
     for contact in (False, True):
-        scene = Scene(Body(read_gmsh(script), "wedge", neo_hooke(1.0, K=3.0)), plane="strain")
+        mesh = polygon("wedge", corners, sides, lambda: triangles(0.4))
+        scene = Scene(Body(mesh, "wedge", neo_hooke(1.0, K=3.0)), plane="strain")
         scene.fix("root")
         scene.traction("high", (0.0, -0.002 * height**2, 0.0))
         if contact:
@@ -269,19 +264,9 @@ def test_flanks_of_a_wedge_press_on_nothing(height):
 def test_a_body_that_is_drawn_through_itself_is_refused():
     """A clip whose arms overlap: what lies behind a slave's facet would be taken for the other side of its wall."""
 
-    def script():
-        geo, outline = gmsh.model.geo, [(0, 0), (5, 0), (5, 6), (3, 6), (3, 2), (2, 2), (2, 6), (0, 6)]
-        points = [geo.addPoint(x, y, 0.0) for x, y in outline]
-        lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-        sheet = geo.addPlaneSurface([geo.addCurveLoop(lines)])
-        geo.synchronize()
-        for dim, name, tag in ((2, "clip", sheet), (1, "bottom", lines[0]), (1, "right", lines[3]), (1, "left", lines[5])):
-            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [tag]), name)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
-        gmsh.model.mesh.generate(2)
-
+    corners = [(0.0, 0.0), (5.0, 0.0), (5.0, 6.0), (3.0, 6.0), (3.0, 2.0), (2.0, 2.0), (2.0, 6.0), (0.0, 6.0)]
     for bent in (0.9, 1.5):
-        mesh = read_gmsh(script)
+        mesh = polygon("clip", corners, {"bottom": [0], "right": [3], "left": [5]}, lambda: triangles(0.5))
         x = mesh.domain.geometry.x
         x[:, 0] -= np.where(x[:, 0] > 2.5, bent * np.maximum(x[:, 1] - 2.0, 0.0) / 4.0, 0.0)
         scene = Scene(Body(mesh, "clip", neo_hooke(1.0, K=3.0)), plane="strain")

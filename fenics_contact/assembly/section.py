@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.types import Floats
+from fenics_contact.types import Bools, Floats
 
 ON_AXIS = 1e-9  # of the largest coordinate: nodes that near to the axis of turning are on it
 
@@ -31,3 +31,8 @@ class Section:
     def depth(self, X: Floats) -> Floats:
         """How deep the bodies are (...) behind places X (..., 3) of the plane [length]: the thickness, or the way round."""
         return 2.0 * np.pi * X[..., 0] if self.axisymmetric else np.full(X.shape[:-1], self.thickness)
+
+
+def adding_up(section: Section | None) -> Bools:
+    """Along which of the three axes forces (3,) add up to something; None: in space, along all."""
+    return np.array([section is None or axis in section.resultants[0] for axis in "xyz"])

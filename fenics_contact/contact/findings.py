@@ -16,6 +16,7 @@ from fenics_contact.contact.between_points import node_depth, nodes_deeper
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
+from fenics_contact.kernels.quadratic import TRIANGLE
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Floats
 
@@ -40,7 +41,6 @@ LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of
 # Where the master's edge is what touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002
 # of the load, with 0.12 they are off by 0.04
 ASIDE = 0.02
-CURVED = 6  # nodes of a triangle of degree 2, which are no slave points: those of its corners have no area
 SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
 SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
@@ -156,7 +156,8 @@ def _depth_note(contact: Contact, state: State) -> Remark | None:
     deep = DEEP * height
     point, between = deepest_point(contact, state, deep), node_depth(contact, state, deep)
     depth, place, inner = _depth_beside(contact, state, deep)
-    nodes = "" if contact.surface.nodes.shape[1] == CURVED else ', or points="nodes"'
+    # corners of triangles of degree 2 have no area
+    nodes = "" if contact.surface.nodes.shape[1] == TRIANGLE else ', or points="nodes"'
     node, better = "a node that is no slave", "name the surface it lies on among the slaves"
     if inner:
         node, better = "an inner node of the body", held_better(contact)

@@ -54,8 +54,8 @@ class Sights:
     """Which facets of the master look towards the samples: judged wherever these are, or held as it was at some feet.
 
     Beside a crease of the master a foot on its far side comes and goes with that, and the mean of a node jumps. facets,
-    corners: the master's; walled: as of a Pairing; pairing: what finds feet among those in
-    sight; held: None, or by what it is judged.
+    corners: the master's; walled: as of a Pairing; pairing: what finds feet among those in sight; held: None, or by what
+    it is judged.
     """
 
     def __init__(self, facets: Surface, corners: Surface, search: float, margin: float, walled: Walled | None) -> None:

@@ -12,7 +12,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
 from fenics_contact.contact.rigid_places import pressed
 from fenics_contact.kernels.broad_phase import candidates
-from fenics_contact.types import Bools, Floats, Ints64
+from fenics_contact.types import Bools, Floats, Ints, Ints64
 
 DEEP = 0.05  # of a cell's size: what lies less deep may be what straight cells cut off
 ROUNDED = 1e-9  # of a simplex: a point so near to its border is in it
@@ -46,8 +46,7 @@ class Overlaps:
         self._body = _body_of(system)
         self._cells = _cells(system)
         self._facets = self._parts_of_boundary()
-        outer = np.unique(compat.locate_blocks(space, compat.exterior_facets(mesh)))
-        self._outer = outer[outer < space.dofmap.index_map.size_local]
+        self._outer = _outer(system)
         # of all processes: where they lie at rest, in which body, and which bodies (n, bodies) keep them out
         parts = system.comm.allgather((self._X[self._outer], self._body[self._outer], self._held()))
         self._nodes, self._own, self._barred = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -176,14 +175,18 @@ def drawn_through(system: System) -> tuple[str, str] | None:
     if not any(isinstance(contact.places, PlacesOnFacets) and contact.places.meets_itself for contact in system.contacts):
         return None
     space, body, cells = system.space, _body_of(system), _cells(system)
-    X, owned = space.tabulate_dof_coordinates(), space.dofmap.index_map.size_local
-    outer = np.unique(compat.locate_blocks(space, compat.exterior_facets(space.mesh)))
-    outer = outer[outer < owned]
+    X, outer = space.tabulate_dof_coordinates(), _outer(system)
     x, own = (np.concatenate(part) for part in zip(*system.comm.allgather((X[outer], body[outer])), strict=True))
     node, cell = _within(x, X, cells, space.mesh.topology.dim, _nearby(x, X, cells), DEEP)
     here = [int(n) for n in node[own[node] == body[cells[cell, 0]]]]
     found = sorted(n for part in system.comm.allgather(here) for n in part)
     return (system.bodies[own[found[0]]][0], spot(tidied(x[found[:1]], np.abs(x).max())[0])) if found else None
+
+
+def _outer(system: System) -> Ints:
+    """This process's nodes on the boundary."""
+    nodes = np.unique(compat.locate_blocks(system.space, compat.exterior_facets(system.space.mesh)))
+    return np.asarray(nodes[nodes < system.space.dofmap.index_map.size_local])
 
 
 def _body_of(system: System) -> Ints64:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import sum_to_owners
-from fenics_contact.assembly.section import Section
+from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import State, Term
 from fenics_contact.types import Floats
@@ -96,7 +96,7 @@ class EnergyBalance:
         self, system: System, loads: Sequence[Term], so_far: Energies | None = None, section: Section | None = None
     ) -> None:
         self._system, self._loads = system, loads
-        self._adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
+        self._adds_up = adding_up(section)
         system.assemble_residual()
         self.now, self.let_go, self._resumed = so_far or self._at_start(), 0.0, so_far is not None
         self._last = self._forces()

@@ -75,12 +75,8 @@ class StatusWatch:
         points = sorted(point for part in self.system.comm.allgather(here) for point in part)
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
         text = f"the status of {len(points)} point{'s' * (len(points) > 1)} repeats every {period} iterations"
-        return Finding(
-            CYCLING,
-            text,
-            place,
-            _calmer([term for term in self.system.contacts if term.name in {point[0] for point in points}]),
-        )
+        ours = {point[0] for point in points}
+        return Finding(CYCLING, text, place, _calmer([term for term in self.system.contacts if term.name in ours]))
 
 
 def _calmer(contacts: Sequence[ContactTerm]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import foremost
 from fenics_contact.assembly.holds import ALLOWED
-from fenics_contact.assembly.section import Section
+from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.sensitivity import Sensitivity, Vary
@@ -40,8 +40,7 @@ def penalty_error(system: System, found: Sensitivity, section: Section | None) -
     position, and peak_change, None where it is too great for a first order. What is round-off, or less than a balance
     leaves, is zero, and so are forces that cancel all round the axis of a plane mesh, of a section. Collective.
     """
-    out, least = {}, least_load(system)
-    adds_up = np.array([section is None or axis in section.resultants[0] for axis in "xyz"])
+    out, least, adds_up = {}, least_load(system), adding_up(section)
     for term in system.contacts:
         change = found.contacts[term.name]
         highest = foremost(system.comm, change.pressure, term.spots())
